@@ -1,0 +1,29 @@
+"""Parametric gmsh geometry, one device family a file.
+
+Every family is a frozen dataclass that is checked when it is made, knows its closed-form volumes
+and areas, and hands a mesh with *named* physical groups to gmsh.  Materials are not known here.
+The families are loaded on first use, so that ``python -m dea_fenicsx.geometry.hdea`` runs clean.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from .base import Geometry, Layer
+from .grading import graded
+
+if TYPE_CHECKING:
+    from .box_stack import BoxStack
+    from .disk_stack import DiskStack
+    from .hdea import HDEA
+
+__all__ = ["BoxStack", "DiskStack", "Geometry", "HDEA", "Layer", "graded"]
+
+_HOME = {"BoxStack": "box_stack", "DiskStack": "disk_stack", "HDEA": "hdea"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOME:
+        return getattr(import_module(f".{_HOME[name]}", __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

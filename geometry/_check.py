@@ -1,0 +1,69 @@
+"""Checks of parameters that every device family shares."""
+
+from __future__ import annotations
+
+import math
+from numbers import Integral, Real
+from typing import Any
+
+from dea_fenicsx.errors import InputError
+
+
+def length(owner: str, name: str, value: Any, *, zero: bool = False) -> float:
+    """A finite positive length in metres (``zero``: not negative)."""
+    good = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    if not good or value < 0 or (value == 0 and not zero):
+        kind = "zero or a positive length" if zero else "a positive length"
+        raise InputError(f"{owner}: {name} is {value!r}; it must be {kind} in metres.")
+    return float(value)
+
+
+def number(owner: str, name: str, value: Any) -> float:
+    """Any finite number."""
+    if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
+        raise InputError(f"{owner}: {name} is {value!r}; it must be a finite number.")
+    return float(value)
+
+
+def count(owner: str, name: str, value: Any, least: int = 1) -> int:
+    """A whole number of at least ``least``."""
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
+        raise InputError(
+            f"{owner}: {name} is {value!r}; it must be a whole number of at least {least}."
+        )
+    return int(value)
+
+
+def ratio(owner: str, name: str, value: Any) -> float:
+    """A finite positive grading ratio."""
+    good = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    if not good or value <= 0:
+        raise InputError(
+            f"{owner}: {name} is {value!r}; it must be a positive ratio, largest over smallest "
+            "cell."
+        )
+    return float(value)
+
+
+def order(owner: str, value: Any) -> int:
+    """Degree of the cells' geometry."""
+    if not isinstance(value, Integral) or isinstance(value, bool) or value not in (1, 2):
+        raise InputError(f"{owner}: order is {value!r}; it must be 1 (straight) or 2 (curved).")
+    return int(value)
+
+
+def group_name(owner: str, name: str, value: Any) -> str:
+    """A name that a .msh file can carry."""
+    if (
+        not isinstance(value, str)
+        or not value.isprintable()
+        or '"' in value
+        or not value
+        or value != value.strip()
+        or len(value) > 100
+    ):
+        raise InputError(
+            f"{owner}: {name} is {value!r}; it must be a plain word of 1 to 100 characters without "
+            "quotes."
+        )
+    return value

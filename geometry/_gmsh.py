@@ -1,0 +1,154 @@
+"""From plain arrays to a gmsh model, to a .msh file, and back to measures.
+
+gmsh is imported inside the functions: parameters can be checked on every rank of a parallel run
+while only one of them loads gmsh.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.errors import InputError
+
+from ._structured import Ints, StructuredMesh
+
+# gmsh's element numbers by (dimension, order)
+ELEMENT = {(1, 1): 1, (2, 1): 3, (3, 1): 5, (1, 2): 8, (2, 2): 10, (3, 2): 12}
+
+
+def start() -> bool:
+    """Initialise gmsh quietly unless it is running; True if this call did it."""
+    import gmsh
+
+    if gmsh.isInitialized():
+        return False
+    gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Verbosity", 2)
+    return True
+
+
+def local_numbers(dim: int, order: int) -> Ints:
+    """Lattice position (flat, last direction fastest) of each of gmsh's nodes in a cell.
+
+    gmsh is asked for the reference positions, so that its numbering is written down nowhere else.
+    """
+    import gmsh
+
+    reference = gmsh.model.mesh.getElementProperties(ELEMENT[dim, order])[4]
+    index = np.rint((np.reshape(reference, (-1, dim)) + 1) * order / 2).astype(np.int64)
+    return np.asarray(np.ravel_multi_index(tuple(index.T), (order + 1,) * dim))
+
+
+def add_model(mesh: StructuredMesh, name: str) -> Any:
+    """Make a new current gmsh model of discrete entities; returns ``gmsh.model``.
+
+    One entity and one physical group for each region and each facet group, the same tag in both;
+    tags count from 1, regions first.  Nodes are numbered from 1 without gaps.
+    """
+    import gmsh
+
+    mesh.check()
+    start()
+    model = gmsh.model
+    taken, unique = set(model.list()), name
+    while unique in taken:
+        unique = f"{name}_{len(taken)}" if unique == name else f"{unique}_"
+    model.add(unique)
+
+    dim, order = mesh.dimension, mesh.order
+    tags = {part: i + 1 for i, part in enumerate([*mesh.regions, *mesh.facets])}
+    free = np.ones(len(mesh.points), dtype=bool)
+    for part, cells in mesh.regions.items():
+        nodes = np.unique(mesh.cells[cells])
+        nodes = nodes[free[nodes]]  # a node on an interface belongs to the first region there
+        free[nodes] = False
+        model.addDiscreteEntity(dim, tags[part])
+        model.mesh.addNodes(dim, tags[part], nodes + 1, mesh.points[nodes].ravel())
+    first = 1
+    parts = [(dim, part, mesh.cells[cells]) for part, cells in mesh.regions.items()]
+    parts += [(dim - 1, part, lattice) for part, lattice in mesh.facets.items()]
+    for d, part, lattice in parts:
+        if d < dim:
+            model.addDiscreteEntity(d, tags[part])
+        numbers = lattice.reshape(len(lattice), -1)[:, local_numbers(d, order)] + 1
+        elements = np.arange(first, first + len(lattice))
+        first += len(lattice)
+        model.mesh.addElementsByType(tags[part], ELEMENT[d, order], elements, numbers.ravel())
+        model.addPhysicalGroup(d, [tags[part]], tag=tags[part], name=part)
+    return model
+
+
+@contextmanager
+def temporary_model(mesh: StructuredMesh, name: str) -> Iterator[Any]:
+    """``add_model`` for the length of a block; leaves gmsh as it was."""
+    import gmsh
+
+    mine = start()
+    before = None if mine else gmsh.model.getCurrent()
+    try:
+        yield add_model(mesh, name)
+    finally:
+        if mine:
+            gmsh.finalize()
+        else:
+            gmsh.model.remove()
+            if before in gmsh.model.list():
+                gmsh.model.setCurrent(before)
+
+
+def checked_path(path: str | os.PathLike[str]) -> Path:
+    """The .msh file to write; InputError where it can't be written."""
+    target = Path(path)
+    if target.suffix != ".msh":
+        raise InputError(f"Mesh file {target}: the name must end in .msh.")
+    if target.is_dir():
+        raise InputError(f"Mesh file {target}: this is a folder; give the name of a file.")
+    if not target.parent.is_dir():
+        raise InputError(f"Mesh file {target}: there is no folder {target.parent}; make it first.")
+    return target
+
+
+def write_current(path: Path) -> None:
+    """Write the current model as .msh 4.1; the file appears whole or not at all."""
+    import gmsh
+
+    part = path.with_name(f".{path.stem}.{os.getpid()}.msh")
+    settings = {"Mesh.MshFileVersion": 4.1, "Mesh.Binary": 1, "Mesh.SaveAll": 0}
+    before = {key: gmsh.option.getNumber(key) for key in settings}
+    try:
+        part.touch()
+        for key, value in settings.items():
+            gmsh.option.setNumber(key, value)
+        gmsh.write(str(part))
+        os.replace(part, path)
+    except Exception as error:  # OSError, or the plain Exception that gmsh raises
+        raise InputError(
+            f"Mesh file {path}: it can't be written ({error}); give a path in a folder that you "
+            "may write to."
+        ) from error
+    finally:
+        for key, value in before.items():
+            gmsh.option.setNumber(key, value)
+        part.unlink(missing_ok=True)
+
+
+def measure(model: Any, rule: str = "Gauss6") -> dict[str, tuple[int, int, float]]:
+    """Dimension, number of elements, and volume, area or length of every physical group."""
+    found = {}
+    for dim, tag in model.getPhysicalGroups():
+        number, total = 0, 0.0
+        for entity in model.getEntitiesForPhysicalGroup(dim, tag):
+            kinds, elements, _ = model.mesh.getElements(dim, entity)
+            for kind, members in zip(kinds, elements, strict=True):
+                points, weights = model.mesh.getIntegrationPoints(kind, rule)
+                _, determinants, _ = model.mesh.getJacobians(kind, points, entity)
+                total += float(np.sum(determinants.reshape(-1, len(weights)) @ weights))
+                number += len(members)
+        found[model.getPhysicalName(dim, tag)] = (int(dim), number, total)
+    return found

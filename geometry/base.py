@@ -1,0 +1,133 @@
+"""What all device families have in common."""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from dea_fenicsx.errors import InputError
+
+from . import _check, _gmsh
+from ._structured import StructuredMesh
+from .grading import check_ends
+
+
+class Geometry(ABC):
+    """A device family: parameters in, named mesh out.
+
+    Making one checks the parameters and needs no gmsh; it is cheap and may be done on every rank.
+    ``build`` and ``write`` are for one rank.
+    """
+
+    @property
+    def dimension(self) -> int:
+        """Of space: 3, or 2 for a flat strip in x and y."""
+        return 3
+
+    @abstractmethod
+    def mesh(self) -> StructuredMesh:
+        """Nodes, cells and named parts as plain arrays."""
+
+    @abstractmethod
+    def measures(self) -> dict[str, float]:
+        """Exact measure of every group in closed form.
+
+        Volumes in m^3 and areas in m^2; in two dimensions areas in m^2 and lengths in m.
+        """
+
+    @abstractmethod
+    def refine(self, factor: int) -> Geometry:
+        """The same device with all divisions multiplied by ``factor``."""
+
+    def build(self, name: str | None = None) -> Any:
+        """Add a gmsh model, make it current, and return ``gmsh.model``.
+
+        gmsh is initialised where it is not running.  Call it on one rank only.
+        """
+        return _gmsh.add_model(self.mesh(), name or type(self).__name__)
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Write a .msh 4.1 file.  It appears whole or not at all.
+
+        Raises
+        ------
+        InputError
+            The path does not end in .msh or can't be written.
+        """
+        target = _gmsh.checked_path(path)
+        with _gmsh.temporary_model(self.mesh(), type(self).__name__):
+            _gmsh.write_current(target)
+
+    def groups(self) -> dict[str, int]:
+        """Names of all physical groups, each with its dimension."""
+        mesh = self.mesh()
+        dim = mesh.dimension
+        return {**dict.fromkeys(mesh.regions, dim), **dict.fromkeys(mesh.facets, dim - 1)}
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer of a stack.
+
+    Parameters
+    ----------
+    name
+        Name of its volume group; layers may share one.
+    thickness
+        In metres.
+    divisions
+        Cells through it.
+    electrode
+        It is a conductor (used by :class:`DiskStack`, which keeps it off the rim).
+    grading, ends
+        Largest over smallest cell through it, and where the small ones lie (see ``graded``).
+
+    Raises
+    ------
+    InputError
+        A parameter is not usable.
+    """
+
+    name: str
+    thickness: float
+    divisions: int = 1
+    electrode: bool = False
+    grading: float = 1.0
+    ends: str = "both"
+
+    def __post_init__(self) -> None:
+        _check.group_name("Layer", "name", self.name)
+        owner = f"Layer {self.name}"
+        _check.length(owner, "thickness", self.thickness)
+        _check.count(owner, "divisions", self.divisions)
+        _check.ratio(owner, "grading", self.grading)
+        check_ends(owner, "ends", self.ends)
+        if not isinstance(self.electrode, bool):
+            raise InputError(f"{owner}: electrode is {self.electrode!r}; it must be True or False.")
+
+
+def checked_layers(owner: str, layers: Sequence[Layer]) -> tuple[Layer, ...]:
+    """A stack's layers, from the bottom; there must be one at least."""
+    try:
+        checked = tuple(layers)
+    except TypeError:
+        checked = (layers,)  # type: ignore[assignment]
+    if not checked:
+        raise InputError(f"{owner}: layers is empty; give at least one Layer, from the bottom up.")
+    for i, layer in enumerate(checked):
+        if not isinstance(layer, Layer):
+            raise InputError(f"{owner}: layers[{i}] is {layer!r}; it must be a Layer.")
+    return checked
+
+
+def refuse_clash(owner: str, regions: set[str], facets: set[str]) -> None:
+    """A name may stand for a volume or for facets, not for both."""
+    both = sorted(regions & facets)
+    if both:
+        raise InputError(
+            f"{owner}: the layer name {both[0]!r} is also the name of a facet group; call the "
+            "layer otherwise."
+        )

@@ -1,0 +1,209 @@
+"""Stack of rectangular layers, in space or as a flat strip."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dea_fenicsx.errors import InputError
+
+from . import _check
+from ._structured import StructuredMesh, block, joined_ends, lattice_points
+from .base import Geometry, Layer, checked_layers, refuse_clash
+from .grading import check_ends, graded
+
+
+@dataclass(frozen=True)
+class BoxStack(Geometry):
+    """Rectangular layers stacked in z from z = 0, over 0 <= x <= length and 0 <= y <= width.
+
+    With ``width=None`` a flat strip of quadrilaterals: x along the length, y through the layers.
+
+    Parameters
+    ----------
+    length, width
+        In metres; ``width=None`` for the strip.
+    layers
+        From the bottom up.
+    divisions
+        Cells along x and y, or one number for both; the strip uses the first.
+    order
+        Degree of the cells' geometry, 1 or 2.
+    grading, ends
+        Largest over smallest cell along x and y, and where the small ones lie (see ``graded``); or
+        one value for both.
+    x0
+        Least x in metres.  With ``x0 >= 0`` the strip can be an axisymmetric section, x = r.
+
+    Notes
+    -----
+    Volume groups: the layers' names.  Facet groups: ``x_min``, ``x_max``, ``y_min``, ``y_max``
+    (the last two in space only), ``bottom``, ``top``, and ``interface_1``, ``interface_2``, ...
+    between layers 1 and 2, 2 and 3, ...
+
+    Raises
+    ------
+    InputError
+        A parameter is not usable.
+    """
+
+    length: float
+    width: float | None
+    layers: Sequence[Layer]
+    divisions: int | tuple[int, ...] = (1, 1)
+    order: int = 2
+    grading: float | tuple[float, ...] = 1.0
+    ends: str | tuple[str, ...] = "both"
+    x0: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check.length("BoxStack", "length", self.length)
+        if self.width is not None:
+            _check.length("BoxStack", "width", self.width)
+        layers = checked_layers("BoxStack", self.layers)
+        object.__setattr__(self, "layers", layers)
+        for name, test in (
+            ("divisions", _check.count),
+            ("grading", _check.ratio),
+            ("ends", check_ends),
+        ):
+            values = self._per_direction(name)
+            for value in values:
+                test("BoxStack", name, value)
+            object.__setattr__(self, name, values)
+        _check.order("BoxStack", self.order)
+        _check.number("BoxStack", "x0", self.x0)
+        refuse_clash("BoxStack", {layer.name for layer in layers}, set(self._facet_names()))
+
+    def _per_direction(self, name: str) -> tuple[object, ...]:
+        value = getattr(self, name)
+        needed = 1 if self.width is None else 2
+        if not isinstance(value, tuple | list):
+            return (value,) * needed
+        if len(value) < needed:
+            raise InputError(
+                f"BoxStack: {name} is {value!r}; it must hold {needed} values, one a direction."
+            )
+        return tuple(value[:needed])
+
+    def _facet_names(self) -> list[str]:
+        sides = ["x_min", "x_max"] + ([] if self.width is None else ["y_min", "y_max"])
+        inner = [f"interface_{i}" for i in range(1, len(self.layers))]
+        return [*sides, "bottom", "top", *inner]
+
+    @property
+    def dimension(self) -> int:
+        """3, or 2 for the strip."""
+        return 2 if self.width is None else 3
+
+    @property
+    def height(self) -> float:
+        """Sum of the thicknesses in metres."""
+        return sum(layer.thickness for layer in self.layers)
+
+    @property
+    def volume(self) -> float:
+        """Volume in m^3; of the strip, its area in m^2."""
+        return sum(self.measures()[name] for name in {layer.name for layer in self.layers})
+
+    def measures(self) -> dict[str, float]:
+        """Exact volume (area) of every layer name and area (length) of every facet group."""
+        width = 1.0 if self.width is None else self.width
+        base = self.length * width
+        found: dict[str, float] = {}
+        for layer in self.layers:
+            found[layer.name] = found.get(layer.name, 0.0) + base * layer.thickness
+        for name in self._facet_names():
+            if name.startswith("x_"):
+                found[name] = width * self.height
+            elif name.startswith("y_"):
+                found[name] = self.length * self.height
+            else:
+                found[name] = base
+        return found
+
+    def refine(self, factor: int) -> BoxStack:
+        """The same stack with all divisions multiplied by ``factor``."""
+        k = _check.count("BoxStack.refine", "factor", factor)
+        layers = tuple(replace(layer, divisions=k * layer.divisions) for layer in self.layers)
+        assert isinstance(self.divisions, tuple)
+        return replace(self, layers=layers, divisions=tuple(k * n for n in self.divisions))
+
+    def mesh(self) -> StructuredMesh:
+        """Nodes, cells and named parts as plain arrays."""
+        assert isinstance(self.divisions, tuple)
+        assert isinstance(self.grading, tuple) and isinstance(self.ends, tuple)
+        starts = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in self.layers])])
+        through = joined_ends(
+            *(
+                start + layer.thickness * graded(layer.divisions, layer.grading, layer.ends)
+                for start, layer in zip(starts, self.layers, strict=False)
+            )
+        )
+        sizes = [self.length] if self.width is None else [self.length, self.width]
+        ends = [
+            size * graded(n, g, e)
+            for size, n, g, e in zip(sizes, self.divisions, self.grading, self.ends, strict=True)
+        ]
+        ends[0] = ends[0] + self.x0
+        lines = [lattice_points(e, self.order) for e in [*ends, through]]
+
+        last = len(sizes)  # the direction through the layers
+        cell, node = block((*self.divisions, len(through) - 1), self.order)
+        shape = tuple(len(line) for line in lines)
+        points = np.zeros((int(np.prod(shape)), 3))
+        for axis, grid in enumerate(np.meshgrid(*lines, indexing="ij")):
+            points[:, axis] = grid.ravel()
+        mesh = StructuredMesh(points, np.ravel_multi_index(node, shape))
+
+        bounds = np.cumsum([0] + [layer.divisions for layer in self.layers])
+        for i, layer in enumerate(self.layers):
+            mesh.add_region(layer.name, (cell[last] >= bounds[i]) & (cell[last] < bounds[i + 1]))
+        for axis, letter in enumerate("xy"[:last]):
+            mesh.add_facets(f"{letter}_min", cell[axis] == 0, axis, 0)
+            mesh.add_facets(f"{letter}_max", cell[axis] == self.divisions[axis] - 1, axis, 1)
+        mesh.add_facets("bottom", cell[last] == 0, last, 0)
+        mesh.add_facets("top", cell[last] == bounds[-1] - 1, last, 1)
+        for i in range(1, len(self.layers)):
+            mesh.add_facets(f"interface_{i}", cell[last] == bounds[i] - 1, last, 1)
+        return mesh
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """``python -m dea_fenicsx.geometry.box_stack``: write a .msh, print measures."""
+    from ._cli import add_layers, parameter_parser, run, value, values
+
+    parser = parameter_parser(
+        "dea_fenicsx.geometry.box_stack",
+        "Mesh of rectangular layers, in space or as a flat strip.",
+        BoxStack,
+        {
+            "length": "along x in m",
+            "order": "degree of the cells' geometry, 1 or 2",
+            "x0": "least x in m",
+        },
+    )
+    add_layers(parser)
+    parser.add_argument("--width", type=value, help="along y in m; without it a flat strip")
+    parser.add_argument(
+        "--divisions", type=values, default=(1, 1), help="cells along x and y, as 8,2"
+    )
+    parser.add_argument(
+        "--grading",
+        type=values,
+        default=(1.0, 1.0),
+        help="largest over smallest cell along x and y, as 4,1",
+    )
+    parser.add_argument(
+        "--ends",
+        type=lambda text: tuple(text.split(",")),
+        default=("both", "both"),
+        help="where the small cells lie along x and y: both, start, end or none, as start,both",
+    )
+    return run(parser, BoxStack, arguments)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

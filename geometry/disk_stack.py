@@ -1,0 +1,368 @@
+"""Stack of round layers: the disk-shaped dielectric elastomer actuator (DDEA)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dea_fenicsx.errors import InputError
+
+from . import _check
+from ._structured import (
+    Floats,
+    Ints,
+    StructuredMesh,
+    block,
+    compact,
+    joined_ends,
+    lattice_points,
+    sweep,
+)
+from .base import Geometry, Layer, checked_layers, refuse_clash
+from .grading import graded
+
+CORE = 0.45  # half diagonal of the core square over the radius of the circle around it
+BULGE = 0.4  # 0: straight core sides, 1: a round core, whose corners are flat
+
+
+@dataclass(frozen=True)
+class DiskStack(Geometry):
+    """Round layers stacked in z from z = 0 around the z axis, full or with a hole.
+
+    A full disk is meshed as an O-grid: a square core with bulging sides, and rings around it.
+
+    Parameters
+    ----------
+    radius
+        Outer radius in metres.
+    layers
+        From the bottom up.
+    inset, inner_inset
+        Distance in metres of the electrodes from the outer rim, and from the hole.  Layers with
+        ``electrode=True`` fill only the part between; their rims belong to ``margin``.
+    margin
+        Region of those rims; default: the name of the nearest dielectric layer, below if any.
+    inner_radius
+        Radius of the hole in metres; 0 for a full disk.
+    angular
+        Cells around; a multiple of 4 for a full disk.
+    radial, rim
+        Cells over the electrode's radius (for a full disk: from the core to its edge), and over
+        each inset.
+    grading
+        Largest over smallest cell over ``radial``; the small ones lie at the electrode's edges.
+    end_electrodes
+        The end faces carry electrodes: instead of ``bottom`` and ``top`` there are
+        ``bottom_active``, ``bottom_margin``, ``top_active``, ``top_margin``.
+    order
+        Degree of the cells' geometry, 1 or 2.
+
+    Notes
+    -----
+    Volume groups: the layers' names and ``margin``.  Facet groups: ``bottom``, ``top``, ``side``,
+    ``inner`` (with a hole); ``interface_1``, ... between layers 1 and 2, ..., only where an
+    electrode lies, that is off the insets; ``rim_k``, the edges of layer k (counted from 1) towards
+    its rims, where layer k is an electrode.
+
+    Raises
+    ------
+    InputError
+        A parameter is not usable.
+    """
+
+    radius: float
+    layers: Sequence[Layer]
+    inset: float = 0.0
+    margin: str | None = None
+    inner_radius: float = 0.0
+    inner_inset: float = 0.0
+    angular: int = 16
+    radial: int = 3
+    rim: int = 1
+    grading: float = 2.0
+    end_electrodes: bool = False
+    order: int = 2
+
+    def __post_init__(self) -> None:
+        owner = "DiskStack"
+        _check.length(owner, "radius", self.radius)
+        for name in ("inset", "inner_inset", "inner_radius"):
+            _check.length(owner, name, getattr(self, name), zero=True)
+        if self.inner_radius >= self.radius:
+            raise InputError(
+                f"{owner}: inner_radius {self.inner_radius:g} m is not below radius "
+                f"{self.radius:g} m; make it smaller."
+            )
+        if self.inner_inset > 0 and self.inner_radius == 0:
+            raise InputError(
+                f"{owner}: inner_inset is {self.inner_inset:g} m on a disk without a hole; give an "
+                "inner_radius or leave it 0."
+            )
+        room = self.radius - self.inner_radius
+        if self.inset + self.inner_inset >= room:
+            raise InputError(
+                f"{owner}: inset {self.inset + self.inner_inset:g} m leaves no electrode over the "
+                f"{room:g} m between centre or hole and rim; it must be below {room:g} m."
+            )
+        object.__setattr__(self, "layers", checked_layers(owner, self.layers))
+        for name in ("radial", "rim"):
+            _check.count(owner, name, getattr(self, name))
+        _check.count(owner, "angular", self.angular, least=3)
+        if self.inner_radius == 0 and self.angular % 4:
+            raise InputError(
+                f"{owner}: angular is {self.angular}; a full disk needs a multiple of 4."
+            )
+        _check.ratio(owner, "grading", self.grading)
+        _check.order(owner, self.order)
+        if not isinstance(self.end_electrodes, bool):
+            raise InputError(
+                f"{owner}: end_electrodes is {self.end_electrodes!r}; it must be True or False."
+            )
+        if self.margin is not None:
+            _check.group_name(owner, "margin", self.margin)
+            if self.margin in {layer.name for layer in self.layers if layer.electrode}:
+                raise InputError(
+                    f"{owner}: margin is {self.margin!r}, the name of an electrode; the rims are "
+                    "dielectric, name them otherwise."
+                )
+        refuse_clash(owner, set(self._volumes()), set(self._areas()))
+
+    # ---- closed forms -----------------------------------------------------------------------
+
+    @property
+    def _inset_anywhere(self) -> bool:
+        return self.inset > 0 or self.inner_inset > 0
+
+    @property
+    def electrode_radii(self) -> tuple[float, float]:
+        """Inner and outer radius of the electrodes in metres (0 where there is no hole)."""
+        return self.inner_radius + self.inner_inset, self.radius - self.inset
+
+    @property
+    def height(self) -> float:
+        """Sum of the thicknesses in metres."""
+        return sum(layer.thickness for layer in self.layers)
+
+    @property
+    def volume(self) -> float:
+        """Volume in m^3."""
+        return math.pi * (self.radius**2 - self.inner_radius**2) * self.height
+
+    @property
+    def electrode_area(self) -> float:
+        """Area of one electrode face in m^2."""
+        r1, r2 = self.electrode_radii
+        return math.pi * (r2**2 - r1**2)
+
+    def _margin(self, i: int) -> str:
+        """Region of the rim of layer ``i``, an electrode."""
+        if self.margin is not None:
+            return self.margin
+        for layer in [*reversed(self.layers[:i]), *self.layers[i + 1 :]]:
+            if not layer.electrode:
+                return layer.name
+        raise InputError(
+            f"DiskStack: there is no dielectric layer to name the rim of electrode "
+            f"{self.layers[i].name!r} after; give margin a name."
+        )
+
+    def measures(self) -> dict[str, float]:
+        """Exact volume (m^3) or area (m^2) of every group."""
+        return {**self._volumes(), **self._areas()}
+
+    def _volumes(self) -> dict[str, float]:
+        active = self.electrode_area
+        whole = math.pi * (self.radius**2 - self.inner_radius**2)
+        found: dict[str, float] = {}
+
+        def add(name: str, size: float) -> None:
+            found[name] = found.get(name, 0.0) + size
+
+        for i, layer in enumerate(self.layers):
+            if layer.electrode and self._inset_anywhere:
+                add(layer.name, active * layer.thickness)
+                add(self._margin(i), (whole - active) * layer.thickness)
+            else:
+                add(layer.name, whole * layer.thickness)
+        return found
+
+    def _areas(self) -> dict[str, float]:
+        active = self.electrode_area
+        whole = math.pi * (self.radius**2 - self.inner_radius**2)
+        found: dict[str, float] = {}
+        for end in ("bottom", "top"):
+            if self.end_electrodes:
+                found[f"{end}_active"] = active
+                if self._inset_anywhere:
+                    found[f"{end}_margin"] = whole - active
+            else:
+                found[end] = whole
+        found["side"] = 2 * math.pi * self.radius * self.height
+        if self.inner_radius > 0:
+            found["inner"] = 2 * math.pi * self.inner_radius * self.height
+        insets = self.inner_inset, self.inset
+        rims = zip(self.electrode_radii, insets, strict=True)
+        edges = 2 * math.pi * sum(r for r, inset in rims if inset > 0)
+        for i, layer in enumerate(self.layers, start=1):
+            if i < len(self.layers):
+                found[f"interface_{i}"] = active
+            if layer.electrode and edges > 0:
+                found[f"rim_{i}"] = edges * layer.thickness
+        return found
+
+    # ---- mesh -------------------------------------------------------------------------------
+
+    def refine(self, factor: int) -> DiskStack:
+        """The same stack with all divisions multiplied by ``factor``."""
+        k = _check.count("DiskStack.refine", "factor", factor)
+        return replace(
+            self,
+            layers=tuple(replace(layer, divisions=k * layer.divisions) for layer in self.layers),
+            angular=k * self.angular,
+            radial=k * self.radial,
+            rim=k * self.rim,
+        )
+
+    def _rings(self) -> tuple[Floats, int, int]:
+        """Cell ends from the core (0) or hole to the rim, first electrode ring, first one beyond.
+
+        For a full disk the ends up to the electrode's edge are fractions of the way from the core.
+        """
+        r1, r2 = self.electrode_radii
+        full = self.inner_radius == 0
+        between = graded(self.radial, self.grading, "end" if full else "both")
+        pieces = [between if full else r1 + (r2 - r1) * between]
+        if self.inner_inset > 0:
+            pieces.insert(0, np.linspace(self.inner_radius, r1, self.rim + 1))
+        if self.inset > 0:
+            edge = pieces[-1][-1]
+            pieces.append(np.linspace(edge, edge + self.inset, self.rim + 1))
+        first = self.rim if self.inner_inset > 0 else 0
+        return joined_ends(*pieces), first, first + self.radial
+
+    def _plane(self) -> tuple[Floats, Ints, Ints]:
+        """Points (n, 2), quadrilaterals (m, q, q), and the ring of each (-1 in the core).
+
+        Ring quadrilaterals have the radius as their first direction, the angle as their second.
+        """
+        q, around = self.order, self.order * self.angular
+        ends, _, beyond = self._rings()
+        levels = lattice_points(ends, q)
+        (ring, _), (kr, kt) = block((len(ends) - 1, self.angular), q)
+        rings = kr * around + kt % around
+        angle = 2 * math.pi * np.arange(around) / around
+        direction = np.column_stack([np.cos(angle), np.sin(angle)])
+        if self.inner_radius > 0:
+            points = levels[:, None, None] * direction
+            return points.reshape(-1, 2), rings, ring
+
+        # Core: a lattice over [-1, 1]^2 whose perimeter, walked from the middle of its right side,
+        # is the first circle of the ring lattice.
+        n = self.angular // 4
+        m = q * n
+        edge = self.electrode_radii[1]
+        line = np.linspace(-1.0, 1.0, m + 1)
+        u, v = np.meshgrid(line, line, indexing="ij")
+        square = np.stack([u, v], axis=-1) * math.sqrt(0.5)
+        disk = np.stack([u * np.sqrt(1 - v**2 / 2), v * np.sqrt(1 - u**2 / 2)], axis=-1)
+        core = CORE * edge * ((1 - BULGE) * square + BULGE * disk)
+        _, node = block((n, n), q)
+        inside = np.ravel_multi_index(node, (m + 1, m + 1))
+
+        k = np.arange(m)
+        i = np.concatenate([np.full(m, m), m - k, np.full(m, 0), k])
+        j = np.concatenate([k, np.full(m, m), m - k, np.full(m, 0)])
+        walk = i * (m + 1) + j  # anticlockwise from the lower right corner, at -45 degrees
+        turn = (angle - math.pi / 4)[:, None] + [0.0, math.pi / 2]
+        direction = np.column_stack([np.cos(turn[:, 0]), np.sin(turn[:, 0])])
+        start = core.reshape(-1, 2)[walk]
+        last = q * beyond  # up to here the levels are fractions, beyond it distances
+        inner = levels[: last + 1, None, None]
+        spokes = (1 - inner) * start + inner * (edge * direction)
+        outer = (edge + levels[last + 1 :, None, None] - 1.0) * direction
+        points = np.concatenate([core.reshape(-1, 2), spokes.reshape(-1, 2), outer.reshape(-1, 2)])
+        offset = (m + 1) ** 2
+        shifted = np.where(rings < around, walk[rings % around], rings + offset)
+        cells, used = compact(np.concatenate([inside, shifted]))
+        return points[used], cells, np.concatenate([np.full(len(inside), -1), ring])
+
+    def mesh(self) -> StructuredMesh:
+        """Nodes, cells and named parts as plain arrays."""
+        plane, quads, rings = self._plane()
+        starts = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in self.layers])])
+        through = joined_ends(
+            *(
+                start + layer.thickness * graded(layer.divisions, layer.grading, layer.ends)
+                for start, layer in zip(starts, self.layers, strict=False)
+            )
+        )
+        heights = lattice_points(through, self.order)
+        cells, base, level = sweep(quads, len(through) - 1, self.order)
+        points = np.column_stack(
+            [np.repeat(plane, len(heights), axis=0), np.tile(heights, len(plane))]
+        )
+        mesh = StructuredMesh(points, cells)
+
+        ends, first, beyond = self._rings()
+        ring = rings[base]
+        active = (ring < beyond) & ((ring >= first) | (ring < 0))
+        rows = np.cumsum([0] + [layer.divisions for layer in self.layers])
+        deep = int(rows[-1])
+        for i, layer in enumerate(self.layers):
+            inside = (level >= rows[i]) & (level < rows[i + 1])
+            if layer.electrode and self._inset_anywhere:
+                mesh.add_region(layer.name, inside & active)
+                mesh.add_region(self._margin(i), inside & ~active)
+                if self.inner_inset > 0:
+                    mesh.add_facets(f"rim_{i + 1}", inside & (ring == first), 0, 0)
+                if self.inset > 0:
+                    mesh.add_facets(f"rim_{i + 1}", inside & (ring == beyond - 1), 0, 1)
+            else:
+                mesh.add_region(layer.name, inside)
+            if i > 0:
+                mesh.add_facets(f"interface_{i}", active & (level == rows[i] - 1), 2, 1)
+        for name, row, end in (("bottom", 0, 0), ("top", deep - 1, 1)):
+            if self.end_electrodes:
+                mesh.add_facets(f"{name}_active", active & (level == row), 2, end)
+                mesh.add_facets(f"{name}_margin", ~active & (level == row), 2, end)
+            else:
+                mesh.add_facets(name, level == row, 2, end)
+        mesh.add_facets("side", ring == len(ends) - 2, 0, 1)
+        if self.inner_radius > 0:
+            mesh.add_facets("inner", ring == 0, 0, 0)
+        return mesh
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """``python -m dea_fenicsx.geometry.disk_stack``: write a .msh, print measures."""
+    from ._cli import add_layers, parameter_parser, run
+
+    parser = parameter_parser(
+        "dea_fenicsx.geometry.disk_stack",
+        "Mesh of round layers, full or with a hole.",
+        DiskStack,
+        {
+            "radius": "outer radius in m",
+            "inset": "distance of the electrodes from the outer rim in m",
+            "inner_radius": "radius of the hole in m; 0 for a full disk",
+            "inner_inset": "distance of the electrodes from the hole in m",
+            "angular": "cells around; a multiple of 4 for a full disk",
+            "radial": "cells over the electrode's radius",
+            "rim": "cells over each inset",
+            "grading": "largest over smallest cell over the electrode's radius",
+            "order": "degree of the cells' geometry, 1 or 2",
+        },
+    )
+    add_layers(parser)
+    parser.add_argument("--margin", help="region of the electrodes' rims")
+    parser.add_argument(
+        "--end-electrodes", action="store_true", help="the end faces carry electrodes"
+    )
+    return run(parser, DiskStack, arguments)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,488 @@
+"""Device meshes: closed forms, bonding, names, node counts, command lines, bad input.
+
+gmsh itself integrates and judges the cells; one test reads a mesh back with DOLFINx.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from dataclasses import replace
+from importlib import import_module
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.geometry import HDEA, BoxStack, DiskStack, Layer, graded
+from dea_fenicsx.geometry import _gmsh as to_gmsh
+
+gmsh = pytest.importorskip("gmsh")
+
+ELASTOMER, METAL = Layer("elastomer", 5e-4), Layer("carbon", 5e-5, electrode=True)
+SANDWICH = [ELASTOMER, METAL, replace(ELASTOMER, divisions=2), ELASTOMER]
+
+DEVICES = {
+    "box": BoxStack(1.0, 2.0, [Layer("a", 0.1), Layer("b", 0.3, 2), Layer("a", 0.2)], (3, 2)),
+    "box graded": BoxStack(1.0, 0.5, [ELASTOMER], (4, 3), grading=(8, 2), ends=("start", "both")),
+    "strip": BoxStack(1.0, None, [Layer("a", 0.1), Layer("b", 0.2, 2)], 5, x0=0.3),
+    "disk": DiskStack(7e-3, [ELASTOMER, ELASTOMER]),
+    "disk inset": DiskStack(7e-3, SANDWICH, inset=3e-4),
+    "disk margin": DiskStack(7e-3, SANDWICH, inset=3e-4, margin="gel", end_electrodes=True),
+    "ring": DiskStack(7e-3, SANDWICH, inset=3e-4, inner_radius=2e-3, inner_inset=2e-4, angular=14),
+    "hdea": HDEA(),
+    "hdea one turn": HDEA(turns=1),
+    "hdea three turns": HDEA(turns=3, angular=8, through=2, through_electrode=2, rim=2),
+    "hdea full": HDEA(inset=0.0),
+    "hdea ideal": HDEA(electrode=0.0),
+    "hdea ideal, one turn": HDEA(electrode=0.0, turns=1, inset=0.0),
+    "hdea steep": HDEA(outer_radius=5e-3, inner_radius=1e-3, elastomer=2e-3, electrode=0.2e-3),
+}
+STRAIGHT = {f"{name}, order 1": replace(device, order=1) for name, device in DEVICES.items()}
+OUTER = {
+    "box": {"x_min", "x_max", "y_min", "y_max", "bottom", "top"},
+    "strip": {"x_min", "x_max", "bottom", "top"},
+    "disk": {"bottom", "top", "side"},
+    "disk inset": {"bottom", "top", "side"},
+    "disk margin": {"bottom_active", "bottom_margin", "top_active", "top_margin", "side"},
+    "ring": {"bottom", "top", "side", "inner"},
+    "hdea": {"bottom", "top", "inner", "outer", "seam"},
+    "hdea ideal": {"bottom", "top", "electrode_b_top", "inner", "outer", "seam"},
+}
+OUTER["hdea one turn"] = OUTER["hdea three turns"] = OUTER["hdea full"] = OUTER["hdea"]
+
+
+@pytest.fixture(autouse=True)
+def clean_gmsh():
+    """Every test starts and ends with gmsh not running."""
+    if gmsh.isInitialized():
+        gmsh.finalize()
+    yield
+    if gmsh.isInitialized():
+        gmsh.finalize()
+
+
+def corners_by_cell_side(mesh):
+    """Sorted corner nodes of every side of every cell, shape (sides, 2^(dim-1))."""
+    sides = []
+    for axis, end in itertools.product(range(mesh.dimension), (0, -1)):
+        sides.append(mesh.corners(np.take(mesh.cells, end, axis=axis + 1)))
+    return np.sort(np.concatenate(sides), axis=1)
+
+
+def rows_of(mesh, group):
+    """Sorted corner nodes of every facet of a group."""
+    return {tuple(row) for row in np.sort(mesh.corners(mesh.facets[group]), axis=1)}
+
+
+# ---- measures ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_measures_against_closed_form(name):
+    device = DEVICES[name]
+    found = to_gmsh.measure(device.build())
+    exact = device.measures()
+    assert set(found) == set(exact) == set(device.groups())
+    assert {n: d for n, (d, _, _) in found.items()} == device.groups()
+    for group, (_, _, size) in found.items():
+        # a parabola through three points of an arc of angle a encloses a^4/480 too little area
+        arc = 0.0 if isinstance(device, BoxStack) else 2 * math.pi / device.angular
+        tolerance = 1e-12 + 1.05 * arc**4 / 480
+        assert size == pytest.approx(exact[group], rel=tolerance), group
+
+
+@pytest.mark.parametrize("name", ["disk inset", "ring", "hdea", "hdea ideal", "hdea steep"])
+def test_curved_cells_converge_at_fourth_order(name):
+    coarse, fine = DEVICES[name], DEVICES[name].refine(2)
+    exact = coarse.measures()
+    first, second = (to_gmsh.measure(device.build()) for device in (coarse, fine))
+    for group, size in exact.items():
+        errors = [abs(sizes[group][2] / size - 1) for sizes in (first, second)]
+        if errors[0] > 1e-9:  # plane walls are exact at once
+            assert math.log2(errors[0] / errors[1]) > 3.8, group
+    assert sum(s[2] for s in second.values() if s[0] == 3) == pytest.approx(fine.volume, rel=2e-5)
+
+
+def test_helicoid_closed_form():
+    device = HDEA(turns=3)
+    c = device.pitch / (2 * math.pi)
+    r1, r2 = device.electrode_radii
+    r, w = np.polynomial.legendre.leggauss(40)
+    r, w = r1 + (r2 - r1) * (r + 1) / 2, w * (r2 - r1) / 2
+    assert device.electrode_area_per_turn == pytest.approx(
+        float(w @ (2 * math.pi * np.hypot(r, c))), rel=1e-13
+    )
+    # digest, section 7: the helicoid of the thesis' radii is 0.085 % larger than the flat annulus
+    ring = math.pi * (7e-3**2 - 2e-3**2)
+    assert device.helicoid_area(2e-3, 7e-3) / ring - 1 == pytest.approx(0.085e-2, abs=5e-6)
+    assert math.degrees(device.lead_angle(7e-3)) == pytest.approx(1.43, abs=5e-3)
+    assert math.degrees(device.lead_angle(2e-3)) == pytest.approx(5.00, abs=5e-3)
+    assert device.flat_area == pytest.approx(124.4e-6, rel=1e-3)
+    assert HDEA().pitch == pytest.approx(1.1e-3) and HDEA().height == pytest.approx(3.3e-3)
+    assert HDEA().volume == pytest.approx(math.pi * 45e-6 * 2.2e-3)
+
+
+def test_nodes_lie_on_the_helix():
+    device = HDEA(turns=2, angular=7, grading=3.0)
+    points = device.mesh().points
+    r = np.hypot(points[:, 0], points[:, 1])
+    assert r.min() == pytest.approx(2e-3, rel=1e-12) and r.max() == pytest.approx(7e-3, rel=1e-12)
+    assert points[:, 2].min() == 0 and points[:, 2].max() == pytest.approx(device.height)
+    mesh = device.mesh()
+    broad = points[np.unique(mesh.facets["electrode_a_active"])]
+    turn = np.arctan2(broad[:, 1], broad[:, 0]) / (2 * math.pi) % 1.0
+    inside = np.mod(broad[:, 2] / device.pitch - turn, 1.0) * device.pitch
+    faces = device.elastomer, device.elastomer + device.electrode
+    assert np.min([abs(inside - face) for face in faces], axis=0).max() < 1e-14
+
+
+# ---- cells ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("device", [*DEVICES.values(), *STRAIGHT.values()], ids=str)
+def test_jacobians_and_quality(device):
+    model = device.build()
+    dim = device.dimension
+    kind = to_gmsh.ELEMENT[dim, device.order]
+    for _, entity in model.getEntities(dim):
+        kinds, tags, _ = model.mesh.getElements(dim, entity)
+        assert list(kinds) == [kind]
+        _, _, _, _, corners, _ = model.mesh.getElementProperties(kind)
+        points, _ = model.mesh.getIntegrationPoints(kind, "Gauss6")
+        everywhere = np.concatenate(
+            [points, np.pad(np.reshape(corners, (-1, dim)), ((0, 0), (0, 3 - dim))).ravel()]
+        )
+        _, determinants, _ = model.mesh.getJacobians(kind, everywhere, entity)
+        assert determinants.min() > 0
+        if dim == 3:
+            assert model.mesh.getElementQualities(tags[0], "minSJ").min() > 0.4
+
+
+@pytest.mark.parametrize("name", OUTER)
+def test_every_inner_facet_has_two_cells(name):
+    device = DEVICES[name]
+    mesh = device.mesh()
+    sides, seen = np.unique(corners_by_cell_side(mesh), axis=0, return_counts=True)
+    assert seen.max() == 2
+    known = {tuple(side): n for side, n in zip(sides, seen, strict=True)}
+    outside = 0
+    for group, lattice in mesh.facets.items():
+        shared = {known[tuple(side)] for side in np.sort(mesh.corners(lattice), axis=1)}
+        assert shared == ({1} if group in OUTER[name] else {2}), group
+        outside += len(lattice) if group in OUTER[name] else 0
+    assert outside == np.count_nonzero(seen == 1)
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_groups_are_disjoint_and_nodes_unique(name):
+    device = DEVICES[name]
+    model, dim = device.build(), device.dimension
+    for d in (dim, dim - 1):
+        found = []
+        for _, entity in model.getEntities(d):
+            assert len(model.getPhysicalGroupsForEntity(d, entity)) == 1
+            _, (elements,), (nodes,) = model.mesh.getElements(d, entity)
+            found.append(np.sort(nodes.reshape(len(elements), -1)))
+        rows = np.concatenate(found)
+        assert len(np.unique(rows, axis=0)) == len(rows)
+    tags, points, _ = model.mesh.getNodes()
+    assert sorted(tags) == list(range(1, len(tags) + 1))
+    scale = np.abs(points).max()
+    distinct = np.unique(np.round(np.reshape(points, (-1, 3)) / scale, 9), axis=0)
+    assert len(distinct) == len(tags)
+
+
+def test_electrode_faces_by_their_neighbours():
+    """Active means: beyond the elastomer layer lies the other electrode (found from the cells)."""
+    device = HDEA(turns=3, angular=6, radial=2, grading=1.0)
+    mesh = device.mesh()
+    region = np.empty(len(mesh.cells), dtype=object)
+    for name, cells in mesh.regions.items():
+        region[cells] = name
+    above, below = {}, {}
+    for end, table in ((0, above), (-1, below)):
+        side = np.sort(mesh.corners(mesh.cells[:, :, :, end]), axis=1)
+        table.update((tuple(row), i) for i, row in enumerate(side))
+    top, bottom = ({i: row for row, i in table.items()} for table in (below, above))
+    expected = {"electrode_a_active": set(), "electrode_b_active": set(), "rim": set()}
+    for i, name in enumerate(region):
+        other = {"electrode_a": "electrode_b", "electrode_b": "electrode_a"}.get(name)
+        if other is None:
+            continue
+        for face, table, onward in ((top[i], above, top), (bottom[i], below, bottom)):
+            if face not in table:
+                continue
+            beyond = table.get(onward[table[face]])
+            partner = beyond is not None and region[beyond] == other
+            expected[f"{name}_active" if partner else "rim"].add(face)
+    for name in ("electrode_a_active", "electrode_b_active"):
+        assert rows_of(mesh, name) == expected[name]
+    assert expected["rim"] < rows_of(mesh, "electrode_a_rim") | rows_of(mesh, "electrode_b_rim")
+
+
+@pytest.mark.parametrize(
+    ("device", "nodes", "cells"),
+    [
+        (BoxStack(1, 1, [Layer("a", 1)]), 27, 1),
+        (BoxStack(1, 1, [Layer("a", 1), Layer("b", 1)], (2, 1), order=1), 3 * 2 * 3, 4),
+        (BoxStack(1, None, [Layer("a", 1)], 2), 5 * 3, 2),
+        (DiskStack(1, [Layer("a", 1)], angular=4, radial=1), 3 * (9 + 2 * 8), 5),
+        (DiskStack(1, [Layer("a", 1)], inner_radius=0.5, angular=3, radial=1), 3 * 3 * 6, 3),
+        # per radius: (2 turns rows + 1) in each of the 2 angular columns, and in the column at the
+        # seam one turn of rows more
+        (HDEA(), 13 * (24 * (2 * 2 * 4 + 1) + 2 * 4), 2 * 12 * 6 * 4),
+        (HDEA(turns=1, electrode=0, inset=0, order=1), 5 * (12 * 3 + 2), 12 * 4 * 2),
+    ],
+    ids=str,
+)
+def test_node_and_cell_counts(device, nodes, cells):
+    mesh = device.mesh()
+    assert (len(mesh.points), len(mesh.cells)) == (nodes, cells)
+    assert len(device.build().mesh.getNodes()[0]) == nodes
+
+
+def test_ten_turns_are_fast():
+    device = HDEA(turns=10, angular=24, radial=8, through=2)
+    begin = time.perf_counter()
+    device.build()
+    assert len(device.mesh().cells) >= 14400
+    assert time.perf_counter() - begin < 2.0
+
+
+# ---- grading ----------------------------------------------------------------------------------
+
+
+def test_graded():
+    assert graded(4, 1.0) == pytest.approx([0, 0.25, 0.5, 0.75, 1])
+    assert graded(3, 4.0, "start") == pytest.approx([0, 1 / 7, 3 / 7, 1])
+    assert graded(3, 4.0, "end") == pytest.approx([0, 4 / 7, 6 / 7, 1])
+    assert graded(4, 3.0) == pytest.approx([0, 1 / 8, 4 / 8, 7 / 8, 1])
+    assert graded(1, 5.0) == pytest.approx([0, 1])
+    for n, ends in itertools.product((3, 8, 21), ("both", "start", "end")):
+        sizes = np.diff(graded(n, 6.0, ends))
+        assert sizes.max() / sizes.min() == pytest.approx(6.0)
+        assert graded(n, 6.0, ends)[-1] == 1.0
+
+
+# ---- gmsh and files ---------------------------------------------------------------------------
+
+
+def test_build_makes_a_new_current_model():
+    first = HDEA(turns=1)
+    first.build()
+    gmsh.model.setPhysicalName(3, 1, "kept")
+    model = first.build()
+    assert len(model.list()) == 3 and model.getPhysicalName(3, 1) == "elastomer"
+    before = model.getCurrent()
+    assert before.startswith("HDEA")
+
+
+def test_write_leaves_gmsh_as_it_was(tmp_path):
+    device = DEVICES["hdea ideal"]
+    device.write(tmp_path / "alone.msh")
+    assert not gmsh.isInitialized()
+    DEVICES["box"].build()
+    current = gmsh.model.getCurrent()
+    device.write(tmp_path / "beside.msh")
+    assert gmsh.model.getCurrent() == current
+    assert gmsh.option.getNumber("Mesh.Binary") == 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["alone.msh", "beside.msh"]
+    assert (tmp_path / "alone.msh").read_bytes() == (tmp_path / "beside.msh").read_bytes()
+    assert (tmp_path / "alone.msh").read_bytes().startswith(b"$MeshFormat\n4.1 ")
+
+    built = to_gmsh.measure(device.build())
+    gmsh.open(str(tmp_path / "alone.msh"))
+    read = to_gmsh.measure(gmsh.model)
+    assert {n: part[:2] for n, part in read.items()} == {n: part[:2] for n, part in built.items()}
+    for name, part in read.items():
+        assert part[2] == pytest.approx(built[name][2], rel=1e-13)
+
+
+def test_parameters_need_no_gmsh():
+    code = (
+        "import sys; from dea_fenicsx.geometry import HDEA, BoxStack, DiskStack, Layer;"
+        "HDEA().groups(); DiskStack(1, [Layer('a', 1)]).measures();"
+        "assert 'gmsh' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_dolfinx_reads_it(tmp_path):
+    with suppress(ImportError):
+        import_module("dolfinx_solver")
+    dolfinx = pytest.importorskip("dolfinx")
+    import ufl
+    from mpi4py import MPI
+
+    name = "dolfinx.io.gmsh" if find_spec("dolfinx.io.gmsh") else "dolfinx.io.gmshio"
+    reader = import_module(name)
+    device = DEVICES["hdea"]
+    model = device.build()
+    expected = to_gmsh.measure(model)
+    tags = {model.getPhysicalName(d, t): t for d, t in model.getPhysicalGroups()}
+    mesh, cells, facets = reader.model_to_mesh(model, MPI.COMM_SELF, 0, gdim=3)[:3]
+    one = dolfinx.fem.Constant(mesh, 1.0)
+    dx = ufl.Measure("dx", mesh, subdomain_data=cells)
+    ds = ufl.Measure("ds", mesh, subdomain_data=facets)
+    dS = ufl.Measure("dS", mesh, subdomain_data=facets)
+    groups = {
+        dx: ["elastomer", "electrode_a", "electrode_b"],
+        ds: ["bottom", "top", "inner", "outer", "seam"],
+        dS: [f"electrode_{e}_{part}" for e in "ab" for part in ("active", "rim")],
+    }
+    assert sorted(itertools.chain(*groups.values())) == sorted(expected)
+    mesh.topology.create_connectivity(2, 3)
+    assert len(dolfinx.mesh.exterior_facet_indices(mesh.topology)) == sum(
+        expected[name][1] for name in groups[ds]
+    )
+    for measure, names in groups.items():
+        for name in names:
+            integrand = ufl.avg(one) if measure is dS else one
+            form = dolfinx.fem.form(integrand * measure(tags[name]))
+            size = dolfinx.fem.assemble_scalar(form)
+            assert size == pytest.approx(expected[name][2], rel=1e-6), name
+
+
+# ---- command lines ----------------------------------------------------------------------------
+
+
+def command(*arguments, cwd):
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    return subprocess.run(
+        [sys.executable, "-m", *map(str, arguments)],
+        cwd=cwd,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+def test_command_line_hdea(tmp_path):
+    done = command("dea_fenicsx.geometry.hdea", "--turns", 2, "out.msh", cwd=tmp_path)
+    assert done.returncode == 0 and done.stderr == ""
+    rows = {line.split()[0]: line.split()[1:] for line in done.stdout.splitlines()[2:]}
+    exact = HDEA().measures()
+    assert set(rows) == set(exact)
+    for name, (_, _, size, closed, error) in rows.items():
+        assert float(closed) == pytest.approx(exact[name], rel=1e-6)
+        assert float(size) == pytest.approx(exact[name], rel=2e-4) and abs(float(error)) < 2e-4
+    gmsh.initialize(readConfigFiles=False)
+    gmsh.option.setNumber("General.Verbosity", 2)
+    gmsh.open(str(tmp_path / "out.msh"))
+    assert set(to_gmsh.measure(gmsh.model)) == set(exact)
+
+
+def test_command_line_stacks(tmp_path):
+    strip = "--length 0.1 --layer soft:1e-3:2 --layer stiff:2e-4 --divisions 8 --ends start"
+    box = command("dea_fenicsx.geometry.box_stack", *strip.split(), "strip.msh", cwd=tmp_path)
+    assert box.returncode == 0 and "interface_1" in box.stdout, box.stderr
+    rings = "--radius 7e-3 --inset 3e-4 --layer soft:5e-4 --layer metal:5e-5:1:electrode"
+    disk = command(
+        "dea_fenicsx.geometry.disk_stack",
+        *rings.split(),
+        "--layer=soft:5e-4",
+        "disk.msh",
+        cwd=tmp_path,
+    )
+    assert disk.returncode == 0 and "rim_2" in disk.stdout, disk.stderr
+    assert {p.name for p in tmp_path.iterdir()} == {"strip.msh", "disk.msh"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ("--turns 2.5 out.msh", "turns is 2.5"),
+        ("--inset 3e-3 out.msh", "below 0.0025 m"),
+        ("--elastomer nan out.msh", "elastomer is nan"),
+        ("--refine 0 out.msh", "factor is 0"),
+        ("--turns two out.msh", "'two' is not a number"),
+        ("nowhere/out.msh", "no folder nowhere"),
+        ("out.vtk", "must end in .msh"),
+    ],
+)
+def test_command_line_refuses(tmp_path, arguments, says):
+    (tmp_path / "out.msh").write_text("earlier")
+    done = command("dea_fenicsx.geometry.hdea", *arguments.split(), cwd=tmp_path)
+    assert done.returncode == 2 and done.stdout == ""
+    assert says in done.stderr and len(done.stderr.splitlines()) == 1
+    assert (tmp_path / "out.msh").read_text() == "earlier" and len(list(tmp_path.iterdir())) == 1
+
+
+# ---- bad input --------------------------------------------------------------------------------
+
+LENGTHS = [0.0, -1e-3, math.nan, math.inf, "1 mm", None, True]
+COUNTS = [0, -1, 1.5, math.nan, "3", None, True]
+
+
+@pytest.mark.parametrize("value", LENGTHS, ids=str)
+@pytest.mark.parametrize("name", ["outer_radius", "inner_radius", "elastomer"])
+def test_hdea_refuses_lengths(name, value):
+    with pytest.raises(InputError, match=rf"^HDEA: {name} is .* metres\.$"):
+        HDEA(**{name: value})
+
+
+@pytest.mark.parametrize("value", COUNTS, ids=str)
+@pytest.mark.parametrize("name", ["turns", "angular", "radial", "rim", "through"])
+def test_hdea_refuses_counts(name, value):
+    with pytest.raises(InputError, match=rf"^HDEA: {name} is .* whole number of at least"):
+        HDEA(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: HDEA(inset=2.5e-3), "no electrode"),
+        (lambda: HDEA(inset=-1e-4), "inset is"),
+        (lambda: HDEA(inner_radius=7e-3), "not below outer_radius"),
+        (lambda: HDEA(electrode=-1e-5), "zero or a positive length"),
+        (lambda: HDEA(grading=0), "positive ratio"),
+        (lambda: HDEA(order=3), "order is 3"),
+        (lambda: HDEA().refine(0), "factor is 0"),
+        (lambda: HDEA().lead_angle(0.0), "r is 0.0"),
+        (lambda: Layer("", 1.0), "name is ''"),
+        (lambda: Layer('a"b', 1.0), "without quotes"),
+        (lambda: Layer("a", 0.0), "Layer a: thickness"),
+        (lambda: Layer("a", 1.0, 0), "divisions is 0"),
+        (lambda: Layer("a", 1.0, ends="left"), "both, start, end, none"),
+        (lambda: BoxStack(1.0, 1.0, []), "layers is empty"),
+        (lambda: BoxStack(1.0, 1.0, ["a"]), "must be a Layer"),
+        (lambda: BoxStack(1.0, 1.0, Layer("a", 1.0), (0, 1)), "divisions is 0"),
+        (lambda: BoxStack(1.0, 1.0, [Layer("a", 1.0)], (1,)), "2 values"),
+        (lambda: BoxStack(-1.0, 1.0, [Layer("a", 1.0)]), "length is -1.0"),
+        (lambda: BoxStack(1.0, 0.0, [Layer("a", 1.0)]), "width is 0.0"),
+        (lambda: BoxStack(1.0, 1.0, [Layer("a", 1.0)], x0=math.nan), "x0 is nan"),
+        (lambda: BoxStack(1.0, 1.0, [Layer("top", 1.0)]), "also the name of a facet group"),
+        (lambda: DiskStack(1.0, []), "layers is empty"),
+        (lambda: DiskStack(1.0, [ELASTOMER], inner_radius=1.0), "not below radius"),
+        (lambda: DiskStack(1.0, [ELASTOMER], inset=1.0), "no electrode"),
+        (lambda: DiskStack(1.0, [ELASTOMER], inner_inset=0.1), "without a hole"),
+        (lambda: DiskStack(1.0, [ELASTOMER], angular=10), "multiple of 4"),
+        (lambda: DiskStack(1.0, [METAL], inset=0.1), "give margin a name"),
+        (lambda: DiskStack(1.0, SANDWICH, inset=0.1, margin="carbon"), "name of an electrode"),
+        (lambda: DiskStack(1.0, SANDWICH, inset=0.1, margin="side"), "facet group"),
+        (lambda: graded(0, 1.0), "n is 0"),
+        (lambda: graded(2, math.nan), "positive ratio"),
+        (lambda: graded(2, 2.0, "middle"), "must be one of"),
+    ],
+)
+def test_refuses(make, says):
+    with pytest.raises(InputError) as caught:
+        make()
+    message = str(caught.value)
+    assert says in message and message.endswith(".") and "\n" not in message
+
+
+@pytest.mark.parametrize("path", ["missing/a.msh", "a.vtk", "folder.msh", "/proc/a.msh"])
+def test_refuses_paths(tmp_path, path):
+    (tmp_path / "folder.msh").mkdir()
+    with pytest.raises(InputError, match=r"^Mesh file .*\.$"):
+        HDEA(turns=1).write(tmp_path / path)
+    assert [p.name for p in tmp_path.iterdir()] == ["folder.msh"]
