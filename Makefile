@@ -1,0 +1,38 @@
+# make env    set up .venv (once; PYTHON=... names an interpreter)
+# make demo   the two-turn helical actuator on 2 ranks
+# make test   the test suite
+# make lint   ruff and mypy
+# make docker the container image (docker/README.md)
+# make clean  remove what the targets above made, except results/
+
+SHELL := /bin/bash
+.DEFAULT_GOAL := env
+
+# The stamp's name holds the folder's: a moved or copied .venv is set up anew.
+READY := .venv/ready-$(firstword $(shell pwd | cksum))
+RUN := PATH="$(CURDIR)/.venv/bin:$$PATH" OMP_NUM_THREADS=1
+
+.PHONY: env demo test lint docker clean
+
+env: $(READY)
+
+$(READY): pyproject.toml .ci/env
+	@PYTHON="$(PYTHON)" .ci/env
+	@rm -f .venv/ready-*
+	@touch $@
+
+demo: env
+	$(RUN) mpirun -n 2 .venv/bin/python demos/hdea_two_turn.py --out results/hdea_two_turn
+
+test: env
+	$(RUN) .venv/bin/python -m pytest
+
+lint: env
+	$(RUN) .ci/lint
+
+docker:
+	docker/build
+
+clean:
+	rm -rf .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find dea_fenicsx geometry demos tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,84 @@
+"""Simulation of dielectric elastomer actuators on FEniCSx.
+
+Everything a script needs is here: ``import dea_fenicsx as dea``.  Names are loaded when they are
+first used, so that ``dea_fenicsx.geometry`` and ``dea_fenicsx.pictures`` start without DOLFINx.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from dea_fenicsx.errors import install_hook
+
+if TYPE_CHECKING:
+    from dea_fenicsx import materials, pictures
+    from dea_fenicsx.conditions import (
+        Clamp,
+        DeadLoad,
+        DeadPressure,
+        Discretisation,
+        Displacement,
+        Electrode,
+        Fix,
+        FreeBody,
+        Ground,
+        Stretch,
+    )
+    from dea_fenicsx.errors import DeaError, EquilibriumLost, InputError, SolverError
+    from dea_fenicsx.kinematics import Axisymmetric, PlaneStrain, ThreeD
+    from dea_fenicsx.materials import Conductor, Gent, IdealDielectric, Material, NeoHookean
+    from dea_fenicsx.mesh import Device, read_gmsh
+    from dea_fenicsx.observables import (
+        Capacitance,
+        Charge,
+        Contraction,
+        LargestDisplacement,
+        MeanDisplacement,
+        MeanStretch,
+        Reaction,
+    )
+    from dea_fenicsx.results import read_history, read_summary
+    from dea_fenicsx.run import Run, solve
+    from dea_fenicsx.scene import Scene
+    from dea_fenicsx.script import Parser
+    from dea_fenicsx.solver import NewtonOptions
+    from dea_fenicsx.stepping import Ramp
+
+_HOME = {
+    "conditions": (
+        "Clamp", "DeadLoad", "DeadPressure", "Discretisation", "Displacement", "Electrode", "Fix",
+        "FreeBody", "Ground", "Stretch",
+    ),
+    "errors": ("DeaError", "EquilibriumLost", "InputError", "SolverError"),
+    "kinematics": ("Axisymmetric", "PlaneStrain", "ThreeD"),
+    "materials": ("Conductor", "Gent", "IdealDielectric", "Material", "NeoHookean"),
+    "mesh": ("Device", "read_gmsh"),
+    "observables": (
+        "Capacitance", "Charge", "Contraction", "LargestDisplacement", "MeanDisplacement",
+        "MeanStretch", "Reaction",
+    ),
+    "results": ("read_history", "read_summary"),
+    "run": ("Run", "solve"),
+    "scene": ("Scene",),
+    "script": ("Parser",),
+    "solver": ("NewtonOptions",),
+    "stepping": ("Ramp",),
+}  # fmt: skip
+_WHERE = {name: module for module, names in _HOME.items() for name in names}
+_MODULES = ("geometry", "materials", "pictures")
+__all__ = sorted([*_WHERE, *_MODULES])
+
+install_hook()
+
+
+def __getattr__(name: str) -> Any:
+    if name in _WHERE:
+        return getattr(import_module(f"dea_fenicsx.{_WHERE[name]}"), name)
+    if name in _MODULES:
+        return import_module(f"dea_fenicsx.{name}")
+    raise AttributeError(f"dea_fenicsx has no {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

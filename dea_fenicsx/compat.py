@@ -1,0 +1,111 @@
+"""The one place where DOLFINx 0.9 and 0.11 differ.
+
+Import this module before anything of DOLFINx: in the PyPI wheel the shared libraries are found only
+once ``dolfinx_solver`` has been imported.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+with suppress(ImportError):
+    import dolfinx_solver  # noqa: F401  (loads the wheel's libraries)
+
+import dolfinx
+import dolfinx.fem.petsc
+import numpy as np
+from mpi4py import MPI
+
+VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+
+# Measured on Q2 hexahedra: these flags halve the tangent's cost against -O2.  -ffast-math is not
+# among them, since it would hide the NaN that a failed trial step produces.
+_COMPILE_FLAGS = ["-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math",
+                  "-fassociative-math", "-fno-signed-zeros"]  # fmt: skip
+
+
+def _cache_dir() -> Path:
+    """Cache of compiled forms, one for each kind of processor.
+
+    Kernels are compiled for the machine at hand; on a cluster with a shared home directory a
+    kernel of another node's processor would end in an illegal instruction.
+    """
+    root = Path(os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache")))
+    cpu = platform.machine()
+    with suppress(OSError), open("/proc/cpuinfo") as f:
+        cpu += "".join(line for line in f if line.startswith(("flags", "model name")))[:4096]
+    return root / "dea_fenicsx" / hashlib.sha1(cpu.encode()).hexdigest()[:12]
+
+
+def jit_options() -> dict[str, Any]:
+    """Options for FFCx's just-in-time compiler."""
+    return {"cffi_extra_compile_args": list(_COMPILE_FLAGS), "cache_dir": _cache_dir()}
+
+
+def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any, Any]:
+    """Distribute the gmsh model of rank 0: mesh, cell tags, facet tags (None if there are none).
+
+    Cells behind shared facets are ghosted, so that an interior surface is seen from both sides.
+    """
+    ghosts = dolfinx.mesh.GhostMode.shared_facet
+    if VERSION >= (0, 11):
+        from dolfinx.io import gmsh as io
+
+        partitioner = dolfinx.mesh.create_cell_partitioner(ghosts, 2)
+        data = io.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner)
+        return data.mesh, data.cell_tags, data.facet_tags
+    if VERSION >= (0, 10):
+        from dolfinx.io import gmsh as io
+
+        partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
+        data = io.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner)
+        return data.mesh, data.cell_tags, data.facet_tags
+    from dolfinx.io import gmshio
+
+    partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
+    mesh, cells, facets = gmshio.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner)
+    return mesh, cells, facets
+
+
+def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.ndarray]:
+    """Compiled evaluation of a UFL expression at reference points of cells.
+
+    Returns a function ``(mesh, cells) -> values`` of shape (cells, points, components).
+    """
+    compiled = dolfinx.fem.Expression(expr, points, jit_options=jit_options())
+    size = int(np.prod(expr.ufl_shape, dtype=int))
+
+    def evaluate(mesh: Any, cells: np.ndarray) -> np.ndarray:
+        if len(cells) == 0:
+            return np.empty((0, len(points), size))
+        values = compiled.eval(mesh, cells)
+        return np.asarray(values).reshape(len(cells), len(points), size)
+
+    return evaluate
+
+
+def collapse(subspace: Any) -> tuple[Any, np.ndarray]:
+    """A sub-space standing alone, and where its local degrees of freedom lie in the whole.
+
+    0.11 wraps the numbers in a list, one entry for each cell type.
+    """
+    space, dofs = subspace.collapse()
+    return space, np.asarray(dofs, dtype=np.int32).ravel()
+
+
+def compile_form(form: Any) -> Any:
+    """Compile a UFL form with this package's options."""
+    return dolfinx.fem.form(form, jit_options=jit_options())
+
+
+def create_vector(form: Any) -> Any:
+    """A ghosted PETSc vector for a linear form's function space."""
+    if VERSION >= (0, 10):
+        return dolfinx.fem.petsc.create_vector(form.function_spaces[0])
+    return dolfinx.fem.petsc.create_vector(form)

@@ -1,0 +1,170 @@
+"""What a user may impose on a device: potentials, supports, stretches and loads.
+
+Each condition is one noun that names where it acts.  What can be ramped carries the name of its
+ramp (``"voltage"``, ``"stretch"``, ``"load"`` unless told otherwise); its value is reached at ramp
+factor 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+
+@dataclass(frozen=True)
+class Electrode:
+    """An equipotential: a surface (ideal electrode) or a conducting region of finite thickness.
+
+    Parameters
+    ----------
+    where
+        Name of a facet group or of a region whose material is a conductor, or several names.
+    volts
+        Potential in V at ramp factor 1.
+    ramp
+        Name of the ramp that drives it.
+    """
+
+    where: str | tuple[str, ...]
+    volts: float
+    ramp: str = "voltage"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.where,) if isinstance(self.where, str) else tuple(self.where)
+
+    @property
+    def label(self) -> str:
+        return "+".join(self.names)
+
+
+def Ground(where: str | tuple[str, ...]) -> Electrode:
+    """An electrode at zero potential."""
+    return Electrode(where, volts=0.0)
+
+
+@dataclass(frozen=True)
+class Fix:
+    """No displacement along the named axes (``"x"``, ``"yz"``, ``"rz"``) on a facet group.
+
+    A symmetry plane is a `Fix` along its normal.
+    """
+
+    where: str
+    axes: str
+
+
+@dataclass(frozen=True)
+class Clamp:
+    """No displacement at all on a facet group."""
+
+    where: str
+
+
+@dataclass(frozen=True)
+class FreeBody:
+    """Holds a free device at three vertices so that only its rigid motions are removed.
+
+    Under loads that balance one another the reactions vanish and the device deforms as if free.
+    Three dimensions only.
+    """
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Prescribed affine stretch about the origin: u_a = (stretch - 1) X_a on a facet group.
+
+    Parameters
+    ----------
+    where
+        Name of a facet group.
+    axes
+        Axes that are prescribed, such as ``"x"`` or ``"xy"``; the others stay free.
+    stretch
+        Stretch at ramp factor 1.
+    """
+
+    where: str
+    axes: str
+    stretch: float
+    ramp: str = "stretch"
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """Prescribed displacement of a facet group along one axis, in metres at ramp factor 1."""
+
+    where: str
+    axes: str
+    metres: float
+    ramp: str = "stretch"
+
+
+@dataclass(frozen=True)
+class DeadLoad:
+    """Nominal traction on a facet group: force per undeformed area, fixed in direction.
+
+    Parameters
+    ----------
+    where
+        Name of a facet group.
+    pascal
+        Components of the traction in Pa at ramp factor 1, one for each axis.
+    """
+
+    where: str
+    pascal: tuple[float, ...]
+    ramp: str = "load"
+
+
+@dataclass(frozen=True)
+class DeadPressure:
+    """Nominal pressure along the undeformed normal, pressing on the material it acts on.
+
+    On a surface inside the device, between an electrode layer and a dielectric, it presses on the
+    dielectric: this is how a given Maxwell pressure is applied without solving for the field.
+
+    Parameters
+    ----------
+    where
+        Name of a facet group.
+    pascal
+        Pressure in Pa at ramp factor 1.
+    on
+        Name of the region it presses on, needed for a surface inside the device unless one side
+        of it alone is dielectric.
+    """
+
+    where: str
+    pascal: float
+    on: str | None = None
+    ramp: str = "load"
+
+
+Support = Fix | Clamp | FreeBody
+Prescribed = Stretch | Displacement
+Load = DeadLoad | DeadPressure
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """The finite elements.
+
+    Parameters
+    ----------
+    pressure
+        ``"discontinuous"``: linear in each cell, so that it may jump at electrodes as it must.
+        ``"continuous"``: Taylor-Hood.  ``"auto"`` takes discontinuous on hexahedra and
+        quadrilaterals, continuous on tetrahedra and triangles (where linear discontinuous pressure
+        is not stable).
+    potential_degree
+        Polynomial degree of the potential, 1 or 2.
+    quadrature_degree
+        Degree of exactness of the quadrature.
+    """
+
+    pressure: str = "auto"
+    potential_degree: int = 2
+    quadrature_degree: int = 4
+
+    PRESSURES: ClassVar[tuple[str, ...]] = ("auto", "discontinuous", "continuous")

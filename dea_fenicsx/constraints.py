@@ -1,0 +1,224 @@
+"""Supports, prescribed displacements and electrodes as fixed degrees of freedom.
+
+Boundaries are found by their names alone.  A comparison of coordinates can come out differently
+on two ranks that share a node.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import dolfinx
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx import compat
+from dea_fenicsx.conditions import Clamp, Displacement, Fix, FreeBody, Stretch
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.mesh import Device
+from dea_fenicsx.scene import Scene
+
+
+@dataclass(frozen=True)
+class Component:
+    """A scalar part of the mixed space: a displacement component, the pressure, the potential.
+
+    Attributes
+    ----------
+    space
+        The component's scalar space, standing alone.
+    dofs
+        Local number in the mixed space of each local degree of freedom of `space`.
+    """
+
+    space: Any
+    dofs: np.ndarray
+
+    @classmethod
+    def of(cls, sub: Any) -> Component:
+        return cls(*compat.collapse(sub))
+
+    def on(self, dim: int, entities: np.ndarray) -> np.ndarray:
+        """Local degrees of freedom of `space` on the closure of mesh entities.  Collective."""
+        return np.asarray(dolfinx.fem.locate_dofs_topological(self.space, dim, entities))
+
+
+class Constraints:
+    """Which degrees of freedom are fixed, and at what value for given ramp factors.
+
+    Parameters
+    ----------
+    size
+        Number of local degrees of freedom of the mixed space, ghosts included.
+
+    Attributes
+    ----------
+    fixed
+        Mask of the fixed degrees of freedom.
+    base
+        For each ramp the values at ramp factor 1, dimensionless.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.fixed = np.zeros(size, dtype=bool)
+        self.base: dict[str, np.ndarray] = {}
+
+    def fix(self, dofs: np.ndarray, values: Any = 0.0, ramp: str | None = None) -> None:
+        """Fix `dofs` at `values` times the factor of `ramp`; a later call overrides an earlier."""
+        self.fixed[dofs] = True
+        for base in self.base.values():
+            base[dofs] = 0.0
+        if ramp is not None:
+            base = self.base.setdefault(ramp, np.zeros(len(self.fixed)))
+            base[dofs] = values
+
+    def values(self, factors: dict[str, float]) -> np.ndarray:
+        """Value of every fixed degree of freedom (0 at the free ones)."""
+        total = np.zeros(len(self.fixed))
+        for ramp, base in self.base.items():
+            total += factors[ramp] * base
+        return total
+
+
+def apply_supports(scene: Scene, parts: list[Component], constraints: Constraints) -> None:
+    """Fix the displacement components that the scene's supports and stretches name.
+
+    Prescribed displacements come first, so that a support wins where both meet.
+    """
+    device, axes = scene.device, scene.kinematics.axes
+    fdim = device.dim - 1
+    for item in [*scene.prescribed, *scene.supports]:
+        if isinstance(item, FreeBody):
+            _hold_rigid_motions(device, parts, constraints)
+            continue
+        named = axes if isinstance(item, Clamp) else item.axes
+        facets = device.facets_of(item.where)
+        for axis in named:
+            a = axes.index(axis)
+            local = parts[a].on(fdim, facets)
+            dofs = parts[a].dofs[local]
+            if isinstance(item, Stretch):
+                X = parts[a].space.tabulate_dof_coordinates()[local, a]
+                constraints.fix(dofs, (item.stretch - 1) * X, item.ramp)
+            elif isinstance(item, Displacement):
+                constraints.fix(dofs, item.metres / device.length, item.ramp)
+            elif isinstance(item, Fix | Clamp):
+                constraints.fix(dofs)
+
+
+def apply_electrodes(
+    scene: Scene, potential: Component, volt: float, constraints: Constraints
+) -> dict[str, np.ndarray]:
+    """Fix the potential on electrodes and wherever no field lives.
+
+    Parameters
+    ----------
+    scene, potential, constraints
+        The scene, its potential, and what is to be filled.
+    volt
+        The unit of potential in V.
+
+    Returns
+    -------
+    dict
+        For each electrode's label its degrees of freedom in the mixed space.
+
+    Raises
+    ------
+    InputError
+        If electrodes of different potentials touch.
+    """
+    device = scene.device
+    dielectric = [device.cells_of(n) for n, m in scene.materials.items() if m.is_dielectric]
+    alive = np.zeros(len(potential.dofs), dtype=bool)
+    alive[potential.on(device.dim, np.concatenate(dielectric))] = True
+    constraints.fix(potential.dofs[~alive])
+
+    owner = np.full(len(potential.dofs), -1)
+    found: dict[str, np.ndarray] = {}
+    for k, electrode in enumerate(scene.electrodes):
+        on = np.zeros(len(potential.dofs), dtype=bool)
+        for name in electrode.names:
+            if name in device.regions:
+                on[potential.on(device.dim, device.cells_of(name))] = True
+            else:
+                on[potential.on(device.dim - 1, device.facets_of(name))] = True
+        for j in range(k):
+            other = scene.electrodes[j]
+            same = (electrode.volts, electrode.ramp) == (other.volts, other.ramp)
+            touch = bool(np.any(on & (owner == j))) and not same
+            if device.comm.allreduce(touch, op=MPI.LOR):
+                raise InputError(
+                    f"Electrodes {other.label!r} and {electrode.label!r} touch, but have different "
+                    "potentials; leave dielectric between them."
+                )
+        owner[on] = k
+        dofs = potential.dofs[on]
+        constraints.fix(dofs, electrode.volts / volt, electrode.ramp if electrode.volts else None)
+        found[electrode.label] = dofs
+    return found
+
+
+def _hold_rigid_motions(device: Device, parts: list[Component], constraints: Constraints) -> None:
+    """Fix six displacement components at three vertices, so that only rigid motions are removed.
+
+    The vertices are far apart: a is lowest along (1, 1, 1), b is farthest from a, c is farthest
+    from the line ab.  Each is agreed on by all ranks through its number in the mesh file.
+    """
+    comm = device.comm
+    mesh, x = device.mesh, device.mesh.geometry.x
+    corners = np.unique(_vertex_nodes(mesh)[0])
+    number = mesh.geometry.input_global_indices
+
+    def best(score: np.ndarray) -> tuple[int, np.ndarray]:
+        """Input number and coordinates of the corner with the highest score."""
+        mine = None
+        if len(corners):
+            ids = np.asarray([number[n] for n in corners])
+            k = np.lexsort((ids, -score))[0]
+            mine = (float(score[k]), -int(ids[k]), x[corners[k]].copy())
+        _, n, point = max((m for m in comm.allgather(mine) if m), key=lambda m: m[:2])
+        return -n, point
+
+    X = x[corners]
+    na, a = best(-X.sum(axis=1))
+    nb, b = best(np.linalg.norm(X - a, axis=1))
+    line = (b - a) / np.linalg.norm(b - a)
+    nc, c = best(np.linalg.norm(np.cross(X - a, line), axis=1))
+
+    def row(point: np.ndarray, axis: int) -> np.ndarray:
+        """How a displacement component depends on rigid translation and rotation about a."""
+        e = np.eye(3)[axis]
+        return np.concatenate([e, np.cross(point - a, e)])
+
+    def quality(choice: tuple[tuple[int, int], int]) -> float:
+        (b1, b2), c1 = choice
+        rows = [row(a, i) for i in range(3)] + [row(b, b1), row(b, b2), row(c, c1)]
+        return float(np.linalg.svd(np.array(rows), compute_uv=False)[-1])
+
+    options = itertools.product(itertools.combinations(range(3), 2), range(3))
+    on_b, on_c = max(options, key=quality)
+    held = [(na, axis) for axis in range(3)] + [(nb, axis) for axis in on_b] + [(nc, on_c)]
+    for node, axis in held:
+        vertices = _vertices_of_node(mesh, node)
+        constraints.fix(parts[axis].dofs[parts[axis].on(0, vertices)])
+
+
+def _vertex_nodes(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Geometry node and topological vertex of every corner of every local cell."""
+    tdim = mesh.topology.dim
+    mesh.topology.create_connectivity(tdim, 0)
+    cells = mesh.topology.connectivity(tdim, 0)
+    count = len(cells.links(0)) if cells.num_nodes else 0
+    vertices = cells.array.reshape(-1, count) if count else np.empty((0, 0), dtype=np.int32)
+    return mesh.geometry.dofmap[:, :count], vertices
+
+
+def _vertices_of_node(mesh: Any, node: int) -> np.ndarray:
+    """Local vertices (none or one) at the geometry node with a given number in the mesh file."""
+    mesh.topology.create_connectivity(0, mesh.topology.dim)
+    nodes, vertices = _vertex_nodes(mesh)
+    number = np.asarray(mesh.geometry.input_global_indices)
+    return np.unique(vertices[number[nodes] == node]).astype(np.int32)

@@ -1,0 +1,223 @@
+"""The total potential energy of a scene and what is derived from it.
+
+Stationary point of
+
+    Pi = int W(F) + p (J - 1) - p^2/(2 kappa) dX - 1/2 int eps J |F^-T E|^2 dX - work of loads
+
+with E = -Grad phi, all dimensionless: lengths in L, stresses in mu, potentials in
+L sqrt(mu/eps), where mu and eps are the scales of `Scales`.
+
+Regions whose kernels have the same shape (same elastic model, dielectric or not, incompressible or
+not) share one integral; their constants are cell-wise coefficients, so that a change of a material
+constant never recompiles anything.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+
+from dea_fenicsx.kinematics import StrainOf, cofactor
+from dea_fenicsx.materials import Elastic
+from dea_fenicsx.mesh import Device
+from dea_fenicsx.scene import Scene
+
+
+@dataclass(frozen=True)
+class Scales:
+    """SI value of each dimensionless unit.
+
+    Attributes
+    ----------
+    length : m
+    stress : Pa, the shear modulus of the softest dielectric
+    permittivity : F/m
+    depth : third dimension of a plane problem in units of `length`, 1 otherwise
+    """
+
+    length: float
+    stress: float
+    permittivity: float
+    depth: float
+
+    @property
+    def field(self) -> float:
+        """Electric field in V/m."""
+        return float(np.sqrt(self.stress / self.permittivity))
+
+    @property
+    def potential(self) -> float:
+        """Potential in V."""
+        return self.length * self.field
+
+    @property
+    def force(self) -> float:
+        """Force in N."""
+        return self.stress * self.length**2 * self.depth
+
+    @property
+    def charge(self) -> float:
+        """Charge in C."""
+        return self.permittivity * self.field * self.length**2 * self.depth
+
+    @property
+    def volume(self) -> float:
+        """Volume in m^3."""
+        return self.length**3 * self.depth
+
+    @classmethod
+    def of(cls, scene: Scene) -> Scales:
+        """Scales of a scene: its size, its softest dielectric and its largest permittivity."""
+        active = [m for m in scene.materials.values() if m.is_dielectric]
+        moduli = [m.elastic.shear_modulus() for m in active or scene.materials.values()]
+        return cls(
+            length=scene.device.length,
+            stress=min(moduli),
+            permittivity=max((m.electric.permittivity() for m in active), default=1.0),  # type: ignore[union-attr]
+            depth=scene.kinematics.depth_factor(scene.device.length),
+        )
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Regions that share one integral.
+
+    Attributes
+    ----------
+    elastic
+        The elastic model with cell-wise coefficients in place of its constants.
+    eps, kappa
+        Cell-wise permittivity and bulk modulus, dimensionless, or None.
+    regions
+        Names of the regions.
+    cells
+        Their cells that this rank owns.
+    """
+
+    elastic: Elastic
+    eps: Any | None
+    kappa: Any | None
+    regions: tuple[str, ...]
+    cells: np.ndarray
+
+
+def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
+    """Group the regions of a scene by the shape of their energy."""
+    device = scene.device
+    groups: dict[tuple, list[str]] = {}
+    for name in sorted(scene.materials, key=lambda n: device.regions[n]):
+        m = scene.materials[name]
+        field_lives = m.is_dielectric and scene.has_potential
+        groups.setdefault(
+            (type(m.elastic), _shape(m.elastic), field_lives, m.bulk_modulus is None), []
+        ).append(name)
+    constant = dolfinx.fem.functionspace(device.mesh, ("DG", 0))
+    owned = device.owned_cells()
+    made = []
+    for (_, _, field_lives, incompressible), names in groups.items():
+        cells = {n: device.cells_of(n) for n in names}
+
+        def cellwise(value: Callable[[str], float], cells: Any = cells) -> Any:
+            f = dolfinx.fem.Function(constant)
+            for n, c in cells.items():
+                f.x.array[c] = value(n)
+            return f
+
+        materials = scene.materials
+        together = np.sort(np.concatenate(list(cells.values())))
+        made.append(
+            Kernel(
+                elastic=_bind({n: materials[n].elastic for n in names}, cellwise),
+                eps=cellwise(
+                    lambda n: materials[n].electric.permittivity() / scales.permittivity  # type: ignore[union-attr]
+                )
+                if field_lives
+                else None,
+                kappa=None
+                if incompressible
+                else cellwise(lambda n: materials[n].bulk_modulus / scales.stress),  # type: ignore[operator]
+                regions=tuple(names),
+                cells=together[together < owned],
+            )
+        )
+    return made
+
+
+def _shape(elastic: Elastic) -> tuple:
+    """Number of entries of each constant: models with equal shapes share a kernel."""
+    return tuple(np.size(getattr(elastic, f.name)) for f in fields(elastic))  # type: ignore[arg-type]
+
+
+def _bind(elastics: dict[str, Elastic], cellwise: Callable) -> Elastic:
+    """One elastic model whose constants are cell-wise coefficients over several regions."""
+    model = copy.copy(next(iter(elastics.values())))
+    for f in fields(model):  # type: ignore[arg-type]
+        value = getattr(model, f.name)
+        if isinstance(value, tuple):
+            bound: Any = tuple(
+                cellwise(lambda n, i=i, k=f.name: getattr(elastics[n], k)[i])
+                for i in range(len(value))
+            )
+        else:
+            bound = cellwise(lambda n, k=f.name: getattr(elastics[n], k))
+        object.__setattr__(model, f.name, bound)
+    return model
+
+
+@dataclass(frozen=True)
+class State:
+    """Symbolic fields of a kernel: F, J, nominal and true electric field, and the energy."""
+
+    F: Any
+    J: Any
+    true_field: Any
+    energy: Any
+    chain_margin: Any
+
+
+def state(scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any | None) -> State:
+    """Energy density of a kernel, dimensionless, and the measures of deformation and field."""
+    x = ufl.SpatialCoordinate(scene.device.mesh)
+    kin = scene.kinematics
+    F = ufl.variable(ufl.Identity(3) + kin.displacement_gradient(u, x))
+    cof, J = cofactor(F)
+    per_mu = 1 / scales.stress
+    # the scale enters as a constant of the form, not of the code
+    unit = dolfinx.fem.Constant(scene.device.mesh, per_mu)
+    if kernel.kappa is None:
+        strain = StrainOf(F)
+        energy = unit * (
+            kernel.elastic.energy(strain) - kernel.elastic.spherical_slope() * ufl.ln(J)
+        )
+        energy += p * (J - 1)
+    else:
+        strain = StrainOf(F, scale=J ** (-2 / 3))
+        energy = unit * kernel.elastic.energy(strain) + p * (J - 1) - p**2 / (2 * kernel.kappa)
+    true_field = ufl.zero(3)
+    if kernel.eps is not None:
+        pulled = -ufl.dot(cof, kin.gradient(phi))
+        energy -= kernel.eps / 2 * ufl.dot(pulled, pulled) / J
+        true_field = pulled / J
+    margin = kernel.elastic.chain_margin(strain)
+    return State(F, J, true_field, energy, margin if margin is not None else ufl.as_ufl(1.0))
+
+
+def measure(device: Device, parts: list[np.ndarray], degree: int, kind: str = "dx") -> Any:
+    """A measure over lists of entities: part k is subdomain k."""
+    return ufl.Measure(
+        kind,
+        domain=device.mesh,
+        subdomain_data=[(k, np.asarray(p, dtype=np.int32).ravel()) for k, p in enumerate(parts)],
+        metadata={"quadrature_degree": degree},
+    )
+
+
+def cauchy_stress(s: State) -> Any:
+    """True stress J^-1 (dPi/dF) F^T, electrostatic part included, dimensionless."""
+    return ufl.dot(ufl.diff(s.energy, s.F), ufl.transpose(s.F)) / s.J

@@ -1,0 +1,216 @@
+"""From a gmsh model or .msh file to one frozen object: mesh, tags and their names."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx import compat
+from dea_fenicsx.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Device:
+    """The meshed device, distributed over the ranks of `comm`.
+
+    Coordinates of `mesh` are dimensionless: metres divided by `length`.
+
+    Attributes
+    ----------
+    mesh
+        The DOLFINx mesh.
+    cells, facets
+        Tags of cells and of facets; `facets` is None where no facet group is named.
+    regions, surfaces
+        Tag of each named group of cells and of facets.
+    length
+        Length unit of the coordinates in metres: the largest extent of the device.
+    source
+        Where the mesh came from, for reports.
+    """
+
+    mesh: Any
+    cells: Any
+    facets: Any
+    regions: dict[str, int]
+    surfaces: dict[str, int]
+    length: float
+    source: str = ""
+    _cache: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def comm(self) -> MPI.Comm:
+        return self.mesh.comm
+
+    @property
+    def dim(self) -> int:
+        return self.mesh.topology.dim
+
+    def cells_of(self, name: str) -> np.ndarray:
+        """Local cells (owned and ghost) of a region."""
+        return self.cells.find(self.regions[name])
+
+    def facets_of(self, name: str) -> np.ndarray:
+        """Local facets (owned and ghost) of a surface."""
+        if self.facets is None:
+            return np.empty(0, dtype=np.int32)
+        return self.facets.find(self.surfaces[name])
+
+    def owned_cells(self) -> int:
+        """Number of cells this rank owns."""
+        return self.mesh.topology.index_map(self.dim).size_local
+
+
+def read_gmsh(
+    source: Any, comm: MPI.Comm = MPI.COMM_WORLD, *, dim: int | None = None, unit: float = 1.0
+) -> Device:
+    """Read a mesh and distribute it.
+
+    Parameters
+    ----------
+    source
+        A geometry of `dea_fenicsx.geometry` (anything with ``build()``), or the path of a .msh
+        file.  Only rank 0 builds or reads it.
+    comm
+        The MPI communicator.
+    dim
+        Dimension of the coordinates, 2 or 3; by default that of the cells.
+    unit
+        Length of the mesh's coordinate unit in metres (1e-3 for a mesh in millimetres).
+
+    Raises
+    ------
+    InputError
+        If the file is missing, is not a gmsh mesh, or has cells that no named group holds.
+    """
+    if not (np.isfinite(unit) and unit > 0):
+        raise InputError(f"The mesh unit is {unit!r}, but must be a length in metres > 0.")
+    label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__
+    fault, names, cell_dim, model = "", {}, 0, None
+    if comm.rank == 0:
+        try:
+            model = _open(source)
+            names, cell_dim = _read_names(model, label)
+        except InputError as error:
+            fault = str(error)
+    fault, names, cell_dim = comm.bcast((fault, names, cell_dim), root=0)
+    if fault:
+        raise InputError(fault)
+    try:
+        mesh, cells, facets = compat.model_to_mesh(model, comm, dim or cell_dim)
+    except RuntimeError as error:
+        raise InputError(
+            f"The mesh of {label} cannot be used ({error}); every cell must lie in exactly one "
+            "named physical group."
+        ) from error
+    finally:
+        if comm.rank == 0 and model is not None:
+            model.remove()
+
+    tdim = mesh.topology.dim
+    for d in (tdim - 1, tdim):
+        mesh.topology.create_connectivity(d, tdim)
+    mesh.topology.create_connectivity(tdim, tdim - 1)
+    x = mesh.geometry.x
+    corners = comm.allgather((x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)))
+    low, high = np.min([c[0] for c in corners], axis=0), np.max([c[1] for c in corners], axis=0)
+    extent = float(np.max(high - low))
+    x /= extent
+    return Device(
+        mesh=mesh,
+        cells=cells,
+        facets=facets,
+        regions={n: tag for n, (d, tag) in names.items() if d == tdim},
+        surfaces={n: tag for n, (d, tag) in names.items() if d == tdim - 1},
+        length=extent * unit,
+        source=label,
+    )
+
+
+def _open(source: Any) -> Any:
+    """The gmsh model of a geometry or of a file (rank 0 only)."""
+    if hasattr(source, "build"):
+        return source.build()
+    import gmsh
+
+    path = Path(source)
+    if not path.is_file():
+        raise InputError(f"There is no mesh file {path}; give the path of a gmsh .msh file.")
+    if not gmsh.isInitialized():
+        gmsh.initialize(interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add(path.stem)
+    try:
+        gmsh.merge(str(path))
+    except Exception as error:
+        gmsh.model.remove()
+        raise InputError(f"gmsh cannot read {path} ({error}); it must be a .msh file.") from error
+    return gmsh.model
+
+
+def _read_names(model: Any, label: str) -> tuple[dict[str, tuple[int, int]], int]:
+    """Names of the physical groups with (dimension, tag), and the dimension of the cells."""
+    groups = model.getPhysicalGroups()
+    types, tags, _ = model.mesh.getElements()
+    if not len(types) or not sum(len(t) for t in tags):
+        raise InputError(f"{label} holds no mesh elements; mesh it with gmsh before saving it.")
+    cell_dim = max(model.mesh.getElementProperties(t)[1] for t in types)
+    if not any(d == cell_dim for d, _ in groups):
+        raise InputError(
+            f"{label} names no region; add a physical group of dimension {cell_dim} to each part."
+        )
+    names: dict[str, tuple[int, int]] = {}
+    for d, tag in groups:
+        name = model.getPhysicalName(d, tag) or f"group_{d}_{tag}"
+        if name in names:
+            raise InputError(
+                f"{label} uses the name {name!r} for two physical groups; names must be unique."
+            )
+        names[name] = (d, tag)
+    return names, cell_dim
+
+
+def one_sided(device: Device, surface: str, prefer: frozenset[int] | None = None) -> np.ndarray:
+    """Each facet of a surface once over all ranks, seen from one of its cells.
+
+    Parameters
+    ----------
+    device, surface
+        The device and the name of a facet group.
+    prefer
+        Tags of the regions from whose side the facets are seen; by default the side whose cell
+        has the lower global number.
+
+    Returns
+    -------
+    ndarray of shape (n, 2)
+        Pairs (cell, facet number within the cell); all cells are owned by this rank, so that an
+        integral over the pairs counts every facet once.
+    """
+    mesh, tdim = device.mesh, device.dim
+    facets = device.facets_of(surface)
+    cells_of_facet = mesh.topology.connectivity(tdim - 1, tdim)
+    facets_of_cell = mesh.topology.connectivity(tdim, tdim - 1)
+    index_map = mesh.topology.index_map(tdim)
+    owned = index_map.size_local
+    local = np.arange(owned + index_map.num_ghosts, dtype=np.int32)
+    number = index_map.local_to_global(local)
+    tags = np.zeros(len(local), dtype=np.int64)
+    tags[device.cells.indices] = device.cells.values
+
+    pairs = []
+    for facet in facets:
+        cells = cells_of_facet.links(facet)
+        if prefer is not None:
+            cells = [c for c in cells if int(tags[c]) in prefer]
+        if len(cells) == 0:
+            continue
+        cell = min(cells, key=lambda c: number[c])
+        if cell < owned:
+            pairs.append((cell, int(np.flatnonzero(facets_of_cell.links(cell) == facet)[0])))
+    return np.array(pairs, dtype=np.int32).reshape(-1, 2)

@@ -1,0 +1,307 @@
+"""Rendering of a run's fields: the device and a section through it, side by side.
+
+Only `dea_fenicsx.pictures render` comes here, in a process of its own, because VTK ends the whole
+process where it finds no OpenGL.  The 3-D images are VTK's; axes, scales and text are matplotlib's.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from dea_fenicsx.errors import InputError
+
+# XDMF's name of a quadratic cell: VTK's number, whether it is a flat one
+_CELLS = {
+    "Triangle_6": (22, True),
+    "Quadrilateral_9": (28, True),
+    "Tetrahedron_10": (24, False),
+    "Hexahedron_27": (29, False),
+}
+DISPLACEMENT = "displacement_m"
+_GREY, _LINE, _COLOURS = "#b8b8b8", "#404040", "viridis"
+_WIDTH = 174 / 25.4  # inch: two columns
+_DPI = 300
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One step of a run.
+
+    Attributes
+    ----------
+    grid : pyvista.UnstructuredGrid, undeformed, with the step's fields
+    flat : whether the device lies in a plane
+    time : path parameter of the step
+    """
+
+    grid: Any
+    flat: bool
+    time: float
+
+
+def read_frame(folder: Path, step: int = -1) -> Frame:
+    """Read a step of a run from fields.xdmf and the HDF5 files it names, without VTK's readers.
+
+    Parameters
+    ----------
+    folder
+        The run's folder; the run may still be going on.
+    step
+        Which of the steps on disk, from 0; negative ones count from the last.
+
+    Raises
+    ------
+    InputError
+        If there are no fields, or no such step.
+    """
+    import pyvista
+
+    file = folder / "fields.xdmf"
+    if not file.is_file():
+        raise InputError(f"There is no fields.xdmf in {folder}; give the folder of a run.")
+    grids = ET.parse(file).getroot().findall("./Domain/Grid/Grid")
+    if not -len(grids) <= step < len(grids):
+        raise InputError(
+            f"Step {step} is not in {file}; it holds steps 0 to {len(grids) - 1} "
+            "(-1 is the last one)."
+        )
+    xml = grids[step]
+
+    def data(element: ET.Element | None) -> np.ndarray:
+        assert element is not None
+        name, where = (element.findtext("DataItem") or "").strip().split(":", 1)
+        with h5py.File(folder / name) as h5:
+            return h5[where][()]
+
+    topology = xml.find("Topology")
+    assert topology is not None
+    number, flat = _CELLS[topology.attrib["TopologyType"]]
+    cells = data(topology)
+    table = np.column_stack([np.full(len(cells), cells.shape[1]), cells]).ravel()
+    types = np.full(len(cells), number, dtype=np.uint8)
+    grid = pyvista.UnstructuredGrid(table, types, data(xml.find("Geometry")))
+    for attribute in xml.findall("Attribute"):
+        target = grid.point_data if attribute.attrib["Center"] == "Node" else grid.cell_data
+        target[attribute.attrib["Name"]] = data(attribute)
+    time = xml.find("Time")
+    return Frame(grid, flat, float(time.attrib["Value"]) if time is not None else 0.0)
+
+
+def scalar(grid: Any, field: str) -> tuple[np.ndarray, str, bool]:
+    """A field as one number a node or cell.
+
+    The magnitude of a vector; von Mises' equivalent of a stress.  Regions without an electric
+    field (conductors) become NaN in pictures of it, and are shown in grey.
+
+    Returns
+    -------
+    values, name with the unit as suffix, whether they are nodal
+    """
+    nodal = field in grid.point_data
+    if not nodal and field not in grid.cell_data:
+        names = ", ".join(sorted([*grid.point_data, *grid.cell_data]))
+        raise InputError(f"There is no field {field!r} in the results; there are: {names}.")
+    values = np.asarray(grid.point_data[field] if nodal else grid.cell_data[field], dtype=float)
+    name = field
+    if values.ndim > 1 and values.shape[1] == 9:
+        stress = values.reshape(-1, 3, 3)
+        deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+        values = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
+        name = "von_Mises_stress_Pa"
+    elif values.ndim > 1:
+        values = np.linalg.norm(values, axis=1)
+    if not nodal and "V_per_m" in field and values.any():
+        regions = np.asarray(grid.cell_data["region"])
+        for region in np.unique(regions):
+            if not values[regions == region].any():
+                values[regions == region] = np.nan
+    return values, name, nodal
+
+
+# ------------------------------------------------------------------------ images
+
+
+@dataclass(frozen=True)
+class _Image:
+    """A rendered image and where it lies, in metres, in the plane of the camera."""
+
+    pixels: np.ndarray
+    extent: tuple[float, float, float, float]
+
+
+def _shoot(
+    draw: Callable[[Any], None], bounds: Any, right: np.ndarray, up: np.ndarray, width_inch: float,
+    margin: float = 0.03,
+) -> _Image:  # fmt: skip
+    """Render in parallel projection; `bounds` (n, 3) are points that must be seen."""
+    import pyvista
+
+    across, along = bounds @ right, bounds @ up
+    low, high = np.array([across.min(), along.min()]), np.array([across.max(), along.max()])
+    pad = margin * (high - low).max()
+    low, high = low - pad, high + pad
+    width, height = high - low
+    pixels = int(width_inch * 2 * _DPI)
+    size = (pixels, max(int(round(pixels * height / width)), 8))
+    normal = np.cross(right, up)
+    depth = bounds @ normal
+    focus = (low[0] + high[0]) / 2 * right + (low[1] + high[1]) / 2 * up + depth.mean() * normal
+    reach = 2 * max(np.ptp(depth), width, height)
+    plotter = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="light kit")
+    plotter.background_color = "white"
+    draw(plotter)
+    camera = plotter.camera
+    camera.focal_point = focus
+    camera.position = focus + reach * normal
+    camera.up = up
+    camera.parallel_projection = True
+    camera.parallel_scale = height / 2
+    plotter.renderer.ResetCameraClippingRange()
+    image = plotter.screenshot(None, return_img=True)
+    plotter.close()
+    halved = image[: size[1] // 2 * 2, : size[0] // 2 * 2].astype(float)
+    halved = (halved[::2, ::2] + halved[1::2, ::2] + halved[::2, 1::2] + halved[1::2, 1::2]) / 4
+    return _Image(halved.round().astype(np.uint8), (low[0], high[0], low[1], high[1]))
+
+
+def _edges(surface: Any) -> Any:
+    """Sharp edges, free edges and borders of regions of a surface, as lines."""
+    import pyvista
+
+    parts = pyvista.MultiBlock()
+    regions = np.asarray(surface.cell_data["region"])
+    for region in np.unique(regions):
+        part = surface.extract_cells(np.flatnonzero(regions == region))
+        part = part.extract_surface(nonlinear_subdivision=0)
+        parts.append(
+            part.extract_feature_edges(
+                40, manifold_edges=False, non_manifold_edges=False, clear_data=True
+            )
+        )
+    return parts.combine()
+
+
+def _warped(grid: Any, factor: float) -> Any:
+    moved = grid.copy()
+    if factor:
+        moved.points = grid.points + factor * np.asarray(grid.point_data[DISPLACEMENT])
+    return moved
+
+
+def _skin(grid: Any) -> Any:
+    """The curved outer surface."""
+    return grid.extract_surface(nonlinear_subdivision=3)
+
+
+def _section(grid: Any) -> Any:
+    """The undeformed device cut by the plane y = middle, or one side of it if it has a hole there.
+
+    The plane lies a little off the middle, where cell faces are likely to lie.
+    """
+    low, high = np.array(grid.bounds).reshape(3, 2).T
+    middle = (low + high) / 2
+    cut = grid.slice(normal="y", origin=middle + np.array([0, 2e-3, 0]) * (high - low))
+    if cut.n_cells == 0:
+        return None
+    x = np.asarray(cut.cell_centers().points)[:, 0] - middle[0]
+    if np.abs(x).min() > 0.05 * (high[0] - low[0]) and (x > 0).any():
+        cut = cut.extract_cells(np.flatnonzero(x > 0)).extract_surface(nonlinear_subdivision=0)
+    return cut
+
+
+def render(
+    folder: Path, field: str, step: int, warp: float, path: Path, title: Callable[[float], str],
+    label: Callable[[str, float], tuple[str, float]],
+) -> None:  # fmt: skip
+    """Draw a step of a run: the device in isometric view and a section through it.
+
+    Parameters
+    ----------
+    folder, field, step
+        The run, the name of one of its fields, and the step.
+    warp
+        Scale of the drawn displacement.
+    path
+        The PNG file.
+    title
+        From the step's time to the text above the picture.
+    label
+        From a name with its unit and the largest value to the axis label and the divisor.
+    """
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    frame = read_frame(folder, step)
+    grid = frame.grid
+    values, name, nodal = scalar(grid, field)
+    (grid.point_data if nodal else grid.cell_data)["shown"] = values
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
+    if name.endswith("V_per_m") or high - low < 1e-9 * max(abs(high), abs(low)):
+        low = min(low, 0.0)
+    if high <= low:
+        high = low + 1.0
+    text, divisor = label(name, max(abs(low), abs(high)))
+
+    def draw(surface: Any, outline: Any, lit: bool) -> Callable[[Any], None]:
+        def act(plotter: Any) -> None:
+            plotter.add_mesh(
+                surface, scalars="shown", preference="point" if nodal else "cell", cmap=_COLOURS,
+                clim=(low, high), nan_color=_GREY, lighting=lit, show_scalar_bar=False,
+                smooth_shading=False, ambient=0.25, diffuse=0.8, specular=0.0,
+            )  # fmt: skip
+            plotter.add_mesh(_edges(surface), color=_LINE, line_width=3)
+            plotter.add_mesh(outline, color="#d62728", line_width=3)
+
+        return act
+
+    whole = _skin(_warped(grid, warp))
+    outline = _edges(_skin(grid))
+    seen = np.vstack([whole.points, np.asarray(grid.points)])
+    section = None if frame.flat else _section(grid)
+    panels: list[tuple[_Image, str]] = []
+    x, y, z = np.eye(3)
+    if frame.flat:
+        panels.append((_shoot(draw(whole, outline, False), seen, x, y, _WIDTH), "xy"))
+    else:
+        iso_right, iso_up = np.array([1, 1, 0]) / 2**0.5, np.array([-1, 1, 2]) / 6**0.5
+        image = _shoot(draw(whole, outline, True), seen, iso_right, iso_up, _WIDTH / 2, 0.01)
+        panels.append((image, ""))
+        if section is not None:
+            moved = _warped(section, warp)
+            both = np.vstack([moved.points, section.points])
+            nearer = -1e-2 * (both.max() - both.min()) * y  # in front of the section
+            act = draw(moved, _edges(section).translate(nearer), False)
+            panels.append((_shoot(act, both, x, z, _WIDTH / 2), "xz"))
+
+    style = {"font.size": 8, "font.family": "sans-serif", "axes.linewidth": 0.6,
+             "xtick.major.width": 0.6, "ytick.major.width": 0.6}  # fmt: skip
+    with matplotlib.rc_context(style):
+        tallest = max(image.pixels.shape[0] / image.pixels.shape[1] for image, _ in panels)
+        height = min(0.8 * _WIDTH / len(panels) * tallest + 0.75, 1.2 * _WIDTH)
+        figure = Figure(figsize=(_WIDTH, height), layout="constrained")
+        axes = np.atleast_1d(figure.subplots(1, len(panels)))
+        for axis, (image, plane) in zip(axes, panels, strict=True):
+            axis.imshow(image.pixels, extent=[1e3 * e for e in image.extent])
+            if plane:
+                axis.set_xlabel(f"{plane[0]} (mm)")
+                axis.set_ylabel(f"{plane[1]} (mm)")
+                if plane == "xz":
+                    middle = 1e3 * (grid.bounds[2] + grid.bounds[3]) / 2
+                    axis.set_title(f"section y = {round(middle, 4) + 0.0:g} mm", fontsize=8)
+            else:
+                axis.set_axis_off()
+        scale = matplotlib.cm.ScalarMappable(
+            matplotlib.colors.Normalize(low / divisor, high / divisor), _COLOURS
+        )
+        figure.colorbar(scale, ax=list(axes), label=text, aspect=25)
+        grey = "" if len(finite) == len(values) else ", conductors in grey"
+        figure.suptitle(title(frame.time) + grey, fontsize=8)
+        figure.savefig(path, format="png", dpi=_DPI)

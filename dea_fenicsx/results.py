@@ -1,0 +1,352 @@
+"""A run's folder: fields for ParaView, history, summary and checkpoint, safe against a kill.
+
+    fields.xdmf     one grid for each step that holds every field; ParaView opens this
+    fields.h5       its numbers (while the run lasts: one small file a step in parts/)
+    history.csv     a row for each accepted step
+    summary.json    settings, versions, sizes, final observables
+    checkpoint.npz  the last accepted state, to resume from
+
+Each file is written under another name and then renamed, so that at any moment every file on disk
+is whole.  Rank 0 writes.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.fields import Grid
+from dea_fenicsx.reading import read_history, read_summary
+
+__all__ = ["RUN_FILES", "Folder", "read_history", "read_summary", "replace_file"]
+
+_XDMF_CELLS = {
+    "triangle": "Triangle_6",
+    "quadrilateral": "Quadrilateral_9",
+    "tetrahedron": "Tetrahedron_10",
+    "hexahedron": "Hexahedron_27",
+}
+_KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
+RUN_FILES = ("fields.xdmf", "fields.h5", "history.csv", "summary.json", "checkpoint.npz", "parts")
+
+
+def replace_file(path: Path, write: Callable[[Path], None]) -> None:
+    """Write a file through a temporary one beside it, so that a reader never sees half of it."""
+    temporary = path.with_name(f".{path.name}.new")
+    write(temporary)
+    os.replace(temporary, path)
+
+
+class Folder:
+    """The results folder, handled by rank 0 alone.
+
+    Parameters
+    ----------
+    path
+        The folder.
+    comm
+        Communicator of the run; errors on rank 0 are raised on all ranks.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or written.
+    """
+
+    def __init__(self, path: str | os.PathLike, comm: MPI.Comm) -> None:
+        self.path = Path(path)
+        self.comm = comm
+        self._together(self._check_writable)
+
+    def _together(self, action: Callable[[], Any]) -> Any:
+        """Run an action on rank 0 and let all ranks share its result or its error."""
+        result, fault = None, ""
+        if self.comm.rank == 0:
+            try:
+                result = action()
+            except (OSError, InputError) as error:
+                fault = str(error) or type(error).__name__
+        result, fault = self.comm.bcast((result, fault), root=0)
+        if fault:
+            raise InputError(fault if fault.endswith(".") else f"{fault} ({self.path}).")
+        return result
+
+    def _check_writable(self) -> None:
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=self.path):
+                pass
+        except OSError as error:
+            raise InputError(
+                f"The results folder {self.path} cannot be written ({error.strerror}); choose "
+                "another with --out or out=."
+            ) from error
+
+    def start(self) -> None:
+        """Make room for a new run: an earlier run's files move into previous/.  Collective."""
+
+        def action() -> None:
+            found = [n for n in RUN_FILES if (self.path / n).exists()]
+            if found:
+                old = self.path / "previous"
+                shutil.rmtree(old, ignore_errors=True)
+                old.mkdir()
+                for name in found:
+                    os.replace(self.path / name, old / name)
+            (self.path / "parts").mkdir(exist_ok=True)
+
+        self._together(action)
+
+    # -------------------------------------------------------------- checkpoint
+
+    def load_checkpoint(self) -> tuple[dict[str, Any], np.ndarray] | None:
+        """The last accepted step: what was told to `write_step`, and the state (rank 0).
+
+        Collective; the first part is given to all ranks, the state to rank 0 only.  None if the
+        folder holds no checkpoint.
+        """
+        file = self.path / "checkpoint.npz"
+        state = None
+
+        def action() -> dict[str, Any] | None:
+            nonlocal state
+            if not file.exists():
+                return None
+            try:
+                with np.load(file, allow_pickle=False) as data:
+                    state = data["state"]
+                    return json.loads(str(data["told"]))
+            except (ValueError, KeyError, EOFError) as error:
+                raise InputError(f"{file} is no checkpoint of this package ({error}).") from error
+
+        told = self._together(action)
+        return None if told is None else (told, state)  # type: ignore[return-value]
+
+    # ------------------------------------------------------------------ writing
+
+    def write_grid(self, grid: Grid | None) -> None:
+        """Write the undeformed grid (rank 0)."""
+        if self.comm.rank != 0:
+            return
+        assert grid is not None
+        (self.path / "parts").mkdir(exist_ok=True)
+
+        def write(target: Path) -> None:
+            with h5py.File(target, "w") as h5:
+                h5["points"] = grid.points
+                h5["cells"] = grid.cells
+                h5["regions"] = grid.regions.astype(np.int64)
+                h5.attrs["cell"] = grid.kind
+
+        replace_file(self.path / "parts" / "grid.h5", write)
+
+    def write_step(
+        self,
+        step: int,
+        told: dict[str, Any],
+        history: list[dict[str, Any]],
+        nodes: dict[str, np.ndarray] | None,
+        cells: dict[str, np.ndarray] | None,
+        state: np.ndarray | None,
+    ) -> None:
+        """Write an accepted step: fields first, the checkpoint that vouches for them last."""
+        if self.comm.rank != 0:
+            return
+
+        def write_fields(target: Path) -> None:
+            assert nodes is not None and cells is not None
+            with h5py.File(target, "w") as h5:
+                for group, fields in (("node", nodes), ("cell", cells)):
+                    for name, values in fields.items():
+                        h5[f"{group}/{name}"] = values
+
+        if nodes is not None:
+            replace_file(self._part(step), write_fields)
+            self.write_xdmf(history)
+        self.write_history(history)
+
+        def write_checkpoint(target: Path) -> None:
+            with open(target, "wb") as f:
+                np.savez(f, state=np.asarray(state), told=json.dumps(told, allow_nan=True))
+
+        replace_file(self.path / "checkpoint.npz", write_checkpoint)
+
+    def write_history(self, history: list[dict[str, Any]]) -> None:
+        """Write history.csv: a row for each accepted step (rank 0)."""
+        if self.comm.rank != 0:
+            return
+
+        def write(target: Path) -> None:
+            with open(target, "w", newline="") as f:
+                writer = csv.DictWriter(f, fieldnames=list(history[0]))
+                writer.writeheader()
+                writer.writerows({k: _number(v) for k, v in row.items()} for row in history)
+
+        replace_file(self.path / "history.csv", write)
+
+    def write_summary(self, summary: dict[str, Any]) -> None:
+        """Write summary.json (rank 0)."""
+        if self.comm.rank != 0:
+            return
+        text = json.dumps(_plain(summary), indent=2, ensure_ascii=False)
+        replace_file(
+            self.path / "summary.json", lambda t: _discard(t.write_text(text + "\n", "utf-8"))
+        )
+
+    def _part(self, step: int) -> Path:
+        return self.path / "parts" / f"step_{step:05d}.h5"
+
+    # --------------------------------------------------------------------- XDMF
+
+    def write_xdmf(self, history: list[dict[str, Any]], whole: bool = False) -> None:
+        """Write fields.xdmf for the steps on disk: one grid a step, with every field (rank 0).
+
+        Parameters
+        ----------
+        history
+            The accepted steps.
+        whole
+            Whether all steps are in fields.h5; otherwise those in parts/ are taken from there.
+        """
+        if self.comm.rank != 0:
+            return
+        grids = []
+        for row in history:
+            step = int(row["step"])
+            file, prefix = self._where(self._part(step), f"step_{step:05d}/", whole)
+            if file.exists():
+                grids.append(self._grid_xml(step, float(row["time"]), file, prefix, whole))
+        text = (
+            '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n <Domain>\n'
+            '  <Grid Name="device" GridType="Collection" CollectionType="Temporal">\n'
+            + "".join(grids)
+            + "  </Grid>\n </Domain>\n</Xdmf>\n"
+        )
+        replace_file(self.path / "fields.xdmf", lambda t: _discard(t.write_text(text, "utf-8")))
+
+    def _where(self, part: Path, group: str, whole: bool) -> tuple[Path, str]:
+        """File and group in it that hold a part of the results."""
+        return (part, "") if part.exists() and not whole else (self.path / "fields.h5", group)
+
+    def _grid_xml(self, step: int, time: float, file: Path, prefix: str, whole: bool) -> str:
+        mesh, mesh_prefix = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
+        with h5py.File(mesh) as h5:
+            where = h5[mesh_prefix] if mesh_prefix else h5
+            n_cells, per_cell = where["cells"].shape
+            n_points = where["points"].shape[0]
+            kind = _XDMF_CELLS[str(where.attrs["cell"])]
+        mesh_name, name = (p.relative_to(self.path).as_posix() for p in (mesh, file))
+        lines = [
+            f'   <Grid Name="step {step}" GridType="Uniform">',
+            f'    <Time Value="{time:.12g}"/>',
+            f'    <Topology TopologyType="{kind}" NumberOfElements="{n_cells}">',
+            _item((n_cells, per_cell), "Int", f"{mesh_name}:/{mesh_prefix}cells"),
+            "    </Topology>",
+            '    <Geometry GeometryType="XYZ">',
+            _item((n_points, 3), "Float", f"{mesh_name}:/{mesh_prefix}points"),
+            "    </Geometry>",
+            _attribute(
+                "region", "Scalar", "Cell", (n_cells,), "Int", f"{mesh_name}:/{mesh_prefix}regions"
+            ),
+        ]
+        with h5py.File(file) as h5:
+            where = h5[prefix] if prefix else h5
+            for group, center in (("node", "Node"), ("cell", "Cell")):
+                for field, data in where[group].items():
+                    kind = _KINDS[data.shape[1] if data.ndim > 1 else 1]
+                    lines.append(
+                        _attribute(
+                            field, kind, center, data.shape, "Float",
+                            f"{name}:/{prefix}{group}/{field}",
+                        )  # fmt: skip
+                    )
+        return "\n".join([*lines, "   </Grid>\n"])
+
+    def consolidate(self, history: list[dict[str, Any]]) -> None:
+        """Bring all steps into one fields.h5 and remove the parts (rank 0)."""
+        if self.comm.rank != 0:
+            return
+        parts = self.path / "parts"
+        if not (parts / "grid.h5").exists():
+            shutil.rmtree(parts, ignore_errors=True)
+            return
+        whole = self.path / "fields.h5"
+
+        def write(target: Path) -> None:
+            if whole.exists():
+                shutil.copyfile(whole, target)
+            with h5py.File(target, "a") as h5:
+                for source, name in [(parts / "grid.h5", "grid")] + [
+                    (self._part(int(r["step"])), f"step_{int(r['step']):05d}") for r in history
+                ]:
+                    if not source.exists():
+                        continue
+                    if name in h5:
+                        del h5[name]
+                    with h5py.File(source) as part:
+                        group = h5.create_group(name)
+                        for key, value in part.attrs.items():
+                            group.attrs[key] = value
+                        for key in part:
+                            part.copy(key, group)
+
+        replace_file(whole, write)
+        self.write_xdmf(history, whole=True)
+        shutil.rmtree(parts)
+
+
+def _item(shape: tuple[int, ...], kind: str, where: str) -> str:
+    size = " ".join(map(str, shape))
+    precision = 8
+    return (
+        f'     <DataItem Dimensions="{size}" NumberType="{kind}" Precision="{precision}" '
+        f'Format="HDF">{where}</DataItem>'
+    )
+
+
+def _attribute(
+    name: str, kind: str, center: str, shape: tuple[int, ...], number: str, where: str
+) -> str:
+    return (
+        f'    <Attribute Name="{name}" AttributeType="{kind}" Center="{center}">\n'
+        f"{_item(shape, number, where)}\n    </Attribute>"
+    )
+
+
+def _number(value: Any) -> Any:
+    """Full precision for floats, an empty cell for None."""
+    if value is None:
+        return ""
+    return repr(float(value)) if isinstance(value, float | np.floating) else value
+
+
+def _plain(value: Any) -> Any:
+    """What JSON can hold: NaN and infinity become null."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    if isinstance(value, str | int | float | bool) or value is None:
+        return value
+    return str(value)
+
+
+def _discard(_: object) -> None:
+    """Drop a return value that a callback must not have."""

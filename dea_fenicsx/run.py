@@ -1,0 +1,392 @@
+"""Run a scene along a path: solve, measure, write, report.  What a user's script calls."""
+
+from __future__ import annotations
+
+import json
+import platform
+import resource
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, is_dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import dolfinx
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
+from dea_fenicsx.fields import FieldWriter
+from dea_fenicsx.observables import Measurement, Observable
+from dea_fenicsx.results import Folder
+from dea_fenicsx.scene import Scene
+from dea_fenicsx.solver import NewtonOptions, NewtonSolver
+from dea_fenicsx.stepping import Cursor, Ramp, Step, check_path, follow
+from dea_fenicsx.weakform import Problem
+
+STABILITY = ("last", "every", "never")
+
+
+@dataclass
+class Run:
+    """A finished or ended run.
+
+    Attributes
+    ----------
+    history
+        A row for each accepted step: column name to value.
+    summary
+        What summary.json holds.
+    problem
+        The discrete problem in its last accepted state.
+    folder
+        The results folder's writer, or None.
+    """
+
+    history: list[dict[str, Any]]
+    summary: dict[str, Any]
+    problem: Problem
+    folder: Folder | None = None
+
+    @property
+    def out(self) -> Path | None:
+        """The results folder."""
+        return self.folder.path if self.folder else None
+
+    def add(self, **values: Any) -> None:
+        """Add a script's own findings to the summary, in memory and on disk.
+
+        A key ends in its unit (``height_m``) unless it is a pure number.
+        """
+        self.summary |= values
+        if self.folder:
+            self.folder.write_summary(self.summary)
+
+    def column(self, name: str) -> np.ndarray:
+        """A column of the history as an array."""
+        if name not in self.history[0]:
+            raise InputError(
+                f"The history has no column {name!r}; it has: {', '.join(self.history[0])}."
+            )
+        return np.array([row[name] for row in self.history], dtype=float)
+
+    def __getitem__(self, name: str) -> float:
+        """Value of a column at the last step."""
+        return float(self.column(name)[-1])
+
+
+def solve(
+    scene: Scene,
+    path: Ramp | Sequence[Ramp],
+    record: Mapping[str, Observable] | None = None,
+    out: str | Path | None = None,
+    *,
+    resume: bool = False,
+    quiet: bool = False,
+    stability: str = "last",
+    options: NewtonOptions | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> Run:
+    """Bring a scene to equilibrium along a path.
+
+    Parameters
+    ----------
+    scene
+        What is solved.
+    path
+        One ramp, or several in sequence.
+    record
+        Observables by name; the column in history.csv is the name with the unit appended.
+    out
+        Results folder; None writes nothing.  An earlier run's files in it move to ``previous/``.
+    resume
+        Carry on from the last step in `out`, if there is one.
+    quiet
+        Print nothing.
+    stability
+        When to factorise the tangent of an accepted state to count its negative eigenvalues:
+        at the ``"last"`` step, at ``"every"`` step, or ``"never"`` on purpose.
+    options
+        Settings of Newton's method.
+    settings
+        The script's own settings, to be kept in summary.json.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    InputError
+        Before anything is solved or written.
+    EquilibriumLost, SolverError
+        If the path cannot be followed to its end; everything up to the last accepted step is on
+        disk, and the error's attribute `run` holds it.
+    """
+    path = [path] if isinstance(path, Ramp) else list(path)
+    check_path(scene, path)
+    if stability not in STABILITY:
+        raise InputError(f"stability is {stability!r}, but must be one of {', '.join(STABILITY)}.")
+    return _Session(
+        scene, path, dict(record or {}), out, resume, quiet, stability, options, settings
+    ).run()
+
+
+@dataclass
+class _Session:
+    """The state of one call of `solve`."""
+
+    scene: Scene
+    path: list[Ramp]
+    record: dict[str, Observable]
+    out: str | Path | None
+    resume: bool
+    quiet: bool
+    stability: str
+    options: NewtonOptions | None
+    settings: Mapping[str, Any] | None
+    history: list[dict[str, Any]] = field(default_factory=list)
+    earlier_s: float = 0.0
+
+    def run(self) -> Run:
+        self.started = time.perf_counter()
+        self.comm = self.scene.device.comm
+        folder = Folder(self.out, self.comm) if self.out is not None else None
+        self.problem = Problem(self.scene)
+        self.measurements: dict[str, Measurement] = {
+            f"{name}_{o.unit}" if o.unit else name: o.bind(self.problem)
+            for name, o in self.record.items()
+        }
+        self.solver = NewtonSolver(self.problem, self.options)
+        self.folder = folder
+        self.writer = FieldWriter(self.problem) if folder else None
+        cursor = self._load() if self.resume and folder else None
+        if folder and self.writer and cursor is None:
+            folder.start()
+        if folder and self.writer:
+            folder.write_grid(self.writer.grid)
+        self._say(
+            f"{self.scene.device.source or 'device'}: {self.problem.unknowns} unknowns, "
+            f"{self.comm.size} rank{'s' * (self.comm.size > 1)}"
+            + (f", resumed after step {cursor.step}" if cursor else "")
+        )
+        result = Run(self.history, {}, self.problem, folder)
+        self._summarise(result, "running")
+        self._step_started = time.perf_counter()
+        try:
+            for step in follow(self.solver, self.path, cursor, self._say):
+                self._accept(step)
+        except (EquilibriumLost, SolverError) as error:
+            error.run = result
+            kind = "equilibrium lost" if isinstance(error, EquilibriumLost) else "solver failed"
+            self._finish(result, kind, str(error))
+            raise
+        self._finish(result, "completed")
+        return result
+
+    # ------------------------------------------------------------------- steps
+
+    def _accept(self, step: Step) -> None:
+        """Measure and write an accepted step."""
+        problem, solver, probe = self.problem, self.solver, step.attempt.probe
+        assert probe is not None
+        before = self._counts if hasattr(self, "_counts") else (0, 0, 0)
+        if self.stability == "every" or (self.stability == "last" and step.last):
+            solver.refresh_inertia()
+        counters = solver.counters
+        self._counts = (counters.newton, counters.krylov, counters.factorisations)
+        work = [now - then for now, then in zip(self._counts, before, strict=True)]
+        now = time.perf_counter()
+        length, scales = problem.scales.length, problem.scales
+        cursor = step.cursor
+        row: dict[str, Any] = {
+            "step": cursor.step,
+            "time": cursor.ramp + cursor.position,
+            "ramp": step.label,
+        }
+        for name in self.scene.ramps:
+            volts = self.scene.reference_voltage(name)
+            key = f"{name}_V" if volts else f"{name}_factor"
+            row[key] = cursor.factors[name] * (volts or 1.0)
+        row.update({name: measure() for name, measure in self.measurements.items()})
+        if problem.potential is not None:
+            row["max_field_V_per_m"] = probe.max_field * scales.field
+            for axis, x in zip("xyz", probe.place, strict=True):
+                row[f"max_field_{axis}_m"] = float(x) * length
+        row |= {
+            "min_J": probe.min_J,
+            "volume_error": problem.volume_error(),
+            "residual": step.attempt.residual,
+            "newton_iterations": work[0],
+            "krylov_iterations": work[1],
+            "factorisations": work[2],
+            "retries": step.retries,
+            "inertia": solver.inertia.excess,
+            "inertia_is_of_this_step": int(solver.inertia.factors == cursor.factors),
+            "wall_s": self.earlier_s + now - self.started,
+        }
+        self.history.append(row)
+        if self.folder and self.writer:
+            told = {
+                "cursor": asdict(cursor),
+                "history": self.history,
+                "fingerprint": self._fingerprint(),
+                "wall_s": row["wall_s"],
+            }
+            self.folder.write_step(
+                cursor.step, told, self.history,
+                self.writer.node_fields(), self.writer.cell_fields(), self.writer.gather_state(),
+            )  # fmt: skip
+        self._report(row, now - self._step_started)
+        self._step_started = time.perf_counter()
+
+    def _report(self, row: dict[str, Any], seconds: float) -> None:
+        loads = "  ".join(
+            f"{k.removesuffix('_V')} {row[k]:.6g}{' V' * k.endswith('_V')}"
+            for k in row
+            if k.removesuffix("_V").removesuffix("_factor") in self.scene.ramps
+        )
+        seen = "  ".join(f"{name} {row[name]:.6g}" for name in list(self.measurements)[:3])
+        self._say(
+            f"step {row['step']:3d}  {loads}  {seen}  Newton {row['newton_iterations']}  "
+            f"Krylov {row['krylov_iterations']}  {seconds:.1f} s"
+        )
+
+    def _say(self, line: str) -> None:
+        if not self.quiet and self.comm.rank == 0:
+            print(line, flush=True)
+
+    # ------------------------------------------------------------------ resume
+
+    def _fingerprint(self) -> dict[str, Any]:
+        """What must agree between a run and its continuation."""
+        device = self.scene.device
+        facts = {
+            "cells": self.comm.allreduce(device.owned_cells(), op=MPI.SUM),
+            "unknowns": self.problem.unknowns,
+            "ramps": list(self.scene.ramps),
+            "materials": {k: _described(m) for k, m in self.scene.materials.items()},
+            "electrodes": [_described(e) for e in self.scene.electrodes],
+            "path": [_described(r) for r in self.path],
+        }
+        return json.loads(json.dumps(facts))
+
+    def _load(self) -> Cursor | None:
+        """Restore the last accepted step of an earlier run, or None if there is none."""
+        assert self.folder and self.writer
+        found = self.folder.load_checkpoint()
+        if found is None:
+            self._say("There is no earlier run to resume; starting anew.")
+            return None
+        told, state = found
+        mine, theirs = self._fingerprint(), told["fingerprint"]
+        for key in mine:
+            if mine[key] != theirs.get(key):
+                raise InputError(
+                    f"The run in {self.folder.path} cannot be resumed: its {key} is not this "
+                    "script's; start anew without resume, or in another folder."
+                )
+        self.history = told["history"]
+        self.earlier_s = float(told["wall_s"])
+        self.writer.scatter_state(state)
+        return Cursor(**told["cursor"])
+
+    # ----------------------------------------------------------------- summary
+
+    def _finish(self, result: Run, status: str, message: str = "") -> None:
+        if self.folder:
+            self.folder.consolidate(self.history)
+        self._summarise(result, status, message)
+
+    def _summarise(self, result: Run, status: str, message: str = "") -> None:
+        """Fill the run's summary and write it.  Collective."""
+        problem, solver, comm = self.problem, self.solver, self.comm
+        memory = comm.allreduce(_peak_memory_GB(), op=MPI.SUM)
+        last = self.history[-1] if self.history else {}
+        stable: bool | None = None
+        if last.get("inertia_is_of_this_step"):
+            stable = last["inertia"] == 0
+        summary: dict[str, Any] = {
+            "status": status,
+            "message": message,
+            **{k: v for k, v in last.items() if k in self._kept_keys()},
+            "stable": stable,
+            "steps": len(self.history) - 1 if self.history else 0,
+            "unknowns": problem.unknowns,
+            "unknowns_by_field": problem.counts,
+            "cells": comm.allreduce(self.scene.device.owned_cells(), op=MPI.SUM),
+            "volume_m3": problem.volume * problem.scales.volume,
+            "ranks": comm.size,
+            "wall_s": self.earlier_s + time.perf_counter() - self.started,
+            "peak_memory_GB": memory,
+            "newton_iterations": _total(self.history, "newton_iterations"),
+            "krylov_iterations": _total(self.history, "krylov_iterations"),
+            "factorisations": _total(self.history, "factorisations"),
+            "assembly_s": solver.counters.assembly_s,
+            "factor_s": solver.counters.factor_s,
+            "krylov_s": solver.counters.krylov_s,
+            "settings": {
+                "script": dict(self.settings or {}),
+                "mesh": self.scene.device.source,
+                "materials": {k: _described(m) for k, m in self.scene.materials.items()},
+                "electrodes": [_described(e) for e in self.scene.electrodes],
+                "supports": [_described(s) for s in self.scene.supports],
+                "prescribed": [_described(s) for s in self.scene.prescribed],
+                "loads": [_described(s) for s in self.scene.loads],
+                "kinematics": _described(self.scene.kinematics),
+                "elements": _described(self.scene.elements),
+                "path": [_described(r) for r in self.path],
+                "newton": _described(solver.options),
+                "scales": _described(problem.scales),
+            },
+            "versions": versions(),
+            "command": " ".join(sys.argv),
+        }
+        result.summary.clear()
+        result.summary.update(summary)
+        if self.folder:
+            self.folder.write_summary(summary)
+
+    def _kept_keys(self) -> set[str]:
+        """Columns whose last value belongs into the summary."""
+        drop = {"step", "time", "ramp", "newton_iterations", "krylov_iterations", "factorisations",
+                "retries", "wall_s", "inertia_is_of_this_step"}  # fmt: skip
+        return set(self.history[-1]) - drop if self.history else set()
+
+
+def _total(history: list[dict[str, Any]], key: str) -> int:
+    return sum(int(row[key]) for row in history)
+
+
+def _peak_memory_GB() -> float:
+    """Peak resident memory of this process in GB (10^9 bytes)."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
+
+
+def _described(thing: Any) -> Any:
+    """A dataclass as JSON can hold it, with its type's name, deeply."""
+    if is_dataclass(thing) and not isinstance(thing, type):
+        inner = {k: _described(getattr(thing, k)) for k in thing.__dataclass_fields__}
+        return {"type": type(thing).__name__, **inner}
+    if isinstance(thing, list | tuple):
+        return [_described(t) for t in thing]
+    return thing
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that shapes a result."""
+    try:
+        own = version("dea_fenicsx")
+    except PackageNotFoundError:
+        own = "unknown"
+    return {
+        "dea_fenicsx": own,
+        "dolfinx": dolfinx.__version__,
+        "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
+        "mpi": MPI.Get_library_version().split("\n")[0].split("\x00")[0].strip(),
+        "numpy": np.__version__,
+        "python": platform.python_version(),
+    }

@@ -1,0 +1,267 @@
+"""The scene: which material where, what is imposed, at which fidelity.  Checked at once."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.conditions import (
+    Clamp,
+    DeadLoad,
+    DeadPressure,
+    Discretisation,
+    Displacement,
+    Electrode,
+    Fix,
+    FreeBody,
+    Load,
+    Prescribed,
+    Stretch,
+    Support,
+)
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.kinematics import Kinematics, ThreeD
+from dea_fenicsx.materials import Material
+from dea_fenicsx.mesh import Device
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A device with its materials and everything imposed on it.
+
+    Parameters
+    ----------
+    device
+        The mesh with its names, from `read_gmsh`.
+    materials
+        Material of each region; every region must have one.
+    electrodes
+        Electrodes and grounds.  May be empty: then no potential is modelled at all.
+    supports
+        `Fix`, `Clamp` or `FreeBody`.
+    prescribed
+        Prescribed stretches and displacements.
+    loads
+        Dead loads.
+    kinematics
+        `ThreeD()`, `PlaneStrain()` or `Axisymmetric()`.
+    elements
+        The finite elements, see `Discretisation`.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, a region without material, an electrode without facets, unphysical
+        constants and the like; one sentence says what is wrong, where, and what would be right.
+    """
+
+    device: Device
+    materials: Mapping[str, Material]
+    electrodes: Sequence[Electrode] = ()
+    supports: Sequence[Support] = ()
+    prescribed: Sequence[Prescribed] = ()
+    loads: Sequence[Load] = ()
+    kinematics: Kinematics = field(default_factory=ThreeD)
+    elements: Discretisation = field(default_factory=Discretisation)
+
+    def __post_init__(self) -> None:
+        _check_kinematics(self)
+        _check_materials(self)
+        _check_electrodes(self)
+        _check_mechanics(self)
+        _check_elements(self)
+
+    @property
+    def ramps(self) -> tuple[str, ...]:
+        """Names of everything that can be ramped, in the order of appearance."""
+        driven = [*self.prescribed, *self.loads, *(e for e in self.electrodes if e.volts)]
+        return tuple(dict.fromkeys(item.ramp for item in driven))
+
+    @property
+    def has_potential(self) -> bool:
+        return bool(self.electrodes)
+
+    def reference_voltage(self, ramp: str) -> float:
+        """The potential in V, largest in size, of the electrodes on a ramp; 0 if there are none."""
+        volts = [e.volts for e in self.electrodes if e.ramp == ramp]
+        return max(volts, key=abs, default=0.0)
+
+
+def known(name: str, names: Iterable[str], what: str) -> None:
+    """Raise InputError unless `name` is one of `names`, with the nearest as a suggestion."""
+    names = list(names)
+    if name in names:
+        return
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else ""
+    listing = ", ".join(sorted(names)) or "none"
+    raise InputError(f"There is no {what} named {name!r}; {hint} the mesh has: {listing}.")
+
+
+def finite(value: object, what: str) -> None:
+    """Raise InputError unless `value` is a finite real number."""
+    try:
+        ok = math.isfinite(value)  # type: ignore[arg-type]
+    except TypeError:
+        ok = False
+    if not ok:
+        raise InputError(f"{what} is {value!r}, but must be a finite number.")
+
+
+def _check_kinematics(scene: Scene) -> None:
+    device, kinematics = scene.device, scene.kinematics
+    kind = type(kinematics).__name__
+    if device.mesh.geometry.dim != kinematics.dim or device.dim != kinematics.dim:
+        raise InputError(
+            f"{kind} needs a mesh in {kinematics.dim} dimensions, but the mesh has cells of "
+            f"dimension {device.dim} in {device.mesh.geometry.dim} coordinates."
+        )
+    depth = getattr(kinematics, "depth", 1.0)
+    if not (math.isfinite(depth) and depth > 0):
+        raise InputError(f"The depth of PlaneStrain is {depth!r}, but must be a length > 0 in m.")
+    if kind == "Axisymmetric":
+        low = device.comm.allreduce(
+            device.mesh.geometry.x[:, 0].min(initial=np.inf), op=MPI.MIN
+        )
+        if low < -1e-12:
+            raise InputError(
+                f"An axisymmetric mesh lies at radii r >= 0, but this one reaches r = "
+                f"{low * device.length:g} m; shift it so that the axis is at r = 0."
+            )
+
+
+def _check_materials(scene: Scene) -> None:
+    regions = scene.device.regions
+    for name in scene.materials:
+        known(name, regions, "region")
+    missing = [name for name in regions if name not in scene.materials]
+    if missing:
+        raise InputError(
+            f"Region {missing[0]!r} has no material; give one in materials={{...}} for each of: "
+            f"{', '.join(sorted(regions))}."
+        )
+    for name, material in scene.materials.items():
+        if not isinstance(material, Material):
+            raise InputError(
+                f"Region {name!r} is given {type(material).__name__}, but needs a Material."
+            )
+        faults = material.faults()
+        if faults:
+            model = type(material.elastic).__name__
+            raise InputError(f"Region {name!r}, {model}: {faults[0]}.")
+
+
+def _check_electrodes(scene: Scene) -> None:
+    device = scene.device
+    dielectric = any(m.is_dielectric for m in scene.materials.values())
+    seen: dict[str, Electrode] = {}
+    for electrode in scene.electrodes:
+        finite(electrode.volts, f"The voltage of electrode {electrode.label!r}")
+        for name in electrode.names:
+            known(name, [*device.surfaces, *device.regions], "facet group or region")
+            if name in seen:
+                raise InputError(f"{name!r} is an electrode twice; name each group once.")
+            seen[name] = electrode
+            is_region = name in device.regions
+            if is_region and not scene.materials[name].is_conductor:
+                raise InputError(
+                    f"Region {name!r} is an electrode, but its material does not conduct; give it "
+                    "Material(..., electric=Conductor())."
+                )
+            count = _count(device, name)
+            if count == 0:
+                kind = "cells" if is_region else "facets"
+                raise InputError(
+                    f"Electrode {name!r} has no {kind} in the mesh; check the physical group."
+                )
+    for name, material in scene.materials.items():
+        if scene.electrodes and material.is_conductor and name not in seen:
+            raise InputError(
+                f"Region {name!r} conducts, but is no electrode; add it to an Electrode or Ground."
+            )
+    if scene.electrodes and not dielectric:
+        raise InputError(
+            "There are electrodes but no dielectric; give at least one region "
+            "Material(..., electric=IdealDielectric(eps_r))."
+        )
+
+
+def _count(device: Device, name: str) -> int:
+    """Global number of cells or facets in a named group."""
+    local = device.cells_of(name) if name in device.regions else device.facets_of(name)
+    return device.comm.allreduce(len(local), op=MPI.SUM)
+
+
+def _check_mechanics(scene: Scene) -> None:
+    device, axes = scene.device, scene.kinematics.axes
+    for item in [*scene.supports, *scene.prescribed, *scene.loads]:
+        what = type(item).__name__
+        if isinstance(item, FreeBody):
+            if device.dim != 3:
+                raise InputError("FreeBody works in three dimensions only; use Fix in this scene.")
+            continue
+        known(item.where, device.surfaces, "facet group")
+        if _count(device, item.where) == 0:
+            raise InputError(f"{what} on {item.where!r} finds no facets in the mesh.")
+        named = getattr(item, "axes", "")
+        if isinstance(item, Fix | Stretch | Displacement) and (
+            not named or any(a not in axes for a in named)
+        ):
+            raise InputError(
+                f"{what} on {item.where!r} names the axes {named!r}, but must name one or more of "
+                f"{', '.join(axes)}."
+            )
+        if isinstance(item, Stretch):
+            finite(item.stretch, f"The stretch on {item.where!r}")
+            if item.stretch <= 0:
+                raise InputError(f"The stretch on {item.where!r} is {item.stretch}, must be > 0.")
+        elif isinstance(item, Displacement):
+            finite(item.metres, f"The displacement on {item.where!r}")
+        elif isinstance(item, DeadLoad):
+            if len(item.pascal) != len(axes):
+                raise InputError(
+                    f"The dead load on {item.where!r} has {len(item.pascal)} components, but must "
+                    f"have {len(axes)}: one for each of {', '.join(axes)}."
+                )
+            for value in item.pascal:
+                finite(value, f"The dead load on {item.where!r}")
+        elif isinstance(item, DeadPressure):
+            finite(item.pascal, f"The pressure on {item.where!r}")
+            if item.on is not None:
+                known(item.on, device.regions, "region")
+    if not any(isinstance(s, Clamp | Fix | FreeBody) for s in scene.supports):
+        raise InputError(
+            "The scene has no supports, so the device could drift away; add Clamp(...), Fix(...) "
+            "or FreeBody()."
+        )
+
+
+def _check_elements(scene: Scene) -> None:
+    e = scene.elements
+    if e.pressure not in Discretisation.PRESSURES:
+        raise InputError(
+            f"The pressure element is {e.pressure!r}, but must be one of "
+            f"{', '.join(Discretisation.PRESSURES)}."
+        )
+    simplex = "simplex" if scene.device.mesh.topology.cell_name() in SIMPLICES else ""
+    if e.pressure == "discontinuous" and simplex:
+        raise InputError(
+            "A discontinuous linear pressure is unstable on triangles and tetrahedra; use "
+            'pressure="continuous".'
+        )
+    if e.potential_degree not in (1, 2):
+        raise InputError(
+            f"The degree of the potential is {e.potential_degree!r}, but must be 1 or 2."
+        )
+    if not 2 <= e.quadrature_degree <= 12:
+        raise InputError(
+            f"The quadrature degree is {e.quadrature_degree!r}, but must lie between 2 and 12."
+        )
+
+
+SIMPLICES = ("triangle", "tetrahedron")

@@ -1,0 +1,41 @@
+"""Command line of a script: the options that all demos share, and clean errors under MPI."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any, NoReturn
+
+from dea_fenicsx.errors import InputError
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser for scripts that are started with mpirun.
+
+    Adds ``--out DIR``, ``--quiet`` and ``--resume``.  A wrong command line ends as an
+    `InputError`: one sentence from rank 0, exit status 2.
+    """
+
+    def __init__(self, description: str, out: str) -> None:
+        super().__init__(
+            description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter
+        )
+        self.add_argument("--out", default=out, metavar="DIR", help="results folder")
+        self.add_argument("--quiet", action="store_true", help="print nothing")
+        self.add_argument(
+            "--resume", action="store_true", help="carry on from the last step in --out"
+        )
+
+    def number(self, flag: str, default: float, unit: str, what: str) -> None:
+        """Add an option that takes a number; `unit` goes into its help ("-" for none)."""
+        self.add_argument(flag, type=float, default=default, metavar=unit, help=what)
+
+    def count(self, flag: str, default: int, what: str) -> None:
+        """Add an option that takes a whole number."""
+        self.add_argument(flag, type=int, default=default, metavar="N", help=what)
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{self.prog}: {message}; see --help.")
+
+    def settings(self, args: Any) -> dict[str, Any]:
+        """The parsed options as a dictionary, for summary.json."""
+        return dict(vars(args))

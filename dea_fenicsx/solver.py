@@ -1,0 +1,333 @@
+"""One nonlinear solve at one load: Newton on the true tangent, preconditioned by a kept factor.
+
+A factorisation L D L^T by MUMPS costs far more than an assembly or a triangular solve.  So it is
+kept, across Newton iterations and load steps, as the preconditioner of GMRES on the true tangent,
+and renewed only when the Krylov iterations grow.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from dea_fenicsx.weakform import Probe, Problem
+
+
+@dataclass(frozen=True)
+class NewtonOptions:
+    """Settings of the nonlinear solver.
+
+    Attributes
+    ----------
+    tolerance
+        Each field's residual, relative to its own reference (see `NewtonSolver.norms`).
+    max_iterations
+        Newton iterations before a step counts as failed.
+    krylov_limit
+        Krylov iterations in one linear solve after which the factor is renewed.
+    keep_factor
+        False factorises at every Newton iteration (plain Newton).
+    """
+
+    tolerance: float = 1e-10
+    max_iterations: int = 15
+    krylov_limit: int = 30
+    keep_factor: bool = True
+
+
+@dataclass
+class Counters:
+    """Work done since the start of the run."""
+
+    newton: int = 0
+    krylov: int = 0
+    factorisations: int = 0
+    assembly_s: float = 0.0
+    factor_s: float = 0.0
+    krylov_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """How a nonlinear solve ended.
+
+    Attributes
+    ----------
+    reason
+        Empty if it converged; otherwise ``"diverged"``, ``"slow"``, ``"inadmissible"`` (det F <= 0
+        or a locked chain in every trial step), ``"linear solver"`` or ``"jumped"``.
+    iterations
+        Newton iterations.
+    residual
+        Largest scaled residual of a field at the end.
+    probe
+        Extremes at the end, or None if it failed.
+    """
+
+    reason: str
+    iterations: int
+    residual: float
+    probe: Probe | None = None
+
+    @property
+    def converged(self) -> bool:
+        return not self.reason
+
+
+@dataclass
+class Inertia:
+    """Negative pivots of the latest factor beyond those of a stable state.
+
+    Zero on a stable path.  It belongs to the tangent that was factorised, at the ramp factors
+    given; `None` before the first factorisation.
+    """
+
+    excess: int | None = None
+    factors: dict[str, float] = field(default_factory=dict)
+
+
+class NewtonSolver:
+    """Solves a `Problem` for equilibrium at its current ramp factors.
+
+    Parameters
+    ----------
+    problem
+        What is to be solved.
+    options
+        Tolerances and limits.
+    """
+
+    def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
+        self.problem = problem
+        self.options = options or NewtonOptions()
+        self.counters = Counters()
+        self.inertia = Inertia()
+        self._references: dict[str, float] = {}
+        self._ksp: Any = None
+        self._kept: Any = None
+        self._stale = True
+        # pressure rows hold int q (J - 1) dX: measured against the size of int |q| dX
+        volume = problem.volume
+        self._pressure_reference = volume / np.sqrt(max(problem.counts["p"], 1))
+
+    # --------------------------------------------------------------- residuals
+
+    def norms(self, residual: np.ndarray) -> dict[str, float]:
+        """Residual of each field relative to its reference.
+
+        The references are what the same vector holds at the fixed unknowns and what it has held
+        before: reactions and loads for u, electrode charges for phi, a volume for p.  They only
+        grow during a run, so that a small step is not held to a stricter test than a large one.
+        """
+        problem = self.problem
+        free = residual[problem.free]
+        sums = []
+        for name, dofs in problem.fields.items():
+            sums += [np.sum(residual[dofs] ** 2), np.sum(free[problem.free_fields[name]] ** 2)]
+        total = np.sqrt(problem.comm.allreduce(np.array(sums), op=MPI.SUM))
+        out = {}
+        for k, name in enumerate(problem.fields):
+            everything, mine = total[2 * k], total[2 * k + 1]
+            if name == "p":
+                reference = self._pressure_reference
+            else:
+                reference = max(self._references.get(name, 0.0), float(everything))
+                self._references[name] = reference
+            out[name] = mine / reference if reference > 0 else 0.0
+        return out
+
+    def residual_of(self, residual: np.ndarray) -> float:
+        """Largest scaled residual of a field (inf if it is not finite)."""
+        worst = max(self.norms(residual).values())
+        return worst if np.isfinite(worst) else np.inf
+
+    # ------------------------------------------------------------------ solve
+
+    def solve(self, lift: bool, on_iteration: Callable[[int, float], None] | None = None) -> Attempt:
+        """Find equilibrium at the problem's current ramp factors, from its current state.
+
+        Parameters
+        ----------
+        lift
+            True: the fixed values of the new factors are reached together with the first Newton
+            step, linearised at the old state (a tangent predictor, safe for large prescribed
+            motions).  False: they are already in the state.
+        on_iteration
+            Called with the iteration number and the largest scaled residual.
+        """
+        problem, options = self.problem, self.options
+        residual = problem.residual()
+        change = None
+        if lift:
+            before = problem.get_state()
+            change = problem.insert_fixed()
+            after = problem.get_state()
+            problem.set_state(before)
+        norm = self.residual_of(residual)
+        # with the loads lifted, the first residual is that of the old load and says nothing
+        history = [] if lift else [norm]
+        iteration = 0
+        while change is not None or norm > options.tolerance:
+            if iteration == options.max_iterations:
+                return Attempt("slow", iteration, norm)
+            tangent = self._assemble()
+            rhs = -residual[problem.free]
+            if change is not None:
+                rhs -= problem.tangent_times_fixed(change)
+            forcing = self._forcing(history) if change is None else 1e-3
+            increment = self._linear_solve(tangent, rhs, forcing)
+            if increment is None:
+                return Attempt("linear solver", iteration, norm)
+            if change is not None:
+                problem.set_state(after)
+                change = None
+            iteration += 1
+            self.counters.newton += 1
+            residual, norm, ok = self._advance(increment, history)
+            if not ok:
+                return Attempt("inadmissible", iteration, norm)
+            history.append(norm)
+            if on_iteration:
+                on_iteration(iteration, norm)
+            if not np.isfinite(norm) or (iteration > 3 and norm > 1e4 * min(history[1:])):
+                return Attempt("diverged", iteration, norm)
+        probe = problem.probe()
+        if not probe.admissible:
+            return Attempt("inadmissible", iteration, norm)
+        return Attempt("", iteration, norm, probe)
+
+    def _advance(
+        self, increment: np.ndarray, history: list[float]
+    ) -> tuple[np.ndarray, float, bool]:
+        """Add an increment, cut back until the state is admissible and the residual acceptable.
+
+        A trial with det F <= 0, past a chain's lock-up or with a wildly growing residual is
+        refused; energies are never clamped, which would change the material.
+        """
+        problem = self.problem
+        start = problem.get_state()
+        size = 1.0
+        limit = np.inf  # the first residual says little after a change of load
+        if len(history) > 1:
+            limit = 1e3 * max(history[-1], self.options.tolerance)
+        for _ in range(8):
+            problem.set_state(start)
+            problem.add_free(size * increment)
+            if problem.probe().admissible:
+                residual = self._timed_residual()
+                norm = self.residual_of(residual)
+                if norm <= limit:
+                    return residual, norm, True
+            size /= 2
+        return np.empty(0), np.inf, False
+
+    def _forcing(self, history: list[float]) -> float:
+        """Relative tolerance of the next linear solve (Eisenstat-Walker, second choice)."""
+        now = history[-1]
+        wanted = 1e-3
+        if len(history) > 1 and history[-2] > 0:
+            wanted = min(1e-3, 0.9 * (now / history[-2]) ** 2)
+        return float(np.clip(wanted, max(0.05 * self.options.tolerance / now, 1e-9), 1e-3))
+
+    # ----------------------------------------------------------- linear algebra
+
+    def _timed_residual(self) -> np.ndarray:
+        start = time.perf_counter()
+        residual = self.problem.residual()
+        self.counters.assembly_s += time.perf_counter() - start
+        return residual
+
+    def _assemble(self) -> Any:
+        start = time.perf_counter()
+        tangent = self.problem.tangent()
+        self.counters.assembly_s += time.perf_counter() - start
+        return tangent
+
+    def _linear_solve(self, tangent: Any, rhs: np.ndarray, rtol: float) -> np.ndarray | None:
+        """Solve for the increment; renew the factor where the old one no longer serves."""
+        fresh = False
+        if self._ksp is None or self._stale or not self.options.keep_factor:
+            if not self._factorise(tangent):
+                return None
+            fresh = True
+        for _ in range(2):
+            solution, iterations = self._krylov(tangent, rhs, rtol)
+            if solution is not None:
+                # a factor that served badly is not carried into the next solve
+                self._stale = iterations > self.options.krylov_limit
+                return solution
+            if fresh or not self._factorise(tangent):
+                return None
+            fresh = True
+        return None
+
+    def _factorise(self, tangent: Any) -> bool:
+        """Make a new factor of the tangent; False if MUMPS fails."""
+        start = time.perf_counter()
+        if self._ksp is not None:
+            self._ksp.destroy()
+            self._kept.destroy()
+        self._kept = tangent.copy()
+        self._kept.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        ksp = PETSc.KSP().create(self.problem.comm)
+        ksp.setOptionsPrefix("dea_")
+        ksp.setType("gmres")
+        ksp.setPCSide(PETSc.PC.Side.RIGHT)
+        ksp.setGMRESRestart(2 * self.options.krylov_limit)
+        ksp.setOperators(tangent, self._kept)
+        pc = ksp.getPC()
+        pc.setType("cholesky")
+        pc.setFactorSolverType("mumps")
+        pc.setReusePreconditioner(True)
+        pc.setFactorSetUpSolverType()
+        factor = pc.getFactorMatrix()
+        factor.setMumpsIcntl(14, 60)  # workspace margin for delayed pivots, in percent
+        factor.setMumpsIcntl(24, 1)  # null pivots are detected, which makes the inertia right
+        ksp.setErrorIfNotConverged(False)
+        ksp.setFromOptions()
+        self._ksp = ksp
+        self.counters.factorisations += 1
+        try:
+            ksp.setUp()
+        except PETSc.Error:
+            self._stale = True
+            return False
+        ok = factor.getMumpsInfog(1) >= 0
+        if ok:
+            negative = factor.getMumpsInfog(12)
+            self.inertia = Inertia(
+                excess=negative - self.problem.expected_negative_pivots,
+                factors=dict(self.problem.factors),
+            )
+        self._stale = not ok
+        self.counters.factor_s += time.perf_counter() - start
+        return ok
+
+    def refresh_inertia(self) -> None:
+        """Factorise the tangent at the problem's present state, to know its inertia."""
+        self._factorise(self._assemble())
+
+    def _krylov(
+        self, tangent: Any, rhs: np.ndarray, rtol: float
+    ) -> tuple[np.ndarray | None, int]:
+        """GMRES on the tangent with the kept factor; None if it does not converge."""
+        start = time.perf_counter()
+        ksp = self._ksp
+        ksp.setOperators(tangent, self._kept)
+        ksp.setTolerances(rtol=rtol, atol=0.0, max_it=2 * self.options.krylov_limit)
+        x, b = tangent.createVecs()
+        b.array[:] = rhs
+        ksp.solve(b, x)
+        iterations = ksp.getIterationNumber()
+        self.counters.krylov += iterations
+        solution = x.array_r.copy() if ksp.getConvergedReason() > 0 else None
+        x.destroy()
+        b.destroy()
+        self.counters.krylov_s += time.perf_counter() - start
+        return solution, iterations

@@ -1,0 +1,348 @@
+"""From a scene to unknowns, residual and tangent.
+
+One mixed function w = (u, p, phi) holds everything, fixed values included.  Boundary values are
+put into w before anything is assembled, so increments vanish there and no lifting is needed; the
+linear systems are in the free unknowns only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import basix
+import basix.ufl
+import dolfinx
+import dolfinx.fem.petsc
+import numpy as np
+import ufl
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from dea_fenicsx import compat
+from dea_fenicsx.conditions import DeadPressure
+from dea_fenicsx.constraints import Component, Constraints, apply_electrodes, apply_supports
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.forms import Scales, cauchy_stress, kernels, measure, state
+from dea_fenicsx.mesh import one_sided
+from dea_fenicsx.scene import SIMPLICES, Scene
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Extreme values over all quadrature points.
+
+    Attributes
+    ----------
+    min_J : smallest det F
+    min_margin : smallest distance to chain lock-up (1 where there is none)
+    max_field : largest true electric field, dimensionless
+    place : undeformed position of the largest field, dimensionless, shape (3,)
+    """
+
+    min_J: float
+    min_margin: float
+    max_field: float
+    place: np.ndarray
+
+    @property
+    def admissible(self) -> bool:
+        """Whether every energy is defined; False for NaN as well."""
+        return self.min_J > 0 and self.min_margin > 0
+
+
+class Problem:
+    """The discrete problem of a scene.
+
+    Attributes
+    ----------
+    w
+        The mixed function (u, p, phi), dimensionless.
+    scales
+        SI value of each dimensionless unit.
+    factors
+        Current factor of each ramp.
+    fields
+        For each field, ``"u"``, ``"p"`` and if there is one ``"phi"``, its owned local degrees of
+        freedom.
+    free
+        Owned local degrees of freedom that are unknowns, sorted.
+    electrode_dofs
+        Owned and ghost degrees of freedom of each electrode, by its label.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.mesh = scene.device.mesh
+        self.comm: MPI.Comm = scene.device.comm
+        self.scales = Scales.of(scene)
+        self.factors = {name: 0.0 for name in scene.ramps}
+        self._build_space()
+        self._constrain()
+        self._build_forms()
+
+    # ---------------------------------------------------------------- spaces
+
+    def _build_space(self) -> None:
+        scene, mesh = self.scene, self.mesh
+        cell = mesh.topology.cell_name()
+        dim = mesh.geometry.dim
+        choice = scene.elements.pressure
+        if choice == "auto":
+            choice = "continuous" if cell in SIMPLICES else "discontinuous"
+        self.pressure_kind = choice
+        vector = basix.ufl.element("Lagrange", cell, 2, shape=(dim,))
+        pressure = basix.ufl.element("Lagrange", cell, 1)
+        if choice == "discontinuous":
+            pressure = basix.ufl.element("DPC", cell, 1, discontinuous=True)
+        elements = [vector, pressure]
+        if scene.has_potential:
+            elements.append(basix.ufl.element("Lagrange", cell, scene.elements.potential_degree))
+        self.W = dolfinx.fem.functionspace(mesh, basix.ufl.mixed_element(elements))
+        self.w = dolfinx.fem.Function(self.W, name="state")
+        self.displacement = [Component.of(self.W.sub(0).sub(a)) for a in range(dim)]
+        self.pressure = Component.of(self.W.sub(1))
+        self.potential = Component.of(self.W.sub(2)) if scene.has_potential else None
+
+        index_map = self.W.dofmap.index_map
+        assert self.W.dofmap.index_map_bs == 1
+        self.owned = index_map.size_local
+        self.size = index_map.size_local + index_map.num_ghosts
+        self.fields = {
+            "u": self._owned(np.concatenate([c.dofs for c in self.displacement])),
+            "p": self._owned(self.pressure.dofs),
+        }
+        if self.potential is not None:
+            self.fields["phi"] = self._owned(self.potential.dofs)
+
+    def _owned(self, dofs: np.ndarray) -> np.ndarray:
+        return np.sort(dofs[dofs < self.owned])
+
+    def _constrain(self) -> None:
+        self.constraints = Constraints(self.size)
+        apply_supports(self.scene, self.displacement, self.constraints)
+        self.electrode_dofs: dict[str, np.ndarray] = {}
+        if self.potential is not None:
+            self.electrode_dofs = apply_electrodes(
+                self.scene, self.potential, self.scales.potential, self.constraints
+            )
+        for ramp in self.factors:
+            self.constraints.base.setdefault(ramp, np.zeros(self.size))
+        fixed = self.constraints.fixed[: self.owned]
+        self.free = np.flatnonzero(~fixed).astype(np.int32)
+        self.fixed = np.flatnonzero(fixed).astype(np.int32)
+        self.free_fields = {
+            name: np.searchsorted(self.free, np.intersect1d(dofs, self.free))
+            for name, dofs in self.fields.items()
+        }
+        self.unknowns = self.comm.allreduce(len(self.free), op=MPI.SUM)
+        self.counts = {
+            name: self.comm.allreduce(len(where), op=MPI.SUM)
+            for name, where in self.free_fields.items()
+        }
+        start = self.W.dofmap.index_map.local_range[0]
+        self._free_rows = PETSc.IS().createGeneral(self.free + start, comm=self.comm)
+        self._fixed_rows = PETSc.IS().createGeneral(self.fixed + start, comm=self.comm)
+
+    @property
+    def expected_negative_pivots(self) -> int:
+        """Negative eigenvalues of the tangent on a stable path: one a pressure or potential."""
+        return self.counts["p"] + self.counts.get("phi", 0)
+
+    # ----------------------------------------------------------------- forms
+
+    def _build_forms(self) -> None:
+        scene, scales = self.scene, self.scales
+        degree = scene.elements.quadrature_degree
+        self.kernels = kernels(scene, scales)
+        x = ufl.SpatialCoordinate(self.mesh)
+        weight = scene.kinematics.weight(x)
+        u, p, phi = self._split(self.w)
+        self.states = [state(scene, k, scales, u, p, phi) for k in self.kernels]
+        dx = measure(scene.device, [k.cells for k in self.kernels], degree)
+        energy = sum(s.energy * weight * dx(k) for k, s in enumerate(self.states))
+        test = ufl.TestFunction(self.W)
+        residual = ufl.derivative(energy, self.w, test)
+        tangent = ufl.derivative(residual, self.w, ufl.TrialFunction(self.W))
+        residual = residual - self._work_of_loads(self._split(test)[0], weight, degree)
+        self._residual = compat.compile_form(residual)
+        self._tangent = compat.compile_form(tangent)
+
+        points, weights = basix.make_quadrature(
+            getattr(basix.CellType, self.mesh.topology.cell_name()), degree
+        )
+        self._points = points
+        self._probes = [
+            compat.expression(
+                ufl.as_vector(
+                    [s.J, s.chain_margin, ufl.sqrt(ufl.dot(s.true_field, s.true_field))]
+                ),
+                points,
+            )
+            for s in self.states
+        ]
+        self._place = compat.expression(x, points)
+        cellwise = ufl.TestFunction(dolfinx.fem.functionspace(self.mesh, ("DG", 0)))
+        self._swelling = compat.compile_form(
+            sum((s.J - 1) * cellwise * weight * dx(k) for k, s in enumerate(self.states))
+        )
+        volumes = compat.compile_form(
+            sum(cellwise * weight * dx(k) for k in range(len(self.states)))
+        )
+        n = scene.device.owned_cells()
+        self.cell_volumes = _cell_values(volumes)[:n]
+        self.volume = self.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
+
+    def _split(self, w: Any) -> tuple[Any, Any, Any | None]:
+        parts = ufl.split(w)
+        return (*parts, None) if len(parts) == 2 else parts
+
+    def _work_of_loads(self, v: Any, weight: Any, degree: int) -> Any:
+        """Virtual work of the dead loads; each ramp's factor is a constant of the form."""
+        scene, mesh = self.scene, self.mesh
+        self._load_factors = {
+            ramp: dolfinx.fem.Constant(mesh, 0.0)
+            for ramp in {load.ramp for load in scene.loads}
+        }
+        if not scene.loads:
+            return 0
+        sides = [
+            self._pressed_side(load)
+            if isinstance(load, DeadPressure)
+            else one_sided(scene.device, load.where)
+            for load in scene.loads
+        ]
+        ds = measure(scene.device, sides, degree, "ds")
+        normal = ufl.FacetNormal(mesh)
+        work = 0
+        for k, load in enumerate(scene.loads):
+            factor = self._load_factors[load.ramp]
+            if isinstance(load, DeadPressure):
+                pressure = dolfinx.fem.Constant(mesh, load.pascal / self.scales.stress)
+                work += -factor * pressure * ufl.dot(normal, v) * weight * ds(k)
+            else:
+                traction = dolfinx.fem.Constant(mesh, np.array(load.pascal) / self.scales.stress)
+                work += factor * ufl.dot(traction, v) * weight * ds(k)
+        return work
+
+    def _pressed_side(self, load: DeadPressure) -> np.ndarray:
+        """Facets of a pressure, seen from the material it presses on."""
+        device, materials = self.scene.device, self.scene.materials
+        pairs = {name: one_sided(device, load.where, frozenset([device.regions[name]]))
+                 for name in ([load.on] if load.on else materials)}  # fmt: skip
+        counts = {n: self.comm.allreduce(len(p), op=MPI.SUM) for n, p in pairs.items()}
+        total = self.comm.allreduce(len(one_sided(device, load.where)), op=MPI.SUM)
+        touching = [n for n, c in counts.items() if c]
+        if sum(counts.values()) > total:
+            touching = [n for n in touching if materials[n].is_dielectric]
+        if sum(counts[n] for n in touching) != total:
+            raise InputError(
+                f"It is not clear which side the pressure on {load.where!r} presses; name the "
+                f"region with DeadPressure(..., on=...), one of: {', '.join(sorted(materials))}."
+            )
+        return np.concatenate([pairs[n] for n in touching])
+
+    # ------------------------------------------------------------- evaluation
+
+    def set_factors(self, factors: dict[str, float]) -> None:
+        """Set the ramp factors: dead loads at once, fixed values at `insert_fixed`."""
+        self.factors = dict(factors)
+        for ramp, constant in self._load_factors.items():
+            constant.value = factors[ramp]
+
+    def insert_fixed(self) -> np.ndarray:
+        """Put the fixed values of the current factors into w; returns their change (owned)."""
+        target = self.constraints.values(self.factors)
+        fixed = self.constraints.fixed
+        array = self.w.x.array
+        change = target[self.fixed] - array[self.fixed]
+        array[fixed] = target[fixed]
+        return change
+
+    def get_state(self) -> np.ndarray:
+        """Copy of all local values of w, ghosts included."""
+        return self.w.x.array.copy()
+
+    def set_state(self, values: np.ndarray) -> None:
+        self.w.x.array[:] = values
+
+    def add_free(self, increment: np.ndarray) -> None:
+        """Add an increment to the free unknowns (owned) and update the ghosts."""
+        self.w.x.array[self.free] += increment
+        self.w.x.scatter_forward()
+
+    def residual(self) -> np.ndarray:
+        """Internal minus external forces at all owned degrees of freedom, fixed ones included."""
+        if not hasattr(self, "_b"):
+            self._b = compat.create_vector(self._residual)
+        with self._b.localForm() as local:
+            local.set(0.0)
+        dolfinx.fem.petsc.assemble_vector(self._b, self._residual)
+        self._b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        return self._b.array_r.copy()
+
+    def tangent(self) -> Any:
+        """Assemble the tangent; returns its block in the free unknowns (reused between calls)."""
+        if not hasattr(self, "_A"):
+            self._A = dolfinx.fem.petsc.create_matrix(self._tangent)
+            self._A_free: Any = None
+        self._A.zeroEntries()
+        dolfinx.fem.petsc.assemble_matrix(self._A, self._tangent)
+        self._A.assemble()
+        self._A_free = self._A.createSubMatrix(self._free_rows, self._free_rows, self._A_free)
+        self._A_free.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        return self._A_free
+
+    def tangent_times_fixed(self, change: np.ndarray) -> np.ndarray:
+        """Product of the tangent's columns of fixed unknowns with their change (owned, free rows).
+
+        Uses the tangent of the latest call of `tangent`.
+        """
+        coupling = self._A.createSubMatrix(self._free_rows, self._fixed_rows)
+        x, y = coupling.createVecs()
+        x.array[:] = change
+        coupling.mult(x, y)
+        product = y.array_r.copy()
+        for thing in (coupling, x, y):
+            thing.destroy()
+        return product
+
+    def probe(self) -> Probe:
+        """Extremes of J, lock-up margin and field over the quadrature points.  Collective."""
+        low = np.array([np.inf, np.inf])
+        best = (-1.0, -1, -1)
+        for kernel, evaluate in zip(self.kernels, self._probes, strict=True):
+            if len(kernel.cells) == 0:
+                continue
+            values = evaluate(self.mesh, kernel.cells)
+            low = np.minimum(low, values[:, :, :2].min(axis=(0, 1)))
+            field = values[:, :, 2]
+            k, q = np.unravel_index(int(np.argmax(field)), field.shape)
+            if field[k, q] > best[0]:
+                best = (float(field[k, q]), int(kernel.cells[k]), int(q))
+        place = np.zeros(3)
+        if best[1] >= 0:
+            x = self._place(self.mesh, np.array([best[1]], dtype=np.int32))[0, best[2]]
+            place[: len(x)] = x
+        # a NaN on one rank must reach all of them, and MPI's MIN may drop it
+        low = np.where(np.isnan(low), -np.inf, low)
+        everyone = self.comm.allgather((low, best[0], place))
+        low = np.min([e[0] for e in everyone], axis=0)
+        winner = max(everyone, key=lambda e: (e[1], *e[2]))
+        return Probe(float(low[0]), float(low[1]), max(winner[1], 0.0), winner[2])
+
+    def volume_error(self) -> float:
+        """Largest relative change of volume of any cell, max |int (J - 1) dX| / int dX."""
+        change = np.abs(_cell_values(self._swelling)[: len(self.cell_volumes)])
+        worst = float(np.max(change / self.cell_volumes, initial=0.0))
+        return self.comm.allreduce(worst, op=MPI.MAX)
+
+    def stress(self, k: int) -> Any:
+        """Symbolic Cauchy stress of kernel k, dimensionless."""
+        return cauchy_stress(self.states[k])
+
+
+def _cell_values(form: Any) -> np.ndarray:
+    """Assemble a linear form over cell-wise constants; each rank's own cells are complete."""
+    vector = dolfinx.fem.assemble_vector(form)
+    return vector.array.copy()
