@@ -99,6 +99,11 @@ def collapse(subspace: Any) -> tuple[Any, np.ndarray]:
     return space, np.asarray(dofs, dtype=np.int32).ravel()
 
 
+def geometry_dofmap(mesh: Any) -> np.ndarray:
+    """Geometry nodes of each local cell, shape (cells, nodes)."""
+    return mesh.geometry.dofmap if VERSION < (0, 11) else mesh.geometry.dofmaps[0]
+
+
 def compile_form(form: Any) -> Any:
     """Compile a UFL form with this package's options."""
     return dolfinx.fem.form(form, jit_options=jit_options())

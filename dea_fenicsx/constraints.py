@@ -213,7 +213,7 @@ def _vertex_nodes(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
     cells = mesh.topology.connectivity(tdim, 0)
     count = len(cells.links(0)) if cells.num_nodes else 0
     vertices = cells.array.reshape(-1, count) if count else np.empty((0, 0), dtype=np.int32)
-    return mesh.geometry.dofmap[:, :count], vertices
+    return compat.geometry_dofmap(mesh)[:, :count], vertices
 
 
 def _vertices_of_node(mesh: Any, node: int) -> np.ndarray:

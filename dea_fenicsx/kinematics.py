@@ -153,37 +153,38 @@ class _Spectrum:
     GAP = 1e-5  # squared half gap of the pair, over its squared mean
 
     def __init__(self, C: Any, det: Any):
+        # products rather than integer powers: their derivatives compile to fewer operations
         m = ufl.tr(C) / 3
         dev = C - m * ufl.Identity(3)
-        J2 = ufl.inner(dev, dev) / 2
-        J3 = cofactor(dev)[1]
-        self.m, self.k2, self.k3 = m, J2 / m**2, J3 / m**3
+        self.m = m
+        self.k2 = ufl.inner(dev, dev) / (2 * m * m)
+        self.k3 = cofactor(dev)[1] / (m * m * m)
         self.apart = ufl.gt(self.k2, self.SPREAD)
-        # the branch not taken must stay finite: eigenvalues 3/2, 1, 1/2 stand in
+        # the branch not taken must stay finite: the spread of 3/2, 1, 1/2 stands in
         k2 = ufl.conditional(self.apart, self.k2, 0.25)
-        k3 = ufl.conditional(self.apart, self.k3, 0.0)
-        high = ufl.ge(k3, 0.0)  # is the largest eigenvalue the one apart, or the smallest?
+        high = ufl.ge(self.k3, 0.0)  # is the largest eigenvalue the one apart, or the smallest?
         sign = ufl.conditional(high, 1.0, -1.0)
-        # farthest deviation sign*x, x = 2 q c with 4c^3 - 3c = r: Newton in c on [sqrt(3)/2, 1]
+        # farthest deviation 2 sign q c with 4c^3 - 3c = r: Newton in c on [sqrt(3)/2, 1]
         q = ufl.sqrt(k2 / 3)
-        r = sign * k3 / (2 * q**3)
+        r = sign * 1.5 * self.k3 / (q * k2)
         c = _GUESS[-1]
         for a in reversed(_GUESS[:-1]):
             c = a + r * c
         for _ in range(2):
-            c = (8 * c**3 + r) / (12 * c**2 - 3)
+            cc = c * c
+            c = (8 * cc * c + r) / (12 * cc - 3)
         x = 2 * sign * q * c
-        mean = 1 - x / 2  # of the pair
-        unit = det / m**3
+        self.mean = 1 - x / 2  # of the pair
+        square = self.mean * self.mean
+        unit = det / (m * m * m)
         # a large eigenvalue is known well by itself; a small one by the product of the other two
-        pair = ufl.conditional(high, unit / (1 + x), mean**2 - k2 + 0.75 * x**2)
-        gap = ufl.conditional(high, 1 - pair / mean**2, (k2 - 0.75 * x**2) / mean**2)
-        self.far = ufl.conditional(high, 1 + x, unit / pair)
-        self.mean, self.gap = mean, gap
-        self.split = ufl.gt(gap, self.GAP)
-        safe = ufl.conditional(self.split, gap, 0.25)
-        root = 1 + ufl.sqrt(safe)
-        self.upper, self.lower = root, (1 - safe) / root
+        pair = ufl.conditional(high, unit / (1 + x), square + 0.75 * x * x - k2)
+        self.far = unit / pair
+        self.gap = 1 - pair / square
+        self.split = ufl.gt(self.gap, self.GAP)
+        safe = ufl.conditional(self.split, self.gap, 0.25)
+        self.upper = 1 + ufl.sqrt(safe)
+        self.lower = (1 - safe) / self.upper
 
     def power_sum(self, p: Any) -> Any:
         """Sum of the eigenvalues' powers p."""

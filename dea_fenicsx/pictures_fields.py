@@ -6,92 +6,20 @@ process where it finds no OpenGL.  The 3-D images are VTK's; axes, scales and te
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ET
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.reading import read_frame
 
-# XDMF's name of a quadratic cell: VTK's number, whether it is a flat one
-_CELLS = {
-    "Triangle_6": (22, True),
-    "Quadrilateral_9": (28, True),
-    "Tetrahedron_10": (24, False),
-    "Hexahedron_27": (29, False),
-}
 DISPLACEMENT = "displacement_m"
 _GREY, _LINE, _COLOURS = "#b8b8b8", "#404040", "viridis"
 _WIDTH = 174 / 25.4  # inch: two columns
 _DPI = 300
-
-
-@dataclass(frozen=True)
-class Frame:
-    """One step of a run.
-
-    Attributes
-    ----------
-    grid : pyvista.UnstructuredGrid, undeformed, with the step's fields
-    flat : whether the device lies in a plane
-    time : path parameter of the step
-    """
-
-    grid: Any
-    flat: bool
-    time: float
-
-
-def read_frame(folder: Path, step: int = -1) -> Frame:
-    """Read a step of a run from fields.xdmf and the HDF5 files it names, without VTK's readers.
-
-    Parameters
-    ----------
-    folder
-        The run's folder; the run may still be going on.
-    step
-        Which of the steps on disk, from 0; negative ones count from the last.
-
-    Raises
-    ------
-    InputError
-        If there are no fields, or no such step.
-    """
-    import pyvista
-
-    file = folder / "fields.xdmf"
-    if not file.is_file():
-        raise InputError(f"There is no fields.xdmf in {folder}; give the folder of a run.")
-    grids = ET.parse(file).getroot().findall("./Domain/Grid/Grid")
-    if not -len(grids) <= step < len(grids):
-        raise InputError(
-            f"Step {step} is not in {file}; it holds steps 0 to {len(grids) - 1} "
-            "(-1 is the last one)."
-        )
-    xml = grids[step]
-
-    def data(element: ET.Element | None) -> np.ndarray:
-        assert element is not None
-        name, where = (element.findtext("DataItem") or "").strip().split(":", 1)
-        with h5py.File(folder / name) as h5:
-            return h5[where][()]
-
-    topology = xml.find("Topology")
-    assert topology is not None
-    number, flat = _CELLS[topology.attrib["TopologyType"]]
-    cells = data(topology)
-    table = np.column_stack([np.full(len(cells), cells.shape[1]), cells]).ravel()
-    types = np.full(len(cells), number, dtype=np.uint8)
-    grid = pyvista.UnstructuredGrid(table, types, data(xml.find("Geometry")))
-    for attribute in xml.findall("Attribute"):
-        target = grid.point_data if attribute.attrib["Center"] == "Node" else grid.cell_data
-        target[attribute.attrib["Name"]] = data(attribute)
-    time = xml.find("Time")
-    return Frame(grid, flat, float(time.attrib["Value"]) if time is not None else 0.0)
 
 
 def scalar(grid: Any, field: str) -> tuple[np.ndarray, str, bool]:
@@ -149,7 +77,7 @@ def _shoot(
     low, high = low - pad, high + pad
     width, height = high - low
     pixels = int(width_inch * 2 * _DPI)
-    size = (pixels, max(int(round(pixels * height / width)), 8))
+    size = (pixels, max(round(pixels * height / width), 8))
     normal = np.cross(right, up)
     depth = bounds @ normal
     focus = (low[0] + high[0]) / 2 * right + (low[1] + high[1]) / 2 * up + depth.mean() * normal
@@ -179,7 +107,7 @@ def _edges(surface: Any) -> Any:
     regions = np.asarray(surface.cell_data["region"])
     for region in np.unique(regions):
         part = surface.extract_cells(np.flatnonzero(regions == region))
-        part = part.extract_surface(nonlinear_subdivision=0)
+        part = _surface(part, 0)
         parts.append(
             part.extract_feature_edges(
                 40, manifold_edges=False, non_manifold_edges=False, clear_data=True
@@ -195,9 +123,17 @@ def _warped(grid: Any, factor: float) -> Any:
     return moved
 
 
-def _skin(grid: Any) -> Any:
-    """The curved outer surface."""
-    return grid.extract_surface(nonlinear_subdivision=3)
+def _surface(mesh: Any, subdivision: int) -> Any:
+    """The outer surface; curved faces are split `subdivision` times."""
+    # not pyvista's extract_surface, whose choice of algorithm is about to change
+    import pyvista
+    from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
+
+    algorithm = vtkDataSetSurfaceFilter()
+    algorithm.SetInputData(mesh)
+    algorithm.SetNonlinearSubdivisionLevel(subdivision)
+    algorithm.Update()
+    return pyvista.wrap(algorithm.GetOutput())
 
 
 def _section(grid: Any) -> Any:
@@ -210,9 +146,12 @@ def _section(grid: Any) -> Any:
     cut = grid.slice(normal="y", origin=middle + np.array([0, 2e-3, 0]) * (high - low))
     if cut.n_cells == 0:
         return None
-    x = np.asarray(cut.cell_centers().points)[:, 0] - middle[0]
-    if np.abs(x).min() > 0.05 * (high[0] - low[0]) and (x > 0).any():
-        cut = cut.extract_cells(np.flatnonzero(x > 0)).extract_surface(nonlinear_subdivision=0)
+    cut = cut.triangulate()
+    x = np.asarray(cut.points)[cut.faces.reshape(-1, 4)[:, 1:], 0] - middle[0]
+    # the side x < 0: at x > 0 lie the ends of a helical device, where nothing is typical
+    left = x.max(axis=1) < -0.01 * (high[0] - low[0])
+    if left.any() and (left | (x.min(axis=1) > 0)).all():
+        cut = _surface(cut.extract_cells(np.flatnonzero(left)), 0)
     return cut
 
 
@@ -254,16 +193,17 @@ def render(
         def act(plotter: Any) -> None:
             plotter.add_mesh(
                 surface, scalars="shown", preference="point" if nodal else "cell", cmap=_COLOURS,
-                clim=(low, high), nan_color=_GREY, lighting=lit, show_scalar_bar=False,
-                smooth_shading=False, ambient=0.25, diffuse=0.8, specular=0.0,
+                clim=(low, high), nan_color=_GREY, show_scalar_bar=False,
+                ambient=0.5 if lit else 1.0, diffuse=0.55 if lit else 0.0, specular=0.0,
             )  # fmt: skip
             plotter.add_mesh(_edges(surface), color=_LINE, line_width=3)
-            plotter.add_mesh(outline, color="#d62728", line_width=3)
+            if warp:
+                plotter.add_mesh(outline, color="#d62728", line_width=3)
 
         return act
 
-    whole = _skin(_warped(grid, warp))
-    outline = _edges(_skin(grid))
+    whole = _surface(_warped(grid, warp), 3)
+    outline = _edges(_surface(grid, 3))
     seen = np.vstack([whole.points, np.asarray(grid.points)])
     section = None if frame.flat else _section(grid)
     panels: list[tuple[_Image, str]] = []

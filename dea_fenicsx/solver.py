@@ -115,6 +115,11 @@ class NewtonSolver:
         # pressure rows hold int q (J - 1) dX: measured against the size of int |q| dX
         volume = problem.volume
         self._pressure_reference = volume / np.sqrt(max(problem.counts["p"], 1))
+        # a small load is not resolved below what rounding leaves of stresses of the modulus's size:
+        # a hundredth of the nodal forces that a stress mu makes, cell area times sqrt(nodes)
+        dim = problem.mesh.geometry.dim
+        nodes = max(problem.counts["u"] / dim, 1.0)
+        self._references["u"] = 1e-2 * (volume / nodes) ** (1 - 1 / dim) * np.sqrt(nodes)
 
     # --------------------------------------------------------------- residuals
 
@@ -124,6 +129,7 @@ class NewtonSolver:
         The references are what the same vector holds at the fixed unknowns and what it has held
         before: reactions and loads for u, electrode charges for phi, a volume for p.  They only
         grow during a run, so that a small step is not held to a stricter test than a large one.
+        u's starts at a hundredth of the nodal forces that a stress of the modulus's size makes.
         """
         problem = self.problem
         free = residual[problem.free]

@@ -18,8 +18,8 @@ from dea_fenicsx.materials import EPSILON_0
 # cells per turn, over the electrode's width, over each rim, through each elastomer layer
 MESHES = {
     1: {"angular": 12, "radial": 4, "rim": 1, "through": 1},
-    2: {"angular": 16, "radial": 8, "rim": 2, "through": 1},
-    3: {"angular": 20, "radial": 12, "rim": 4, "through": 2},
+    2: {"angular": 16, "radial": 8, "rim": 2, "through": 2},
+    3: {"angular": 24, "radial": 12, "rim": 4, "through": 3},
 }
 LINEAR_SHARE = 0.800  # electrode area over ring area, times elastomer over pitch: digest section 5
 

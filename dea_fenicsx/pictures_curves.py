@@ -1,0 +1,188 @@
+"""Columns of history.csv against each other, and the labels of all pictures."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.reading import read_history
+
+# endings of column names: unit, exponents of ten it may be scaled by
+_UNITS: dict[str, tuple[str, tuple[int, ...]]] = {
+    "_V_per_m": ("V/m", (6,)),
+    "_V": ("V", (0, 3)),
+    "_m": ("m", (-9, -6, -3, 0)),
+    "_m3": ("m³", (-9, 0)),
+    "_C": ("C", (-12, -9, -6, -3, 0)),
+    "_F": ("F", (-12, -9, -6, -3, 0)),
+    "_N": ("N", (-6, -3, 0, 3)),
+    "_Pa": ("Pa", (0, 3, 6, 9)),
+    "_s": ("s", (0,)),
+    "_GB": ("GB", (0,)),
+}
+_PREFIX = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+_PERCENT = ("contraction", "strain")
+_WORDS = {
+    "max_field": "peak electric field",
+    "field_strength": "electric field",
+    "min_J": "smallest J",
+    "cap": "capacitance",
+}
+_COLUMN = 85 / 25.4  # inch: one column of a journal
+
+
+def axis_label(name: str, largest: float) -> tuple[str, float]:
+    """Text of an axis for a column of history.csv, and what its numbers are divided by.
+
+    Parameters
+    ----------
+    name
+        Column or field name, ending in its unit.
+    largest
+        Largest absolute value; decides between m, mm and µm, and the like.
+
+    Returns
+    -------
+    label, divisor
+    """
+    ending = next((e for e in _UNITS if name.endswith(e)), "")
+    base = name.removesuffix(ending)
+    words = _WORDS.get(base, base.replace("_", " "))
+    words = words[:1].upper() + words[1:]
+    if not ending:
+        if any(word in base for word in _PERCENT):
+            return f"{words} (%)", 0.01
+        return f"{words} (-)", 1.0
+    unit, exponents = _UNITS[ending]
+    power = 0 if 0 in exponents else exponents[0]
+    if largest > 0 and math.isfinite(largest):
+        fitting = [e for e in exponents if largest >= 10.0**e * 0.9995]
+        power = max(fitting, default=exponents[0])
+    if ending == "_m3":
+        return f"{words} ({'mm³' if power else 'm³'})", 10.0**power
+    return f"{words} ({_PREFIX[power]}{unit})", 10.0**power
+
+
+def curve(
+    folders: str | os.PathLike | Sequence[str | os.PathLike],
+    x: str,
+    y: str,
+    path: str | os.PathLike | None = None,
+    labels: Sequence[str] | None = None,
+    markers: Sequence[str] | str = "os^Dv",
+    lines: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
+) -> list[Path]:
+    """Draw one column of the history against another, for one run or several.
+
+    Parameters
+    ----------
+    folders
+        A run's folder, or several.
+    x, y
+        Columns of history.csv.
+    path
+        The picture, without its ending; by default ``Y_X`` (less the units) beside the first
+        history.csv.
+    labels
+        Names of the runs for the legend; by default their folders' names if there are several.
+    markers
+        A matplotlib marker for each run, in turn.
+    lines
+        Curves to compare with, as thin lines: label to abscissae and ordinates, in the columns'
+        (SI) units.
+
+    Returns
+    -------
+    list of Path
+        The PNG (300 dpi) and the SVG.
+
+    Raises
+    ------
+    InputError
+        If a folder or column is not there, or a column holds no numbers.
+    """
+    try:
+        import matplotlib
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise InputError("Curves need matplotlib; pip install matplotlib.") from error
+
+    if isinstance(folders, str | os.PathLike):
+        folders = [folders]
+    places = [Path(f) for f in folders]
+    if not places:
+        raise InputError("No folder of a run was given; give at least one.")
+    if labels is None:
+        labels = [p.resolve().name for p in places] if len(places) > 1 else [""]
+    if len(labels) != len(places):
+        raise InputError(f"There are {len(places)} runs but {len(labels)} labels; give one each.")
+    runs = [(_numbers(p, x), _numbers(p, y)) for p in places]
+    others = [(np.asarray(a, float), np.asarray(b, float)) for a, b in (lines or {}).values()]
+    biggest = [
+        max((float(np.nanmax(np.abs(c[i]), initial=0.0)) for c in [*runs, *others]), default=0.0)
+        for i in (0, 1)
+    ]
+    (x_text, x_unit), (y_text, y_unit) = axis_label(x, biggest[0]), axis_label(y, biggest[1])
+
+    style = {
+        "font.size": 8, "axes.linewidth": 0.6, "lines.linewidth": 1.0, "lines.markersize": 3.0,
+        "xtick.direction": "in", "ytick.direction": "in", "xtick.top": True, "ytick.right": True,
+        "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False,
+        "svg.fonttype": "none", "svg.hashsalt": "dea_fenicsx",
+    }  # fmt: skip
+    with matplotlib.rc_context(style):
+        figure = Figure(figsize=(_COLUMN, 0.75 * _COLUMN), layout="constrained")
+        axes = figure.subplots()
+        for k, ((a, b), label) in enumerate(zip(runs, labels, strict=True)):
+            mark = markers[k % len(markers)] if markers else None
+            axes.plot(a / x_unit, b / y_unit, marker=mark, markerfacecolor="white", label=label)
+        for (a, b), label, dash in zip(others, lines or {}, ["--", ":", "-."] * 9, strict=False):
+            axes.plot(a / x_unit, b / y_unit, dash, color="0.2", linewidth=0.8, label=label)
+        axes.set_xlabel(x_text)
+        axes.set_ylabel(y_text)
+        if any(labels) or lines:
+            axes.legend()
+        stem = Path(path) if path is not None else places[0] / f"{bare(y)}_{bare(x)}"
+        stem = stem.with_suffix("") if stem.suffix in (".png", ".svg") else stem
+        paths = []
+        for kind, extra in (("png", {"dpi": 300}), ("svg", {"metadata": {"Date": None}})):
+            save = partial(figure.savefig, format=kind, **extra)
+            paths.append(write_whole(stem.with_name(f"{stem.name}.{kind}"), save))
+        return paths
+
+
+def _numbers(folder: Path, name: str) -> np.ndarray:
+    columns = read_history(folder)
+    if name not in columns:
+        raise InputError(
+            f"The history in {folder} has no column {name!r}; it has: {', '.join(columns)}."
+        )
+    if columns[name].dtype.kind != "f":
+        raise InputError(f"Column {name!r} of the history in {folder} does not hold numbers.")
+    return columns[name]
+
+
+def bare(name: str) -> str:
+    """A column's name without its unit."""
+    return name.removesuffix(next((e for e in _UNITS if name.endswith(e)), ""))
+
+
+def write_whole(path: Path, write: Callable[[Path], object]) -> Path:
+    """Write a file through a temporary one beside it."""
+    temporary = path.with_name(f".{path.name}.new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(temporary)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f"The picture {path} cannot be written ({error.strerror}).") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+    return path

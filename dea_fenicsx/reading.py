@@ -1,0 +1,116 @@
+"""Reading a run's results back: light, without MPI or DOLFINx."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import xml.etree.ElementTree as ET
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.errors import InputError
+
+# XDMF's name of a quadratic cell: VTK's number, whether it is a flat one
+_CELLS = {
+    "Triangle_6": (22, True),
+    "Quadrilateral_9": (28, True),
+    "Tetrahedron_10": (24, False),
+    "Hexahedron_27": (29, False),
+}
+
+
+def read_history(folder: str | os.PathLike) -> dict[str, np.ndarray]:
+    """Columns of a run's history.csv: numbers as float arrays (NaN where empty), else strings."""
+    file = Path(folder) / "history.csv"
+    if not file.is_file():
+        raise InputError(f"There is no history.csv in {folder}; give the folder of a run.")
+    with open(file, newline="") as f:
+        rows = list(csv.DictReader(f))
+    columns: dict[str, np.ndarray] = {}
+    for name in rows[0] if rows else []:
+        values = [row[name] for row in rows]
+        try:
+            columns[name] = np.array([float(v) if v else np.nan for v in values])
+        except ValueError:
+            columns[name] = np.array(values)
+    return columns
+
+
+def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
+    """A run's summary.json."""
+    file = Path(folder) / "summary.json"
+    if not file.is_file():
+        raise InputError(f"There is no summary.json in {folder}; give the folder of a run.")
+    with suppress(json.JSONDecodeError):
+        return json.loads(file.read_text("utf-8"))
+    raise InputError(f"{file} is not valid JSON.")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One step of a run.
+
+    Attributes
+    ----------
+    grid : pyvista.UnstructuredGrid, undeformed, with the step's fields
+    flat : whether the device lies in a plane
+    time : path parameter of the step
+    """
+
+    grid: Any
+    flat: bool
+    time: float
+
+
+def read_frame(folder: Path, step: int = -1) -> Frame:
+    """Read a step of a run from fields.xdmf and the HDF5 files it names, without VTK's readers.
+
+    Parameters
+    ----------
+    folder
+        The run's folder; the run may still be going on.
+    step
+        Which of the steps on disk, from 0; negative ones count from the last.
+
+    Raises
+    ------
+    InputError
+        If there are no fields, or no such step.
+    """
+    import h5py
+    import pyvista
+
+    file = folder / "fields.xdmf"
+    if not file.is_file():
+        raise InputError(f"There is no fields.xdmf in {folder}; give the folder of a run.")
+    grids = ET.parse(file).getroot().findall("./Domain/Grid/Grid")
+    if not -len(grids) <= step < len(grids):
+        raise InputError(
+            f"Step {step} is not in {file}; it holds steps 0 to {len(grids) - 1} "
+            "(-1 is the last one)."
+        )
+    xml = grids[step]
+
+    def data(element: ET.Element | None) -> np.ndarray:
+        assert element is not None
+        name, where = (element.findtext("DataItem") or "").strip().split(":", 1)
+        with h5py.File(folder / name) as h5:
+            return h5[where][()]
+
+    topology = xml.find("Topology")
+    assert topology is not None
+    number, flat = _CELLS[topology.attrib["TopologyType"]]
+    cells = data(topology)
+    table = np.column_stack([np.full(len(cells), cells.shape[1]), cells]).ravel()
+    types = np.full(len(cells), number, dtype=np.uint8)
+    grid = pyvista.UnstructuredGrid(table, types, data(xml.find("Geometry")))
+    for attribute in xml.findall("Attribute"):
+        target = grid.point_data if attribute.attrib["Center"] == "Node" else grid.cell_data
+        target[attribute.attrib["Name"]] = data(attribute)
+    time = xml.find("Time")
+    return Frame(grid, flat, float(time.attrib["Value"]) if time is not None else 0.0)

@@ -1,0 +1,67 @@
+"""Shared by all tests: small devices, and scripts started under mpirun."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mpi4py import MPI
+
+import dea_fenicsx as dea
+from dea_fenicsx.geometry import BoxStack, Layer
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def mpirun_command() -> str | None:
+    """The mpirun that belongs to this interpreter: beside it, else on the PATH."""
+    beside = Path(sys.executable).with_name("mpirun")
+    return str(beside) if beside.exists() else shutil.which("mpirun")
+
+
+def clean_environment() -> dict[str, str]:
+    """The environment without what this process's own MPI put there."""
+    drop = ("PMI", "PMIX", "OMPI_COMM", "OMPI_UNIVERSE", "PRTE_LAUNCHED", "HYDI", "MPIEXEC")
+    env = {k: v for k, v in os.environ.items() if not k.startswith(drop)}
+    return env | {"OMP_NUM_THREADS": "1"}
+
+
+@pytest.fixture
+def start():
+    """Start a Python script on some ranks; returns the finished process with its output."""
+
+    def run(script, *arguments, ranks: int = 1, timeout: float = 300, check: bool = False):
+        command = [sys.executable, str(script), *map(str, arguments)]
+        if ranks > 1:
+            mpirun = mpirun_command()
+            if mpirun is None:
+                pytest.skip("there is no mpirun")
+            command = [mpirun, "-n", str(ranks), *command]
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=timeout, cwd=ROOT,
+            env=clean_environment(), stdin=subprocess.DEVNULL,
+        )  # fmt: skip
+        if check:
+            assert done.returncode == 0, done.stdout + done.stderr
+        return done
+
+    return run
+
+
+def block(cells=(1, 1, 1), size=1e-3, thickness=None, order=2):
+    """A box-shaped film with the usual names: 3-D, or 2-D if `cells` has two entries."""
+    thickness = size if thickness is None else thickness
+    film = [Layer("film", thickness, divisions=cells[-1])]
+    width = size if len(cells) == 3 else None
+    geometry = BoxStack(size, width, film, divisions=cells[:-1] or (1,), order=order)
+    return dea.read_gmsh(geometry, MPI.COMM_SELF)
+
+
+@pytest.fixture(scope="session")
+def cube():
+    """A unit cell of film: 2 x 2 x 1 hexahedra, edge 1 mm."""
+    return block((2, 2, 1))

@@ -1,0 +1,78 @@
+"""The tangent is the derivative of the residual, and symmetric: Taylor remainder of order 2."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import block
+
+import dea_fenicsx as dea
+from dea_fenicsx.weakform import Problem
+
+CASES = {
+    "neo-Hookean": (dea.NeoHookean(50e3), None),
+    "Gent": (dea.Gent(50e3, 40.0), None),
+    "neo-Hookean, finite bulk modulus": (dea.NeoHookean(50e3), 5e5),
+    "Gent, finite bulk modulus": (dea.Gent(50e3, 40.0), 5e5),
+}
+PLACES = {
+    "3-D": ((1, 1, 1), dea.ThreeD()),
+    "plane strain": ((2, 1), dea.PlaneStrain()),
+    "axisymmetric": ((2, 1), dea.Axisymmetric()),
+}
+
+
+def problem_at_a_rough_state(elastic, kappa, cells, kinematics, rng):
+    """A problem away from equilibrium: every unknown perturbed, charged and loaded."""
+    scene = dea.Scene(
+        block(cells),
+        {"film": dea.Material(elastic, dea.IdealDielectric(3.0), kappa)},
+        electrodes=[dea.Electrode("top", 2000.0), dea.Ground("bottom")],
+        supports=[dea.Clamp("x_min")],
+        loads=[dea.DeadPressure("x_max", 1e3)],
+        kinematics=kinematics,
+    )
+    problem = Problem(scene)
+    problem.set_factors(dict.fromkeys(scene.ramps, 1.0))
+    problem.insert_fixed()
+    problem.add_free(0.02 * rng.standard_normal(len(problem.free)))
+    return problem
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("case", CASES)
+def test_taylor_remainder(case, place):
+    rng = np.random.default_rng(7)
+    problem = problem_at_a_rough_state(*CASES[case], *PLACES[place], rng)
+    start = problem.get_state()
+    direction = rng.standard_normal(len(problem.free))
+    residual = problem.residual()[problem.free]
+    tangent = problem.tangent()
+    x, y = tangent.createVecs()
+    x.array[:] = direction
+    tangent.mult(x, y)
+    steps = np.array([1e-2, 1e-3, 1e-4]) * 0.1
+    remainders = []
+    for h in steps:
+        problem.set_state(start)
+        problem.add_free(h * direction)
+        change = problem.residual()[problem.free] - residual - h * y.array_r
+        remainders.append(np.linalg.norm(change))
+    order = np.polyfit(np.log(steps), np.log(remainders), 1)[0]
+    assert order == pytest.approx(2, abs=0.1)
+    assert tangent.isSymmetric(1e-12 * tangent.norm())
+
+
+def test_fixed_columns_are_the_tangents_too():
+    """The lifted first step uses the tangent's columns of the fixed unknowns."""
+    rng = np.random.default_rng(3)
+    problem = problem_at_a_rough_state(dea.NeoHookean(50e3), None, (1, 1, 1), dea.ThreeD(), rng)
+    start, before = problem.get_state(), problem.residual()[problem.free]
+    problem.tangent()
+    change = rng.standard_normal(len(problem.fixed))
+    product = problem.tangent_times_fixed(change)
+    h = 1e-6
+    problem.set_state(start)
+    problem.w.x.array[problem.fixed] += h * change
+    difference = (problem.residual()[problem.free] - before) / h
+    assert difference == pytest.approx(product, abs=1e-4 * np.abs(product).max())
