@@ -4,6 +4,7 @@ Everything a script needs is here: ``import dea_fenicsx as dea``.  Names are loa
 first used, so that ``dea_fenicsx.geometry`` and ``dea_fenicsx.pictures`` start without DOLFINx.
 """
 
+# ruff: noqa: F401  (the imports below are for type checkers; names are loaded on demand)
 from __future__ import annotations
 
 from importlib import import_module
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
         MeanStretch,
         Reaction,
     )
-    from dea_fenicsx.results import read_history, read_summary
+    from dea_fenicsx.reading import read_history, read_summary
     from dea_fenicsx.run import Run, solve
     from dea_fenicsx.scene import Scene
     from dea_fenicsx.script import Parser
@@ -58,7 +59,7 @@ _HOME = {
         "Capacitance", "Charge", "Contraction", "LargestDisplacement", "MeanDisplacement",
         "MeanStretch", "Reaction",
     ),
-    "results": ("read_history", "read_summary"),
+    "reading": ("read_history", "read_summary"),
     "run": ("Run", "solve"),
     "scene": ("Scene",),
     "script": ("Parser",),

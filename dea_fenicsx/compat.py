@@ -1,7 +1,7 @@
-"""The one place where DOLFINx 0.9 and 0.11 differ.
+"""The one place where DOLFINx 0.9 and 0.11 differ, and where DOLFINx and PETSc are imported.
 
-Import this module before anything of DOLFINx: in the PyPI wheel the shared libraries are found only
-once ``dolfinx_solver`` has been imported.
+All other modules take `dolfinx` and `PETSc` from here: with the PyPI wheel the shared libraries are
+found only once ``dolfinx_solver`` has been imported.
 """
 
 from __future__ import annotations
@@ -21,6 +21,10 @@ import dolfinx
 import dolfinx.fem.petsc
 import numpy as np
 from mpi4py import MPI
+from petsc4py import PETSc
+
+__all__ = ["PETSc", "collapse", "compile_form", "create_vector", "dolfinx", "expression",
+           "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 

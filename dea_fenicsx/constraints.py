@@ -10,11 +10,11 @@ import itertools
 from dataclasses import dataclass
 from typing import Any
 
-import dolfinx
 import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx import compat
+from dea_fenicsx.compat import dolfinx
 from dea_fenicsx.conditions import Clamp, Displacement, Fix, FreeBody, Stretch
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.mesh import Device

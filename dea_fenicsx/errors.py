@@ -81,6 +81,7 @@ def install_hook() -> None:
             traceback.print_exception(kind, error, trace)
             sys.stderr.flush()
             world.Abort(1)
+            return  # some MPIs let the process run on for a moment
         previous(kind, error, trace)
 
     sys.excepthook = hook

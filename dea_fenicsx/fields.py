@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import basix
-import dolfinx
 import numpy as np
 import ufl
 
@@ -91,7 +90,7 @@ class FieldWriter:
         ]
         if problem.comm.rank != 0:
             return None
-        numbers, coordinates, regions = gathered  # type: ignore[assignment]
+        numbers, coordinates, regions = (np.asarray(g) for g in gathered)
         # number the nodes by their first appearance in the file's order of cells
         _, first, inverse = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
         rank = np.empty(len(first), dtype=np.int64)
@@ -133,7 +132,7 @@ class FieldWriter:
         if potential is not None:
             phi = np.zeros(n)
             phi[self._connectivity.ravel()] = potential.ravel() * problem.scales.potential
-            fields["potential_V"] = phi
+            fields |= {"potential_V": phi}
         return fields
 
     def _potential(self) -> np.ndarray | None:
@@ -158,7 +157,7 @@ class FieldWriter:
         gathered = self._gather(values)
         if gathered is None:
             return None
-        stress = np.zeros((len(gathered), 3, 3))
+        stress: np.ndarray = np.zeros((len(gathered), 3, 3))
         for k, (i, j) in enumerate(_VOIGT):
             stress[:, i, j] = stress[:, j, i] = gathered[:, 4 + k]
         field = gathered[:, 1:4]

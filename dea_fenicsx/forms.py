@@ -19,10 +19,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 
-import dolfinx
 import numpy as np
 import ufl
 
+from dea_fenicsx.compat import dolfinx
 from dea_fenicsx.kinematics import StrainOf, cofactor
 from dea_fenicsx.materials import Elastic
 from dea_fenicsx.mesh import Device
@@ -119,6 +119,13 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
         ).append(name)
     constant = dolfinx.fem.functionspace(device.mesh, ("DG", 0))
     owned = device.owned_cells()
+
+    def permittivity(name: str) -> float:
+        return scene.materials[name].electric.permittivity() / scales.permittivity  # type: ignore[union-attr]
+
+    def bulk_modulus(name: str) -> float:
+        return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
+
     made = []
     for (_, _, field_lives, incompressible), names in groups.items():
         cells = {n: device.cells_of(n) for n in names}
@@ -129,19 +136,12 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
                 f.x.array[c] = value(n)
             return f
 
-        materials = scene.materials
         together = np.sort(np.concatenate(list(cells.values())))
         made.append(
             Kernel(
-                elastic=_bind({n: materials[n].elastic for n in names}, cellwise),
-                eps=cellwise(
-                    lambda n: materials[n].electric.permittivity() / scales.permittivity  # type: ignore[union-attr]
-                )
-                if field_lives
-                else None,
-                kappa=None
-                if incompressible
-                else cellwise(lambda n: materials[n].bulk_modulus / scales.stress),  # type: ignore[operator]
+                elastic=_bind({n: scene.materials[n].elastic for n in names}, cellwise),
+                eps=cellwise(permittivity) if field_lives else None,
+                kappa=None if incompressible else cellwise(bulk_modulus),
                 regions=tuple(names),
                 cells=together[together < owned],
             )

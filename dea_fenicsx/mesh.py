@@ -91,7 +91,8 @@ def read_gmsh(
     if not (np.isfinite(unit) and unit > 0):
         raise InputError(f"The mesh unit is {unit!r}, but must be a length in metres > 0.")
     label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__
-    fault, names, cell_dim, model = "", {}, 0, None
+    names: dict[str, tuple[int, int]] = {}
+    fault, cell_dim, model = "", 0, None
     if comm.rank == 0:
         try:
             model = _open(source)

@@ -10,12 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import dolfinx
 import numpy as np
 import ufl
 from mpi4py import MPI
 
 from dea_fenicsx import compat
+from dea_fenicsx.compat import dolfinx
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import measure
 from dea_fenicsx.mesh import one_sided
@@ -179,7 +179,8 @@ class Capacitance:
 
     def bind(self, problem: Problem) -> Measurement:
         charge = Charge(self.electrode).bind(problem)
-        electrode = next(e for e in problem.scene.electrodes if self.electrode in (e.label, *e.names))
+        named = [e for e in problem.scene.electrodes if self.electrode in (e.label, *e.names)]
+        electrode = named[0]
         if electrode.volts == 0:
             raise InputError(
                 f"Electrode {self.electrode!r} is grounded; name a driven electrode for its "

@@ -265,12 +265,8 @@ class Folder:
             for group, center in (("node", "Node"), ("cell", "Cell")):
                 for field, data in where[group].items():
                     kind = _KINDS[data.shape[1] if data.ndim > 1 else 1]
-                    lines.append(
-                        _attribute(
-                            field, kind, center, data.shape, "Float",
-                            f"{name}:/{prefix}{group}/{field}",
-                        )  # fmt: skip
-                    )
+                    source = f"{name}:/{prefix}{group}/{field}"
+                    lines.append(_attribute(field, kind, center, data.shape, "Float", source))
         return "\n".join([*lines, "   </Grid>\n"])
 
     def consolidate(self, history: list[dict[str, Any]]) -> None:

@@ -13,11 +13,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import dolfinx
 import numpy as np
 from mpi4py import MPI
-from petsc4py import PETSc
 
+from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
 from dea_fenicsx.fields import FieldWriter
 from dea_fenicsx.observables import Measurement, Observable
@@ -150,6 +149,7 @@ class _Session:
     settings: Mapping[str, Any] | None
     history: list[dict[str, Any]] = field(default_factory=list)
     earlier_s: float = 0.0
+    counts: tuple[int, int, int] = (0, 0, 0)
 
     def run(self) -> Run:
         self.started = time.perf_counter()
@@ -193,12 +193,12 @@ class _Session:
         """Measure and write an accepted step."""
         problem, solver, probe = self.problem, self.solver, step.attempt.probe
         assert probe is not None
-        before = self._counts if hasattr(self, "_counts") else (0, 0, 0)
+        before = self.counts
         if self.stability == "every" or (self.stability == "last" and step.last):
             solver.refresh_inertia()
         counters = solver.counters
-        self._counts = (counters.newton, counters.krylov, counters.factorisations)
-        work = [now - then for now, then in zip(self._counts, before, strict=True)]
+        self.counts = (counters.newton, counters.krylov, counters.factorisations)
+        work = [now - then for now, then in zip(self.counts, before, strict=True)]
         now = time.perf_counter()
         length, scales = problem.scales.length, problem.scales
         cursor = step.cursor

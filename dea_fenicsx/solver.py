@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from petsc4py import PETSc
 
+from dea_fenicsx.compat import PETSc
 from dea_fenicsx.weakform import Probe, Problem
 
 
@@ -155,7 +155,9 @@ class NewtonSolver:
 
     # ------------------------------------------------------------------ solve
 
-    def solve(self, lift: bool, on_iteration: Callable[[int, float], None] | None = None) -> Attempt:
+    def solve(
+        self, lift: bool, on_iteration: Callable[[int, float], None] | None = None
+    ) -> Attempt:
         """Find equilibrium at the problem's current ramp factors, from its current state.
 
         Parameters

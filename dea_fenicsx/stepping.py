@@ -335,6 +335,5 @@ class Predictor:
 
 def _lagrange(nodes: np.ndarray, x: float) -> np.ndarray:
     """Weights of the polynomial through values at `nodes`, at x."""
-    return np.array(
-        [np.prod((x - np.delete(nodes, k)) / (n - np.delete(nodes, k))) for k, n in enumerate(nodes)]
-    )
+    others = [np.delete(nodes, k) for k in range(len(nodes))]
+    return np.array([np.prod((x - o) / (n - o)) for n, o in zip(nodes, others, strict=True)])

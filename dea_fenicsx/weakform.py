@@ -12,14 +12,12 @@ from typing import Any
 
 import basix
 import basix.ufl
-import dolfinx
-import dolfinx.fem.petsc
 import numpy as np
 import ufl
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from dea_fenicsx import compat
+from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.conditions import DeadPressure
 from dea_fenicsx.constraints import Component, Constraints, apply_electrodes, apply_supports
 from dea_fenicsx.errors import InputError

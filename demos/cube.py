@@ -61,8 +61,9 @@ def main():
         phi = (mu * (lam**2 - lam**-4) - lam * force) / lam**4
         return T * np.sqrt(np.maximum(phi, 0.0) / eps)
 
-    peak = minimize_scalar(lambda x: -exact_voltage(x), bounds=(args.prestretch, 6 * args.prestretch),
-                           method="bounded", options={"xatol": 1e-12})  # fmt: skip
+    within = (args.prestretch, 6 * args.prestretch)
+    peak = minimize_scalar(lambda x: -exact_voltage(x), bounds=within, method="bounded",
+                           options={"xatol": 1e-12})  # fmt: skip
     lam_peak, V_peak = float(peak.x), float(-peak.fun)
 
     # finite elements along the stable branch
@@ -103,7 +104,8 @@ def main():
         return V_peak * np.sqrt((dry[()] - force * T**2) / (dry[()] - wet[()]))
 
     at_25 = fe_voltage(1.25 * args.prestretch)
-    fe_peak = minimize_scalar(lambda x: -fe_voltage(x), bracket=(0.97 * lam_peak, lam_peak, 1.03 * lam_peak),
+    bracket = (0.97 * lam_peak, lam_peak, 1.03 * lam_peak)
+    fe_peak = minimize_scalar(lambda x: -fe_voltage(x), bracket=bracket,
                               options={"xtol": 1e-6, "maxiter": 12})  # fmt: skip
     run.add(
         voltage_at_stretch_2_5_V=at_25,

@@ -39,7 +39,8 @@ def parse():
                         "1, 2, 4 and 8 turns (trend.csv)")  # fmt: skip
     args = parser.parse_args()
     if args.mesh not in MESHES:
-        raise dea.InputError(f"--mesh is {args.mesh}, but must be one of {', '.join(map(str, MESHES))}.")
+        known = ", ".join(map(str, MESHES))
+        raise dea.InputError(f"--mesh is {args.mesh}, but must be one of {known}.")
     return parser, args
 
 
@@ -98,7 +99,7 @@ def main():
     pictures = {}
     if comm.rank == 0:
         pictures["curve"] = dea.pictures.curve(args.out, x="voltage_V", y="contraction")[0]
-        pictures["picture"] = dea.pictures.deformed(args.out, say=say)
+        pictures["picture"] = dea.pictures.deformed(args.out, warp=10.0, say=say)
     say(f"\nvolume {run.summary['volume_m3'] * 1e9:.4f} mm^3 (exact {geometry.volume * 1e9:.4f}), "
         f"height {height * 1e3:.2f} mm")  # fmt: skip
     say(f"contraction at {args.voltage:g} V: {run['contraction']:.6f}")
@@ -122,8 +123,8 @@ def check_mesh(args, run, comm, say):
             continue
         fine = float(run.column("contraction")[here][0])
         change = abs(fine - float(coarse.column("contraction")[there][0])) / abs(fine)
-        say(f"  {volts:6g} V: contraction {fine:.6f}, changed by {change:.2%} from the coarser mesh "
-            f"({coarse.summary['unknowns']} unknowns)")  # fmt: skip
+        say(f"  {volts:6g} V: contraction {fine:.6f}, changed by {change:.2%} from the coarser "
+            f"mesh ({coarse.summary['unknowns']} unknowns)")  # fmt: skip
         found[f"{volts:g}_V"] = {"contraction": fine, "relative_mesh_change": change}
     run.add(mesh_check=found)
 
@@ -148,13 +149,11 @@ def trend(args, comm, run, say):
             supports=[dea.FreeBody()],
             loads=[dea.DeadPressure(f"electrode_{e}_active", p) for e in "ab"],
         )
+        by_voltage = dea.Ramp("voltage", to=volts / args.voltage, steps=1)
+        cases = ((pressed, dea.Ramp("load", steps=1)), (driven(args, device), by_voltage))
+        height = {"c": record()["contraction"]}
         given, field = (
-            dea.solve(scene, ramp, record_height, quiet=True, stability="never")
-            for scene, ramp, record_height in (
-                (pressed, dea.Ramp("load", steps=1), {"c": record()["contraction"]}),
-                (driven(args, device), dea.Ramp("voltage", to=volts / args.voltage, steps=1),
-                 {"c": record()["contraction"]}),
-            )  # fmt: skip
+            dea.solve(scene, ramp, height, quiet=True, stability="never") for scene, ramp in cases
         )
         exact = -LINEAR_SHARE * (2 * turns - 1) / (2 * turns)
         row = (turns, given.summary["unknowns"], -given["c"] / strain, exact, -field["c"] / strain)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pytest
-from conftest import ROOT
+from conftest import ROOT, clean_environment, mpirun_command
 from mpi4py import MPI
 
 import dea_fenicsx as dea
@@ -65,10 +67,6 @@ def test_volume_and_height():
 @pytest.fixture(scope="module")
 def histories(tmp_path_factory):
     """The demo, ten steps on the coarse mesh, on 1, 2 and 3 ranks."""
-    from conftest import clean_environment, mpirun_command
-    import subprocess
-    import sys
-
     mpirun = mpirun_command()
     if mpirun is None:
         pytest.skip("there is no mpirun")

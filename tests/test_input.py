@@ -36,7 +36,8 @@ def material(elastic=None, electric=None, bulk=None):
 
 
 SCENES = {
-    "unknown region": (dict(materials={"flim": RUBBER}), "no region named 'flim'; did you mean 'film'"),
+    "unknown region": (
+        dict(materials={"flim": RUBBER}), "no region named 'flim'; did you mean 'film'"),
     "not a material": (dict(materials={"film": dea.NeoHookean(1e4)}), "needs a Material"),
     "negative modulus": (dict(materials=material(dea.NeoHookean(-5.0))), "mu is -5.0"),
     "NaN modulus": (dict(materials=material(dea.NeoHookean(float("nan")))), "mu is nan"),

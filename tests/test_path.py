@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -140,10 +141,8 @@ def kill_after(out, steps, script, *arguments, ranks=2):
     children = subprocess.run(["pgrep", "-f", str(out)], capture_output=True, text=True).stdout
     for pid in children.split():
         if int(pid) != os.getpid():
-            try:
+            with contextlib.suppress(ProcessLookupError):
                 os.kill(int(pid), signal.SIGKILL)
-            except ProcessLookupError:
-                pass
     process.wait(timeout=60)
 
 

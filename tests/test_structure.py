@@ -16,7 +16,7 @@ ORDER = [
     "forms", "constraints", "weakform",
     "solver", "stepping",
     "observables", "fields", "reading", "results",
-    "run", "script", "pictures_fields", "pictures",
+    "run", "script", "pictures_curves", "pictures_fields", "pictures",
     "thesis",
 ]  # fmt: skip
 
@@ -78,7 +78,20 @@ def test_geometry_and_pictures_need_no_solver():
             assert not heavy & {n.split(".")[0] for n in names}, file
 
 
+def test_dolfinx_is_imported_in_one_place():
+    """With the wheel, any other first import of DOLFINx or PETSc finds no libraries."""
+    for file in sources():
+        if module_of(file) in ("compat", "thesis"):
+            continue
+        for node in ast.walk(ast.parse(file.read_text("utf-8"))):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom):
+                names = [node.module or ""]
+            assert not {"dolfinx", "petsc4py"} & {n.split(".")[0] for n in names}, file
+
+
 def test_no_file_is_too_long():
-    files = [*PACKAGE.rglob("*.py"), *(ROOT / "demos").glob("*.py"), *(ROOT / "tests").rglob("*.py")]
+    folders = (PACKAGE, ROOT / "demos", ROOT / "tests")
+    files = [f for folder in folders for f in folder.rglob("*.py")]
     long = [str(f.relative_to(ROOT)) for f in files if len(f.read_text("utf-8").splitlines()) > 500]
     assert not long
