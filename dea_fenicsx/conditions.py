@@ -161,10 +161,17 @@ class Discretisation:
         Polynomial degree of the potential, 1 or 2.
     quadrature_degree
         Degree of exactness of the quadrature.
+    augmentation
+        gamma in units of the shear modulus: incompressible regions get gamma/2 (J - 1)^2 on top of
+        p (J - 1).  It vanishes in the exact state.  Without it mixed elements show instabilities
+        that the film does not have: at gamma = 0 a film at 99.9 % of pull-in had 13 negative
+        eigenvalues too many, and more on a finer mesh; from gamma = 5 on it has none.  The pointwise
+        volume error falls as well.
     """
 
     pressure: str = "auto"
     potential_degree: int = 2
     quadrature_degree: int = 4
+    augmentation: float = 10.0
 
     PRESSURES: ClassVar[tuple[str, ...]] = ("auto", "discontinuous", "continuous")

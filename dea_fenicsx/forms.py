@@ -5,7 +5,8 @@ Stationary point of
     Pi = int W(F) + p (J - 1) - p^2/(2 kappa) dX - 1/2 int eps J |F^-T E|^2 dX - work of loads
 
 with E = -Grad phi, all dimensionless: lengths in L, stresses in mu, potentials in
-L sqrt(mu/eps), where mu and eps are the scales of `Scales`.
+L sqrt(mu/eps), where mu and eps are the scales of `Scales`.  In incompressible regions the
+augmentation gamma/2 (J - 1)^2 is added, which vanishes in the exact state.
 
 Regions whose kernels have the same shape (same elastic model, dielectric or not, incompressible or
 not) share one integral; their constants are cell-wise coefficients, so that a change of a material
@@ -195,7 +196,10 @@ def state(scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any
         energy = unit * (
             kernel.elastic.energy(strain) - kernel.elastic.spherical_slope() * ufl.ln(J)
         )
-        energy += p * (J - 1)
+        # zero where J = 1: it takes nothing from the exact state, see Discretisation
+        extra = dolfinx.fem.Constant(scene.device.mesh, scene.elements.augmentation)
+        stiffness = unit * extra * kernel.elastic.spherical_slope()
+        energy += p * (J - 1) + stiffness / 2 * (J - 1) ** 2
     else:
         strain = StrainOf(F, scale=J ** (-2 / 3))
         energy = unit * kernel.elastic.energy(strain) + p * (J - 1) - p**2 / (2 * kernel.kappa)

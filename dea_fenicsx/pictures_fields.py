@@ -242,6 +242,6 @@ def render(
             matplotlib.colors.Normalize(low / divisor, high / divisor), _COLOURS
         )
         figure.colorbar(scale, ax=list(axes), label=text, aspect=25)
-        grey = "" if len(finite) == len(values) else ", conductors in grey"
+        grey = "" if len(finite) == len(values) else ", no field in grey"
         figure.suptitle(title(frame.time) + grey, fontsize=8)
         figure.savefig(path, format="png", dpi=_DPI)

@@ -258,6 +258,11 @@ def _check_elements(scene: Scene) -> None:
         raise InputError(
             f"The degree of the potential is {e.potential_degree!r}, but must be 1 or 2."
         )
+    if not (math.isfinite(e.augmentation) and 0 <= e.augmentation <= 1e4):
+        raise InputError(
+            f"The augmentation is {e.augmentation!r}, but must lie between 0 and 10000 (times the "
+            "shear modulus)."
+        )
     if not 2 <= e.quadrature_degree <= 12:
         raise InputError(
             f"The quadrature degree is {e.quadrature_degree!r}, but must lie between 2 and 12."

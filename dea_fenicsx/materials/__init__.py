@@ -1,0 +1,45 @@
+"""Materials: each elastic model is an energy and nothing else.
+
+An elastic model states its energy density in the invariants of a :class:`Strain`; stress and
+tangent are derived from it, symbolically in finite elements and by exact arithmetic on truncated
+Taylor series in the homogeneous theory.  :class:`Material` joins an elastic model with what the
+region does electrically: an ideal dielectric, a conductor, or nothing.
+
+All constants are in SI units.
+"""
+
+from dea_fenicsx.materials.base import EPSILON_0, Elastic, Strain
+from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
+from dea_fenicsx.materials.electric import Breakdown, Conductor, IdealDielectric
+from dea_fenicsx.materials.fitting import Fit, TestData, fit, read_data
+from dea_fenicsx.materials.material import Material, bulk_modulus_of
+from dea_fenicsx.materials.ogden import Ogden
+from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
+from dea_fenicsx.materials.presets import Preset, get, names, preset
+
+list = names  # reads well as dea_fenicsx.materials.list(); not among what * imports
+
+__all__ = [
+    "EPSILON_0",
+    "Strain",
+    "Elastic",
+    "NeoHookean",
+    "MooneyRivlin",
+    "Yeoh",
+    "Ogden",
+    "Gent",
+    "ArrudaBoyce",
+    "IdealDielectric",
+    "Breakdown",
+    "Conductor",
+    "Material",
+    "bulk_modulus_of",
+    "names",
+    "get",
+    "preset",
+    "Preset",
+    "fit",
+    "Fit",
+    "TestData",
+    "read_data",
+]

@@ -1,0 +1,90 @@
+"""What a material model is: an energy of a strain, with a few facts about itself."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Protocol, runtime_checkable
+
+EPSILON_0 = 8.8541878128e-12
+"""Permittivity of vacuum in F/m (CODATA 2018)."""
+
+
+class Strain(Protocol):
+    """What an energy may ask for: invariants of the right Cauchy-Green tensor C = F^T F.
+
+    There are two kinds: symbolic ones for finite elements (`kinematics.StrainOf`) and numeric ones
+    in the principal stretches (`stretches.PrincipalStrain`).  An energy is plain arithmetic on
+    them, so that it is written once and serves both.
+    """
+
+    @property
+    def I1(self) -> Any:
+        """tr C"""
+        ...
+
+    @property
+    def I2(self) -> Any:
+        """[(tr C)^2 - tr C^2] / 2"""
+        ...
+
+    def ln(self, x: Any) -> Any:
+        """Natural logarithm in the arithmetic of this strain (symbolic or numeric)."""
+        ...
+
+    def power_sum(self, alpha: Any) -> Any:
+        """Sum of powers of the principal stretches, lam1^alpha + lam2^alpha + lam3^alpha."""
+        ...
+
+
+@runtime_checkable
+class Elastic(Protocol):
+    """An incompressible hyperelastic energy W in J/m^3, zero in the undeformed state."""
+
+    def energy(self, s: Strain) -> Any:
+        """Energy density W in Pa."""
+        ...
+
+    def shear_modulus(self) -> float:
+        """Initial shear modulus in Pa: the scale of all stresses."""
+        ...
+
+    def spherical_slope(self) -> float:
+        """dW/dstretch_i at the undeformed state in Pa: 2 W_1 + 4 W_2.
+
+        The pressure carries this stress, so that p = 0 in the undeformed state.
+        """
+        ...
+
+    def chain_margin(self, s: Strain) -> Any | None:
+        """Positive where the energy is defined, or None if it is defined everywhere."""
+        ...
+
+    def faults(self) -> list[str]:
+        """What is unphysical about the constants, each as 'mu is -5, but must be > 0'."""
+        ...
+
+
+def _is_number(x: Any) -> bool:
+    """Whether x is a finite real number."""
+    try:
+        return math.isfinite(x)
+    except TypeError:
+        return False
+
+
+def _positive(model: Any, *names: str) -> list[str]:
+    """Complaints about constants that are not finite and positive."""
+    return [
+        f"{name} is {getattr(model, name)!r}, but must be a finite number > 0"
+        for name in names
+        if not _is_number(getattr(model, name)) or not getattr(model, name) > 0
+    ]
+
+
+def _finite(model: Any, *names: str) -> list[str]:
+    """Complaints about constants that are not finite numbers."""
+    return [
+        f"{name} is {getattr(model, name)!r}, but must be a finite number"
+        for name in names
+        if not _is_number(getattr(model, name))
+    ]

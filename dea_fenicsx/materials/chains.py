@@ -1,0 +1,99 @@
+"""Energies of chains with a finite length: Gent, Arruda-Boyce."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from dea_fenicsx.materials.base import Strain, _is_number, _positive
+
+
+@dataclass(frozen=True)
+class Gent:
+    """Gent rubber, W = -mu Jm/2 ln[1 - (I1 - 3)/Jm]: stiffens without bound as I1 - 3 nears Jm.
+
+    Parameters
+    ----------
+    mu
+        Initial shear modulus in Pa.
+    Jm
+        Value of I1 - 3 at which the chains lock up.
+
+    References
+    ----------
+    Gent, A new constitutive relation for rubber, Rubber Chem. Technol. 69 (1996) 59.
+    """
+
+    mu: float
+    Jm: float
+
+    def energy(self, s: Strain) -> Any:
+        return -self.mu * self.Jm / 2 * s.ln(self.chain_margin(s))
+
+    def shear_modulus(self) -> float:
+        return self.mu
+
+    def spherical_slope(self) -> float:
+        return self.mu
+
+    def chain_margin(self, s: Strain) -> Any:
+        return 1 - (s.I1 - 3) / self.Jm
+
+    def faults(self) -> list[str]:
+        return _positive(self, "mu", "Jm")
+
+
+# Series of the inverse Langevin function: W = mu sum a_i/N^(i-1) (I1^i - 3^i), N = lam_m^2
+_SERIES = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
+
+
+@dataclass(frozen=True)
+class ArrudaBoyce:
+    """Eight-chain rubber in its five-term series, W = mu sum_i a_i / lam_m^(2i-2) (I1^i - 3^i).
+
+    a = 1/2, 1/20, 11/1050, 19/7000, 519/673750.  This is the form that finite-element codes use;
+    being a series it stiffens near the locking stretch, but does not end there.
+
+    Parameters
+    ----------
+    mu
+        Rubbery modulus n k T in Pa; the initial shear modulus is slightly larger.
+    lam_m
+        Locking stretch of a chain, > 1: the chains are taut where I1 = 3 lam_m^2.
+
+    References
+    ----------
+    Arruda and Boyce, J. Mech. Phys. Solids 41 (1993) 389.
+    """
+
+    mu: float
+    lam_m: float
+
+    def energy(self, s: Strain) -> Any:
+        x, links = s.I1, self.lam_m * self.lam_m
+        # Horner's scheme; the constant makes W zero in the undeformed state
+        total: Any = 0
+        zero: Any = 0
+        for a in reversed(_SERIES):
+            total = x * (a + total / links)
+            zero = 3 * (a + zero / links)
+        return self.mu * (total - zero)
+
+    def shear_modulus(self) -> float:
+        links = self.lam_m * self.lam_m
+        slope: Any = 0
+        for i, a in reversed(list(enumerate(_SERIES, start=1))):
+            slope = i * a + 3 * slope / links
+        return 2 * self.mu * slope
+
+    def spherical_slope(self) -> float:
+        return self.shear_modulus()
+
+    def chain_margin(self, s: Strain) -> None:
+        return None
+
+    def faults(self) -> list[str]:
+        found = _positive(self, "mu")
+        if not _is_number(self.lam_m) or not self.lam_m > 1:
+            found.append(f"lam_m is {self.lam_m!r}, but a locking stretch is a finite number > 1")
+        return found

@@ -1,0 +1,97 @@
+"""What a region does electrically: an ideal dielectric with its breakdown field, or a conductor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from dea_fenicsx.materials.base import EPSILON_0, _is_number
+
+
+@dataclass(frozen=True)
+class Breakdown:
+    """True breakdown field that grows with the stretch, E_b = field * lam^exponent.
+
+    lam is the square root of the area stretch lam1 lam2, so that it is the stretch itself in
+    equi-biaxial tension.
+
+    Parameters
+    ----------
+    field
+        Breakdown field of the unstretched film in V/m.
+    exponent
+        Exponent of the stretch, 0 for a constant field.
+    """
+
+    field: float
+    exponent: float = 0.0
+
+    def at(self, stretch: Any) -> Any:
+        """Breakdown field in V/m at an (equi-biaxial) in-plane stretch."""
+        return self.field * stretch**self.exponent
+
+    def faults(self) -> list[str]:
+        found = []
+        if not _is_number(self.field) or not self.field > 0:
+            found.append(
+                f"the breakdown field is {self.field!r}, but must be a finite number of V/m > 0"
+            )
+        elif self.field < 1e5:
+            found.append(
+                f"the breakdown field is {self.field:g} V/m, less than that of air; the unit is "
+                "V/m (1 MV/m = 1e6 V/m)"
+            )
+        if not _is_number(self.exponent):
+            found.append(f"the breakdown exponent is {self.exponent!r}, but must be finite")
+        return found
+
+
+@dataclass(frozen=True)
+class IdealDielectric:
+    """A dielectric whose true permittivity does not depend on strain: D = eps_r eps_0 E.
+
+    Parameters
+    ----------
+    eps_r
+        Relative permittivity.
+    breakdown
+        Breakdown field: a number in V/m, a `Breakdown` law, or None where it is not known.
+
+    References
+    ----------
+    Zhao, Hong, Suo, Phys. Rev. B 76 (2007) 134113.
+    """
+
+    eps_r: float
+    breakdown: float | Breakdown | None = None
+
+    def permittivity(self) -> float:
+        """Absolute permittivity in F/m."""
+        return self.eps_r * EPSILON_0
+
+    def breakdown_field(self, stretch: Any = 1.0) -> Any:
+        """True breakdown field in V/m at an in-plane stretch, or None where it is not known."""
+        law = self._law()
+        return None if law is None else law.at(stretch)
+
+    def _law(self) -> Breakdown | None:
+        if self.breakdown is None or isinstance(self.breakdown, Breakdown):
+            return self.breakdown
+        return Breakdown(self.breakdown)
+
+    def faults(self) -> list[str]:
+        found = []
+        if not _is_number(self.eps_r) or self.eps_r < 1:
+            found.append(
+                f"eps_r is {self.eps_r!r}, but a relative permittivity is a finite number >= 1"
+            )
+        law = self._law()
+        return found if law is None else found + law.faults()
+
+
+@dataclass(frozen=True)
+class Conductor:
+    """A region of one potential: a compliant electrode of finite thickness."""
+
+    def faults(self) -> list[str]:
+        return []

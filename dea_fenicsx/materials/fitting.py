@@ -1,0 +1,295 @@
+"""Fitting a model's constants to measured stress-stretch curves."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.materials.base import Elastic
+from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
+from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
+from dea_fenicsx.materials.stretches import TESTS, log_stretches, nominal_stress, taylor
+
+SOFT, STIFF = 1e3, 1e8
+"""Initial shear moduli in Pa outside which the stress unit is doubted."""
+
+
+@dataclass(frozen=True, eq=False)
+class TestData:
+    """One measured curve.
+
+    Parameters
+    ----------
+    test
+        ``"uniaxial"``, ``"planar"`` or ``"equibiaxial"``.
+    stretch
+        Stretches, shape (n,).
+    stress
+        Nominal stresses in Pa, shape (n,).
+    """
+
+    __test__ = False  # not a test of pytest's
+
+    test: str
+    stretch: Any
+    stress: Any
+
+    def __post_init__(self) -> None:
+        for name in ("stretch", "stress"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float).ravel())
+        if self.test not in TESTS:
+            raise InputError(
+                f"There is no test {self.test!r}; the tests are {', '.join(TESTS)}."
+            )
+        if len(self.stretch) != len(self.stress):
+            raise InputError(
+                f"The {self.test} data have {len(self.stretch)} stretches and {len(self.stress)} "
+                "stresses, but must have as many of each."
+            )
+        if not (np.all(np.isfinite(self.stretch)) and np.all(np.isfinite(self.stress))):
+            raise InputError(f"The {self.test} data hold values that are no finite numbers.")
+        if np.any(self.stretch <= 0):
+            raise InputError(
+                f"The {self.test} data hold a stretch of {self.stretch.min():g}, but a stretch is "
+                "> 0 (1 + strain)."
+            )
+
+
+def read_data(
+    path: str | Path,
+    test: str,
+    stretch: int,
+    stress: int,
+    unit: float,
+    delimiter: str | None = None,
+    decimal: str = ".",
+) -> TestData:
+    """Read a curve from a text file; lines that hold no numbers there are passed over.
+
+    Parameters
+    ----------
+    path, test
+        The file, and its test as in `TestData`.
+    stretch, stress
+        Numbers of the columns, from 0.
+    unit
+        Unit of the stresses in Pa (1e6 for MPa).
+    delimiter, decimal
+        Column delimiter (None for blanks) and decimal sign.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"There is no data file {path}.")
+    rows = []
+    for line in path.read_text(encoding="latin-1").splitlines():
+        cells = line.split(delimiter)
+        try:
+            rows.append([float(cells[k].replace(decimal, ".")) for k in (stretch, stress)])
+        except (ValueError, IndexError):
+            continue
+    if not rows:
+        raise InputError(f"{path} holds no numbers in columns {stretch} and {stress}.")
+    columns = np.array(rows).T
+    return TestData(test, columns[0], columns[1] * unit)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted model.
+
+    Attributes
+    ----------
+    model
+        The elastic model with the fitted constants.
+    uncertainty
+        Standard deviation of each constant, by name (an array for constants with several entries).
+    residual
+        Root mean square of the stress residual over each curve's root mean square stress.
+    r_squared
+        Share of the stresses' variance that is explained, all curves together.
+    stable
+        Whether the energy is stable in Drucker's sense over the data: every small change of stress
+        does positive work on the strain it causes.
+    """
+
+    model: Elastic
+    uncertainty: dict[str, Any]
+    residual: dict[str, float]
+    r_squared: float
+    stable: bool
+
+    def __str__(self) -> str:
+        parts = ", ".join(f"{t} {100 * r:.1f} %" for t, r in self.residual.items())
+        stability = "stable" if self.stable else "NOT stable (Drucker)"
+        return f"{self.model}: residual {parts}; R^2 {self.r_squared:.4f}; {stability} on the data"
+
+
+def fit(model: Any, data: TestData | Sequence[TestData], starts: int = 8) -> Fit:
+    """Fit a model's constants to one or several curves, each curve of equal weight.
+
+    Parameters
+    ----------
+    model
+        A model to start from, such as ``Ogden.from_eq76((1e5, 1e3), (1.3, 5.0))``; or one of the
+        classes NeoHookean, MooneyRivlin, Yeoh, Gent and ArrudaBoyce, which find their own start.
+    data
+        The curves.
+    starts
+        Number of starting points: the first as given, others scattered about it.
+
+    Raises
+    ------
+    InputError
+        If there are too few points, or no admissible start.
+
+    Warns
+    -----
+    UserWarning
+        If the stresses look like another unit than Pa.
+    """
+    curves = [data] if isinstance(data, TestData) else list(data)
+    if not curves:
+        raise InputError("There are no data to fit.")
+    first = _start(model, curves) if isinstance(model, type) else model
+    x0 = _flat(first)
+    points = sum(int(np.sum(np.abs(c.stretch - 1) > 1e-9)) for c in curves)
+    if points < len(x0) + 1:
+        raise InputError(
+            f"There are {points} data points away from stretch 1, but {type(first).__name__} has "
+            f"{len(x0)} constants; give at least {len(x0) + 1}."
+        )
+    _doubt_units(curves)
+    sizes = [max(float(np.sqrt(np.mean(c.stress**2))), 1e-300) for c in curves]
+
+    def residuals(x: np.ndarray) -> np.ndarray:
+        m = _shaped(first, x * scale)
+        out = [
+            (nominal_stress(m, c.test, c.stretch) - c.stress) / size / np.sqrt(len(c.stress))
+            for c, size in zip(curves, sizes, strict=True)
+        ]
+        r = np.concatenate(out)
+        # a trial past lock-up is refused by its size; the step is then cut back
+        return np.where(np.isfinite(r), r, 1e3)
+
+    scale = np.where(x0 == 0, 1.0, np.abs(x0))
+    rng = np.random.default_rng(0)
+    best = None
+    for k in range(max(starts, 1)):
+        x = x0 / scale * (1.0 if k == 0 else rng.uniform(0.5, 1.5, len(x0)))
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            found = least_squares(residuals, x, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+        good = not _shaped(first, found.x * scale).faults()
+        if good and (best is None or found.cost < best.cost * (1 - 1e-12)):
+            best = found
+    if best is None:
+        raise InputError(
+            f"No admissible {type(first).__name__} model was found from {first}; start nearer."
+        )
+    return _report(first, best, scale, curves)
+
+
+def _report(first: Any, best: Any, scale: np.ndarray, curves: list[TestData]) -> Fit:
+    m = _shaped(first, best.x * scale)
+    freedom = max(len(best.fun) - len(best.x), 1)
+    covariance = np.linalg.pinv(best.jac.T @ best.jac) * (2 * best.cost / freedom)
+    deviation = _shaped(first, np.sqrt(np.diag(covariance)) * scale)
+    model_stress = [nominal_stress(m, c.test, c.stretch) for c in curves]
+    residual: dict[str, float] = {}
+    for k, (c, s) in enumerate(zip(curves, model_stress, strict=True)):
+        label = c.test if c.test not in residual else f"{c.test} {k + 1}"
+        rms = np.sqrt(np.mean((s - c.stress) ** 2))
+        residual[label] = float(rms / np.sqrt(np.mean(c.stress**2)))
+    measured = np.concatenate([c.stress for c in curves])
+    error = np.concatenate(model_stress) - measured
+    spread = np.sum((measured - measured.mean()) ** 2)
+    return Fit(
+        model=m,
+        uncertainty={f.name: getattr(deviation, f.name) for f in fields(deviation)},
+        residual=residual,
+        r_squared=float(1 - np.sum(error**2) / spread) if spread > 0 else float("nan"),
+        stable=all(drucker(m, c.test, c.stretch.min(), c.stretch.max()) > 0 for c in curves),
+    )
+
+
+def drucker(model: Elastic, test: str, low: float, high: float) -> float:
+    """Smallest eigenvalue in Pa of d(stress)/d(logarithmic strain) over a test's stretches.
+
+    True stresses against logarithmic stretches in the two directions that incompressibility
+    leaves; positive where the energy is stable in Drucker's sense.
+    """
+    stretch = np.linspace(min(low, 1.0), max(high, 1.0), 200)
+    _, _, H = taylor(model, log_stretches(test, stretch))
+    K = np.moveaxis(H, (0, 1), (-2, -1))
+    B = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]])
+    K = B.T @ K @ B
+    if not np.all(np.isfinite(K)):
+        return -np.inf
+    return float(np.linalg.eigvalsh(K)[:, 0].min())
+
+
+def _moduli(curves: list[TestData]) -> list[float]:
+    """Neo-Hookean modulus of each curve by least squares, in Pa."""
+    out = []
+    for c in curves:
+        unit = nominal_stress(NeoHookean(1.0), c.test, c.stretch)
+        out.append(float(unit @ c.stress / max(unit @ unit, 1e-300)))
+    return out
+
+
+def _doubt_units(curves: list[TestData]) -> None:
+    for c, mu in zip(curves, _moduli(curves), strict=True):
+        if not SOFT <= mu <= STIFF:
+            size = "soft" if mu < SOFT else "stiff"
+            warnings.warn(
+                f"The {c.test} data give a shear modulus of {mu:.3g} Pa, too {size} for an "
+                "elastomer or a film; stresses must be in Pa (1 kPa = 1e3 Pa, 1 MPa = 1e6 Pa).",
+                stacklevel=3,
+            )
+
+
+def _start(model: type, curves: list[TestData]) -> Any:
+    # falling curves can have a negative mean modulus: the size alone makes a start
+    mu = max(float(np.median(np.abs(_moduli(curves)))), 1e-9)
+    I1 = max(float(np.exp(2 * log_stretches(c.test, c.stretch)).sum(axis=0).max()) for c in curves)
+    starts: dict[type, tuple[float, ...]] = {
+        NeoHookean: (mu,),
+        MooneyRivlin: (0.4 * mu, 0.1 * mu),
+        Yeoh: (0.5 * mu, -1e-3 * mu, 1e-5 * mu),
+        Gent: (mu, 1.5 * (I1 - 3) + 1),
+        ArrudaBoyce: (mu, 1.2 * np.sqrt(I1 / 3) + 0.1),
+    }
+    if model not in starts:
+        raise InputError(
+            f"{model.__name__} has no starting point of its own; give fit() a model with constants "
+            "to start from."
+        )
+    return model(*(float(x) for x in starts[model]))
+
+
+def _flat(model: Any) -> np.ndarray:
+    return np.concatenate([np.atleast_1d(getattr(model, f.name)) for f in fields(model)]).astype(
+        float
+    )
+
+
+def _shaped(model: Any, x: np.ndarray) -> Any:
+    """A model like `model` with the constants x."""
+    values: dict[str, Any] = {}
+    k = 0
+    for f in fields(model):
+        old = getattr(model, f.name)
+        if isinstance(old, tuple):
+            values[f.name] = tuple(float(v) for v in x[k : k + len(old)])
+            k += len(old)
+        else:
+            values[f.name] = float(x[k])
+            k += 1
+    return replace(model, **values)

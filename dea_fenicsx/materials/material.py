@@ -1,0 +1,69 @@
+"""A material: an elastic energy joined with what the region does electrically."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.materials.base import Elastic, _is_number
+from dea_fenicsx.materials.electric import Conductor, IdealDielectric
+
+
+@dataclass(frozen=True)
+class Material:
+    """What fills a region.
+
+    Parameters
+    ----------
+    elastic
+        The elastic energy.
+    electric
+        ``IdealDielectric`` where a field may live, ``Conductor()`` for an electrode layer, or
+        None for a passive part in which the field is not modelled.
+    bulk_modulus
+        Bulk modulus kappa in Pa.  None (the default) means exactly incompressible.  With a bulk
+        modulus the elastic energy is taken of the volume-preserving part of F, and
+        kappa/2 (J - 1)^2 is added (in Abaqus's terms D1 = 2/kappa).
+    name
+        A name for reports.
+    """
+
+    elastic: Elastic
+    electric: IdealDielectric | Conductor | None = None
+    bulk_modulus: float | None = None
+    name: str = ""
+
+    @property
+    def is_dielectric(self) -> bool:
+        return isinstance(self.electric, IdealDielectric)
+
+    @property
+    def is_conductor(self) -> bool:
+        return isinstance(self.electric, Conductor)
+
+    def faults(self) -> list[str]:
+        """What is wrong with this material, as a list of clauses."""
+        found = list(self.elastic.faults())
+        if self.electric is not None:
+            found += self.electric.faults()
+        if self.bulk_modulus is not None and not found:
+            kappa, mu = self.bulk_modulus, self.elastic.shear_modulus()
+            if not _is_number(kappa) or kappa < 2 / 3 * mu:
+                found.append(
+                    f"bulk_modulus is {kappa!r}, but must be at least 2/3 of the shear modulus "
+                    f"{mu:g} Pa (Poisson's ratio >= 0), or None for an incompressible material"
+                )
+        return found
+
+    def parameters(self) -> dict[str, float]:
+        """The elastic model's constants by name."""
+        return {f.name: getattr(self.elastic, f.name) for f in fields(self.elastic)}  # type: ignore[arg-type]
+
+
+def bulk_modulus_of(mu: float, nu: float) -> float:
+    """Bulk modulus in Pa for shear modulus `mu` (Pa) and Poisson's ratio `nu` < 0.5."""
+    if not 0 <= nu < 0.5:
+        raise InputError(
+            f"Poisson's ratio is {nu!r}, but must lie in [0, 0.5) for a finite bulk modulus."
+        )
+    return 2 * mu * (1 + nu) / (3 * (1 - 2 * nu))

@@ -1,0 +1,116 @@
+"""Polynomial energies in the invariants: neo-Hookean, Mooney-Rivlin, Yeoh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from dea_fenicsx.materials.base import Strain, _finite, _positive
+
+
+@dataclass(frozen=True)
+class NeoHookean:
+    """Neo-Hookean rubber, W = mu/2 (I1 - 3).
+
+    Parameters
+    ----------
+    mu
+        Shear modulus in Pa.
+
+    References
+    ----------
+    Treloar, The Physics of Rubber Elasticity, 1975.
+    """
+
+    mu: float
+
+    def energy(self, s: Strain) -> Any:
+        return self.mu / 2 * (s.I1 - 3)
+
+    def shear_modulus(self) -> float:
+        return self.mu
+
+    def spherical_slope(self) -> float:
+        return self.mu
+
+    def chain_margin(self, s: Strain) -> None:
+        return None
+
+    def faults(self) -> list[str]:
+        return _positive(self, "mu")
+
+
+@dataclass(frozen=True)
+class MooneyRivlin:
+    """Mooney-Rivlin rubber, W = C10 (I1 - 3) + C01 (I2 - 3).
+
+    Parameters
+    ----------
+    C10, C01
+        Constants in Pa; the initial shear modulus 2 (C10 + C01) must be positive.
+
+    References
+    ----------
+    Rivlin, Phil. Trans. R. Soc. A 241 (1948) 379.
+    """
+
+    C10: float
+    C01: float
+
+    def energy(self, s: Strain) -> Any:
+        return self.C10 * (s.I1 - 3) + self.C01 * (s.I2 - 3)
+
+    def shear_modulus(self) -> float:
+        return 2 * (self.C10 + self.C01)
+
+    def spherical_slope(self) -> float:
+        return 2 * self.C10 + 4 * self.C01
+
+    def chain_margin(self, s: Strain) -> None:
+        return None
+
+    def faults(self) -> list[str]:
+        found = _finite(self, "C10", "C01")
+        if not found and not self.shear_modulus() > 0:
+            found = [
+                f"C10 + C01 is {self.C10 + self.C01:g} Pa, but must be > 0: it is half the initial "
+                "shear modulus"
+            ]
+        return found
+
+
+@dataclass(frozen=True)
+class Yeoh:
+    """Yeoh rubber, W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3.
+
+    Parameters
+    ----------
+    C10
+        Half the initial shear modulus in Pa.
+    C20, C30
+        Constants in Pa; C20 is usually negative (softening), C30 positive (stiffening).
+
+    References
+    ----------
+    Yeoh, Rubber Chem. Technol. 66 (1993) 754.
+    """
+
+    C10: float
+    C20: float
+    C30: float
+
+    def energy(self, s: Strain) -> Any:
+        x = s.I1 - 3
+        return x * (self.C10 + x * (self.C20 + x * self.C30))
+
+    def shear_modulus(self) -> float:
+        return 2 * self.C10
+
+    def spherical_slope(self) -> float:
+        return 2 * self.C10
+
+    def chain_margin(self, s: Strain) -> None:
+        return None
+
+    def faults(self) -> list[str]:
+        return _positive(self, "C10") + _finite(self, "C20", "C30")

@@ -1,0 +1,131 @@
+"""The library of named materials, each with its source."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.materials.base import Elastic
+from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
+from dea_fenicsx.materials.electric import Breakdown, Conductor, IdealDielectric
+from dea_fenicsx.materials.material import Material, bulk_modulus_of
+from dea_fenicsx.materials.ogden import Ogden
+from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
+from dea_fenicsx.materials.stretches import TESTS, nominal_stress
+
+MODELS: dict[str, Any] = {
+    m.__name__: m for m in (NeoHookean, MooneyRivlin, Yeoh, Ogden, Gent, ArrudaBoyce)
+}
+
+MARKS = {
+    "S": "read at the source",
+    "M": "from memory of the literature, unverified",
+    "D": "derived by least squares from data read at the source",
+}
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A named material.
+
+    Attributes
+    ----------
+    name : as in `list`
+    material : the material
+    mark : ``"S"``, ``"M"`` or ``"D"``, see `MARKS`
+    source : where the constants come from
+    note : what to beware of, or empty
+    """
+
+    name: str
+    material: Material
+    mark: str
+    source: str
+    note: str = ""
+
+    def __str__(self) -> str:
+        note = f" {self.note}" if self.note else ""
+        return f"{self.name}: {self.material.elastic} ({MARKS[self.mark]}: {self.source}).{note}"
+
+    def plot(self, max_stretch: float = 3.0, ax: Any = None) -> Any:
+        """Draw the uniaxial, planar and equi-biaxial curves; returns the axes of matplotlib."""
+        import matplotlib.pyplot as plt
+
+        ax = ax or plt.subplots()[1]
+        stretch = np.linspace(1, max_stretch, 200)
+        for test in TESTS:
+            ax.plot(stretch, nominal_stress(self.material.elastic, test, stretch) / 1e3, label=test)
+        ax.set_xlabel("stretch")
+        ax.set_ylabel("nominal stress in kPa")
+        ax.set_title(self.name)
+        ax.legend()
+        return ax
+
+
+def names() -> list[str]:
+    """Names of all presets."""
+    return sorted(_library())
+
+
+def preset(name: str) -> Preset:
+    """A preset with its source.
+
+    Raises
+    ------
+    InputError
+        If there is none of this name; the nearest is named.
+    """
+    library = _library()
+    if name not in library:
+        near = difflib.get_close_matches(str(name).lower(), library, n=1, cutoff=0.0)[0]
+        raise InputError(
+            f"There is no material named {name!r}; the nearest is {near!r}, and "
+            "dea_fenicsx.materials.list() names all."
+        )
+    return library[name]
+
+
+def get(name: str) -> Material:
+    """The material of a preset; see `preset`."""
+    return preset(name).material
+
+
+@cache
+def _library() -> dict[str, Preset]:
+    text = resources.files("dea_fenicsx.materials").joinpath("presets.toml").read_text("utf-8")
+    return {name: _build(name, entry) for name, entry in tomllib.loads(text).items()}
+
+
+def _build(name: str, entry: dict[str, Any]) -> Preset:
+    bulk = entry.get("bulk_modulus")
+    constants = entry.get("constants", {})
+    if "young" in entry:
+        mu = entry["young"] / (2 * (1 + entry["poisson"]))
+        constants = {"mu": mu}
+        bulk = bulk_modulus_of(mu, entry["poisson"])
+    elastic: Elastic
+    if entry["model"] == "Ogden":
+        make = {"eq76": Ogden.from_eq76, "abaqus": Ogden.from_abaqus}[entry["convention"]]
+        elastic = make(**constants)
+    else:
+        elastic = MODELS[entry["model"]](**constants)
+    electric: IdealDielectric | Conductor
+    if entry.get("conductor"):
+        electric = Conductor()
+    else:
+        law = Breakdown(**entry["breakdown"]) if "breakdown" in entry else None
+        electric = IdealDielectric(entry["eps_r"], law)
+    return Preset(
+        name,
+        Material(elastic, electric, bulk, name=name),
+        entry["mark"],
+        entry["source"],
+        entry.get("note", ""),
+    )

@@ -1,0 +1,87 @@
+"""Every demo runs under mpirun and asserts the numbers that it prints; an unlisted demo fails."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import dea_fenicsx as dea
+
+DEMOS = ROOT / "demos"
+
+
+def summary(folder):
+    return json.loads((folder / "summary.json").read_text("utf-8"))
+
+
+def check_cube(out, printed):
+    """Thesis 3.3 with the right force; values of thesis_reference.toml for its eps_0 of 8.85e-12,
+    brought to 8.8541878128e-12."""
+    s = summary(out)
+    assert s["voltage_at_stretch_2_5_V"] == pytest.approx(811.602 * (8.85 / 8.8541878128) ** 0.5,
+                                                          abs=1e-3)  # fmt: skip
+    assert s["voltage_at_stretch_2_5_V"] == pytest.approx(811.4, abs=0.05)
+    assert s["pull_in_voltage_V"] == pytest.approx(867.015 * (8.85 / 8.8541878128) ** 0.5, abs=1e-3)
+    assert s["pull_in_stretch"] == pytest.approx(2.97042, abs=2e-3)
+    assert s["dead_load_Pa"] == 98437.5
+    assert s["max_relative_stretch_error"] < 1e-8
+    assert s["voltage_V"] > 866
+    assert s["stable"] is True
+    for words in ("1763", "811.410", "866.80", "unstable state"):
+        assert words in printed
+
+
+def check_hdea(out, printed):
+    s = summary(out)
+    assert s["height_m"] == pytest.approx(3.3e-3, rel=1e-12)
+    assert s["volume_m3"] == pytest.approx(s["exact_volume_m3"], rel=2e-4)
+    assert s["contraction"] == pytest.approx(0.01811, abs=2e-5)  # own value, coarse mesh, 2026-11
+    assert s["stable"] is True
+    assert s["factorisations"] <= 3
+    with open(out / "trend.csv") as f:
+        rows = [[float(x) for x in row] for row in list(csv.reader(f))[1:]]
+    given, exact, full = (np.array(rows)[:, k] for k in (2, 3, 4))
+    # the trend with turns: towards -0.800 from the open ends' loss of one layer
+    assert np.all(np.diff(given) < 0)
+    assert given == pytest.approx(exact, rel=0.015)
+    assert given[-1] == pytest.approx(-0.800 * 15 / 16, rel=2e-3)
+    assert np.all(full < given)
+    assert full == pytest.approx(given, rel=0.06)
+    for name in ("fields.xdmf", "history.csv", "contraction_voltage.png"):
+        assert (out / name).exists()
+        assert str(out / name) in printed
+
+
+CHECKS = {
+    "cube.py": (check_cube, []),
+    "hdea_two_turn.py": (check_hdea, ["--mesh", 1, "--steps", 4, "--trend"]),
+}
+
+
+def test_every_demo_is_listed():
+    assert {f.name for f in DEMOS.glob("*.py")} == set(CHECKS)
+
+
+@pytest.mark.demo
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", CHECKS)
+def test_demo(name, start, tmp_path):
+    check, arguments = CHECKS[name]
+    done = start(DEMOS / name, "--out", tmp_path / "run", *arguments, ranks=2, timeout=500,
+                 check=True)  # fmt: skip
+    check(tmp_path / "run", done.stdout)
+    history = dea.read_history(tmp_path / "run")
+    assert np.all(np.isfinite(history["voltage_V"]))
+
+
+@pytest.mark.demo
+@pytest.mark.parametrize("name", CHECKS)
+def test_help_states_units(name, start):
+    text = start(DEMOS / name, "--help", check=True).stdout
+    assert "--out" in text
+    assert "--quiet" in text
+    assert "Pa" in text
