@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.script import Parser
     from dea_fenicsx.solver import NewtonOptions
     from dea_fenicsx.stepping import Ramp
+    from dea_fenicsx.tracing import Trace
 
 _HOME = {
     "conditions": (
@@ -65,6 +66,7 @@ _HOME = {
     "script": ("Parser",),
     "solver": ("NewtonOptions",),
     "stepping": ("Ramp",),
+    "tracing": ("Trace",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}
 _MODULES = ("geometry", "materials", "pictures")

@@ -6,7 +6,7 @@ Stationary point of
 
 with E = -Grad phi, all dimensionless: lengths in L, stresses in mu, potentials in
 L sqrt(mu/eps), where mu and eps are the scales of `Scales`.  In incompressible regions the
-augmentation gamma/2 (J - 1)^2 is added, which vanishes in the exact state.
+augmentation gamma/2 (I1/3) (J - 1)^2 is added, which vanishes in the exact state.
 
 Regions whose kernels have the same shape (same elastic model, dielectric or not, incompressible or
 not) share one integral; their constants are cell-wise coefficients, so that a change of a material
@@ -198,7 +198,7 @@ def state(scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any
         )
         # zero where J = 1: it takes nothing from the exact state, see Discretisation
         extra = dolfinx.fem.Constant(scene.device.mesh, scene.elements.augmentation)
-        stiffness = unit * extra * kernel.elastic.spherical_slope()
+        stiffness = unit * extra * kernel.elastic.spherical_slope() * strain.I1 / 3
         energy += p * (J - 1) + stiffness / 2 * (J - 1) ** 2
     else:
         strain = StrainOf(F, scale=J ** (-2 / 3))

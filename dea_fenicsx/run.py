@@ -24,6 +24,7 @@ from dea_fenicsx.results import Folder
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import NewtonOptions, NewtonSolver
 from dea_fenicsx.stepping import Cursor, Ramp, Step, check_path, follow
+from dea_fenicsx.tracing import Trace
 from dea_fenicsx.weakform import Problem
 
 STABILITY = ("last", "every", "never")
@@ -79,7 +80,7 @@ class Run:
 
 def solve(
     scene: Scene,
-    path: Ramp | Sequence[Ramp],
+    path: Ramp | Trace | Sequence[Ramp | Trace],
     record: Mapping[str, Observable] | None = None,
     out: str | Path | None = None,
     *,
@@ -125,7 +126,7 @@ def solve(
         If the path cannot be followed to its end; everything up to the last accepted step is on
         disk, and the error's attribute `run` holds it.
     """
-    path = [path] if isinstance(path, Ramp) else list(path)
+    path = [path] if isinstance(path, Ramp | Trace) else list(path)
     check_path(scene, path)
     if stability not in STABILITY:
         raise InputError(f"stability is {stability!r}, but must be one of {', '.join(STABILITY)}.")
@@ -139,7 +140,7 @@ class _Session:
     """The state of one call of `solve`."""
 
     scene: Scene
-    path: list[Ramp]
+    path: list[Ramp | Trace]
     record: dict[str, Observable]
     out: str | Path | None
     resume: bool
@@ -149,6 +150,7 @@ class _Session:
     settings: Mapping[str, Any] | None
     history: list[dict[str, Any]] = field(default_factory=list)
     earlier_s: float = 0.0
+    ramp: int = 0
     counts: tuple[int, int, int] = (0, 0, 0)
 
     def run(self) -> Run:
@@ -177,7 +179,7 @@ class _Session:
         self._summarise(result, "running")
         self._step_started = time.perf_counter()
         try:
-            for step in follow(self.solver, self.path, cursor, self._say):
+            for step in follow(self.solver, self.path, cursor, self._say, self._enough):
                 self._accept(step)
         except (EquilibriumLost, SolverError) as error:
             error.run = result
@@ -186,6 +188,20 @@ class _Session:
             raise
         self._finish(result, "completed")
         return result
+
+    def _enough(self) -> bool:
+        """Whether the present trace has crossed the value it was to go to."""
+        until = getattr(self.path[self.ramp], "until", None)
+        if until is None or len(self.history) < 2:
+            return False
+        column, value = until
+        before, now = (row.get(column) for row in self.history[-2:])
+        if now is None or before is None:
+            raise InputError(
+                f"The trace is to end by {column!r}, but the history has no such column; it has: "
+                f"{', '.join(self.history[-1])}."
+            )
+        return (before - value) * (now - value) <= 0
 
     # ------------------------------------------------------------------- steps
 
@@ -206,7 +222,9 @@ class _Session:
             "step": cursor.step,
             "time": cursor.ramp + cursor.position,
             "ramp": step.label,
+            "event": step.event,
         }
+        self.ramp = cursor.ramp
         for name in self.scene.ramps:
             volts = self.scene.reference_voltage(name)
             key = f"{name}_V" if volts else f"{name}_factor"
@@ -352,7 +370,7 @@ class _Session:
 
     def _kept_keys(self) -> set[str]:
         """Columns whose last value belongs into the summary."""
-        drop = {"step", "time", "ramp", "newton_iterations", "krylov_iterations", "factorisations",
+        drop = {"step", "time", "ramp", "event", "newton_iterations", "krylov_iterations", "factorisations",
                 "retries", "wall_s", "inertia_is_of_this_step"}  # fmt: skip
         return set(self.history[-1]) - drop if self.history else set()
 

@@ -184,12 +184,12 @@ class NewtonSolver:
         while change is not None or norm > options.tolerance:
             if iteration == options.max_iterations:
                 return Attempt("slow", iteration, norm)
-            tangent = self._assemble()
+            tangent = self.assemble()
             rhs = -residual[problem.free]
             if change is not None:
                 rhs -= problem.tangent_times_fixed(change)
             forcing = self._forcing(history) if change is None else 1e-3
-            increment = self._linear_solve(tangent, rhs, forcing)
+            increment = self.linear_solve(tangent, rhs, forcing)
             if increment is None:
                 return Attempt("linear solver", iteration, norm)
             if change is not None:
@@ -251,13 +251,14 @@ class NewtonSolver:
         self.counters.assembly_s += time.perf_counter() - start
         return residual
 
-    def _assemble(self) -> Any:
+    def assemble(self) -> Any:
+        """The tangent at the problem's present state."""
         start = time.perf_counter()
         tangent = self.problem.tangent()
         self.counters.assembly_s += time.perf_counter() - start
         return tangent
 
-    def _linear_solve(self, tangent: Any, rhs: np.ndarray, rtol: float) -> np.ndarray | None:
+    def linear_solve(self, tangent: Any, rhs: np.ndarray, rtol: float) -> np.ndarray | None:
         """Solve for the increment; renew the factor where the old one no longer serves."""
         fresh = False
         if self._ksp is None or self._stale or not self.options.keep_factor:
@@ -319,7 +320,7 @@ class NewtonSolver:
 
     def refresh_inertia(self) -> None:
         """Factorise the tangent at the problem's present state, to know its inertia."""
-        self._factorise(self._assemble())
+        self._factorise(self.assemble())
 
     def _krylov(
         self, tangent: Any, rhs: np.ndarray, rtol: float

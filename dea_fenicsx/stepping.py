@@ -11,6 +11,7 @@ from mpi4py import MPI
 from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
 from dea_fenicsx.scene import Scene, finite, known
 from dea_fenicsx.solver import Attempt, NewtonSolver
+from dea_fenicsx.tracing import Trace, trace
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class Cursor:
     size : size of the next step, as a share of the ramp
     factors : factor of each of the scene's ramps
     start : factors at the start of the current ramp
+    direction : in a trace, sign of the load's change
     """
 
     step: int = 0
@@ -66,17 +68,23 @@ class Cursor:
     size: float = 0.0
     factors: dict[str, float] = field(default_factory=dict)
     start: dict[str, float] = field(default_factory=dict)
+    direction: float = 0.0
 
 
 @dataclass(frozen=True)
 class Step:
-    """An accepted step; the problem holds its state while it is yielded."""
+    """An accepted step; the problem holds its state while it is yielded.
+
+    `event` is ``"maximum"`` or ``"minimum"`` where the load is stationary along a trace, and empty
+    elsewhere.
+    """
 
     cursor: Cursor
     label: str
     attempt: Attempt
     retries: int
     last: bool
+    event: str = ""
 
 
 SMALLEST = 2.0**-10
@@ -92,7 +100,7 @@ WANDERING = 8
 """Newton iterations of a ramp's first step after which its result is not trusted."""
 
 
-def check_path(scene: Scene, path: Sequence[Ramp]) -> None:
+def check_path(scene: Scene, path: Sequence[Ramp | Trace]) -> None:
     """Raise InputError if the path does not fit the scene."""
     if not path:
         raise InputError("The path is empty; give at least one Ramp(...).")
@@ -103,8 +111,15 @@ def check_path(scene: Scene, path: Sequence[Ramp]) -> None:
         )
     for ramp in path:
         for name in ramp.names(scene):
-            if name not in scene.ramps:
-                known(name, scene.ramps, "ramp in the scene")
+            known(name, scene.ramps, "ramp in the scene")
+        if isinstance(ramp, Trace):
+            finite(ramp.first, f"The first step of the trace in {ramp.what}")
+            if ramp.first == 0 or ramp.steps < 1 or not ramp.longest > 0:
+                raise InputError(
+                    f"The trace in {ramp.what} needs a first step other than 0, at least one step "
+                    "and a longest step > 0."
+                )
+            continue
         if not isinstance(ramp.steps, int | np.integer) or ramp.steps < 1:
             raise InputError(
                 f"The ramp of {ramp.label(scene)} has {ramp.steps!r} steps, but needs a whole "
@@ -116,9 +131,10 @@ def check_path(scene: Scene, path: Sequence[Ramp]) -> None:
 
 def follow(
     solver: NewtonSolver,
-    path: Sequence[Ramp],
+    path: Sequence[Ramp | Trace],
     resume: Cursor | None = None,
     log: Callable[[str], None] = lambda line: None,
+    enough: Callable[[], bool] = lambda: False,
 ) -> Iterator[Step]:
     """Follow a path and yield each accepted step, the undeformed state first.
 
@@ -132,6 +148,8 @@ def follow(
         Where to carry on; the problem must hold the state that belongs to it.
     log
         Called with a line of text for every retry.
+    enough
+        Asked after each step of a trace; True ends the trace.
 
     Raises
     ------
@@ -152,20 +170,60 @@ def follow(
         cursor = resume
         problem.set_factors(cursor.factors)
     while cursor.ramp < len(path):
-        for step in _follow_ramp(solver, path, cursor, log):
+        item = path[cursor.ramp]
+        steps = (
+            _follow_trace(solver, path, item, cursor, log, enough)
+            if isinstance(item, Trace)
+            else _follow_ramp(solver, path, item, cursor, log)
+        )
+        for step in steps:
             cursor = step.cursor
             yield step
         cursor = replace(
-            cursor, ramp=cursor.ramp + 1, position=0.0, size=0.0, start=dict(cursor.factors)
-        )
+            cursor, ramp=cursor.ramp + 1, position=0.0, size=0.0, start=dict(cursor.factors),
+            direction=0.0,
+        )  # fmt: skip
+
+
+def _follow_trace(
+    solver: NewtonSolver,
+    path: Sequence[Ramp | Trace],
+    item: Trace,
+    cursor: Cursor,
+    log: Callable[[str], None],
+    enough: Callable[[], bool],
+) -> Iterator[Step]:
+    """Follow one trace from a cursor until it has enough or its steps are used up."""
+    scene = solver.problem.scene
+    done = round(cursor.position * item.steps)
+    sign = cursor.direction or float(np.sign(item.first))
+    factors = dict(cursor.factors)
+    for found in trace(solver, item, cursor.size or 1.0, sign, log):
+        if isinstance(found, str):
+            names, lost = (item.what,), factors | {item.what: factors[item.what]}
+            raise _verdict(scene, names, item.what, factors, lost, Attempt(found, 0, np.inf))
+        done += 1
+        factors = cursor.factors | {item.what: found.factor}
+        cursor = Cursor(
+            cursor.step + 1, cursor.ramp, done / item.steps, found.arc, factors,
+            dict(cursor.start), found.direction,
+        )  # fmt: skip
+        last = done >= item.steps and cursor.ramp == len(path) - 1
+        yield Step(cursor, item.what, found.attempt, found.retries, last, found.event)
+        if done >= item.steps or enough():
+            return
 
 
 def _follow_ramp(
-    solver: NewtonSolver, path: Sequence[Ramp], cursor: Cursor, log: Callable[[str], None]
+    solver: NewtonSolver,
+    path: Sequence[Ramp | Trace],
+    ramp: Ramp,
+    cursor: Cursor,
+    log: Callable[[str], None],
 ) -> Iterator[Step]:
     """Follow one ramp from a cursor to its end."""
     problem = solver.problem
-    scene, ramp = problem.scene, path[cursor.ramp]
+    scene = problem.scene
     names, label = ramp.names(scene), ramp.label(scene)
     landings = _landings(ramp, cursor.start[names[0]])
     first = 1.0 / ramp.steps

@@ -163,6 +163,7 @@ class Problem:
         residual = ufl.derivative(energy, self.w, test)
         tangent = ufl.derivative(residual, self.w, ufl.TrialFunction(self.W))
         residual = residual - self._work_of_loads(self._split(test)[0], weight, degree)
+        self._load_vectors: dict[str, np.ndarray] = {}
         self._residual = compat.compile_form(residual)
         self._tangent = compat.compile_form(tangent)
 
@@ -202,6 +203,7 @@ class Problem:
             ramp: dolfinx.fem.Constant(mesh, 0.0)
             for ramp in {load.ramp for load in scene.loads}
         }
+        self._unit_work: dict[str, Any] = {}
         if not scene.loads:
             return 0
         sides = [
@@ -214,13 +216,14 @@ class Problem:
         normal = ufl.FacetNormal(mesh)
         work = 0
         for k, load in enumerate(scene.loads):
-            factor = self._load_factors[load.ramp]
             if isinstance(load, DeadPressure):
                 pressure = dolfinx.fem.Constant(mesh, load.pascal / self.scales.stress)
-                work += -factor * pressure * ufl.dot(normal, v) * weight * ds(k)
+                unit_work = -pressure * ufl.dot(normal, v) * weight * ds(k)
             else:
                 traction = dolfinx.fem.Constant(mesh, np.array(load.pascal) / self.scales.stress)
-                work += factor * ufl.dot(traction, v) * weight * ds(k)
+                unit_work = ufl.dot(traction, v) * weight * ds(k)
+            self._unit_work[load.ramp] = self._unit_work.get(load.ramp, 0) + unit_work
+            work += self._load_factors[load.ramp] * unit_work
         return work
 
     def _pressed_side(self, load: DeadPressure) -> np.ndarray:
@@ -304,6 +307,24 @@ class Problem:
         for thing in (coupling, x, y):
             thing.destroy()
         return product
+
+    def load_derivative(self, ramp: str) -> np.ndarray:
+        """Derivative of the residual by a ramp's factor at fixed free unknowns (owned, free rows).
+
+        Exact: fixed values are linear in the factor and act through the tangent's columns (those of
+        the latest call of `tangent`), dead loads are linear themselves.
+        """
+        if ramp not in self._load_vectors:
+            vector = np.zeros(len(self.free))
+            if ramp in self._unit_work:
+                form = compat.compile_form(-self._unit_work[ramp])
+                assembled = dolfinx.fem.assemble_vector(form)
+                assembled.scatter_reverse(dolfinx.la.InsertMode.add)
+                vector = assembled.array[self.free].copy()
+            self._load_vectors[ramp] = vector
+        return self._load_vectors[ramp] + self.tangent_times_fixed(
+            self.constraints.base[ramp][self.fixed]
+        )
 
     def probe(self) -> Probe:
         """Extremes of J, lock-up margin and field over the quadrature points.  Collective."""

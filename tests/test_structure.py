@@ -14,7 +14,7 @@ ORDER = [
     "materials", "kinematics", "conditions", "scene",
     "exact",
     "forms", "constraints", "weakform",
-    "solver", "stepping",
+    "solver", "tracing", "stepping",
     "observables", "fields", "reading", "results",
     "run", "script", "pictures_curves", "pictures_fields", "pictures",
     "thesis",
