@@ -162,12 +162,13 @@ class Discretisation:
     quadrature_degree
         Degree of exactness of the quadrature.
     augmentation
-        gamma in units of the shear modulus: incompressible regions get gamma/2 (I1/3) (J - 1)^2 on
-        top of p (J - 1).  It vanishes in the exact state.  Without it mixed elements show
-        instabilities that the film does not have: at gamma = 0 a film at 99.9 % of pull-in had 13
-        negative eigenvalues too many, and more on a finer mesh.  The factor I1/3 keeps it in step
-        with the stress: without it the stretched branch of a Gent film (stretch 6) still had 40.
-        With gamma = 10 neither has any.  The pointwise volume error falls as well.
+        gamma, a pure number: incompressible regions get gamma/2 s (J - 1)^2 on top of p (J - 1),
+        with s = tr(F dW/dF)/3 (mu I1/3 in neo-Hookean rubber).  It vanishes in the exact state.
+        Without it mixed elements show instabilities that the film does not have: at gamma = 0 a
+        film at 99.9 % of pull-in had 13 negative eigenvalues too many, and more on a finer mesh.
+        The factor s keeps it in step with the stress: with s = mu the stretched branch of a Gent
+        film (stretch 6) still had 40.  With gamma = 10 neither has any.  The pointwise volume
+        error falls as well.
     """
 
     pressure: str = "auto"

@@ -6,7 +6,8 @@ Stationary point of
 
 with E = -Grad phi, all dimensionless: lengths in L, stresses in mu, potentials in
 L sqrt(mu/eps), where mu and eps are the scales of `Scales`.  In incompressible regions the
-augmentation gamma/2 (I1/3) (J - 1)^2 is added, which vanishes in the exact state.
+augmentation gamma/2 s(F) (J - 1)^2 is added, s the mean stress of `_mean_stress`; it vanishes in
+the exact state.
 
 Regions whose kernels have the same shape (same elastic model, dielectric or not, incompressible or
 not) share one integral; their constants are cell-wise coefficients, so that a change of a material
@@ -198,7 +199,7 @@ def state(scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any
         )
         # zero where J = 1: it takes nothing from the exact state, see Discretisation
         extra = dolfinx.fem.Constant(scene.device.mesh, scene.elements.augmentation)
-        stiffness = unit * extra * kernel.elastic.spherical_slope() * strain.I1 / 3
+        stiffness = unit * extra * _mean_stress(kernel.elastic, F)
         energy += p * (J - 1) + stiffness / 2 * (J - 1) ** 2
     else:
         strain = StrainOf(F, scale=J ** (-2 / 3))
@@ -210,6 +211,15 @@ def state(scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any
         true_field = pulled / J
     margin = kernel.elastic.chain_margin(strain)
     return State(F, J, true_field, energy, margin if margin is not None else ufl.as_ufl(1.0))
+
+
+def _mean_stress(elastic: Elastic, F: Any) -> Any:
+    """A third of the trace of F dW/dF: how strained the material is, mu I1/3 in neo-Hookean rubber.
+
+    By the derivative of W(s C) with respect to s at s = 1.
+    """
+    s = ufl.variable(ufl.as_ufl(1.0))
+    return 2 / 3 * ufl.diff(elastic.energy(StrainOf(F, scale=s)), s)
 
 
 def measure(device: Device, parts: list[np.ndarray], degree: int, kind: str = "dx") -> Any:

@@ -56,7 +56,21 @@ def check_hdea(out, printed):
         assert str(out / name) in printed
 
 
+def check_snap_through(out, printed):
+    """Gent film, digest section 13: 23.88 kV at 1.263, minimum at 5.545."""
+    s = summary(out)
+    assert s["max_relative_error"] < 1e-6
+    assert s["pull_in_voltage_V"] == pytest.approx(s["exact_pull_in_voltage_V"], rel=1e-6)
+    assert s["snap_minimum_voltage_V"] == pytest.approx(s["exact_snap_minimum_voltage_V"], rel=1e-6)
+    assert s["pull_in_voltage_V"] == pytest.approx(23.88e3, abs=5)
+    assert s["snap_minimum_stretch"] == pytest.approx(5.545, abs=5e-4)
+    assert s["landing_stretch"] > 7
+    assert s["stable"] is True
+    assert (out / "voltage_stretch.png").exists()
+
+
 CHECKS = {
+    "snap_through.py": (check_snap_through, ["--mesh", "irregular"]),
     "cube.py": (check_cube, []),
     "hdea_two_turn.py": (check_hdea, ["--mesh", 1, "--steps", 4, "--trend"]),
 }

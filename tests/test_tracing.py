@@ -1,0 +1,121 @@
+"""Arc length through limit points, against closed forms of shared theory (Suo; Zhao and Suo)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import block
+
+import dea_fenicsx as dea
+from dea_fenicsx.materials import EPSILON_0
+
+MU, EPS_R, T = 50e3, 4.7, 1e-3
+UNIT = T * np.sqrt(MU / (EPS_R * EPSILON_0))
+STRETCH = {"stretch": dea.MeanStretch(("x_min", "x_max"), "x")}
+
+
+def film(elastic, loads=(), cells=(1, 1, 1)):
+    """A free or dead-loaded film; ramp factor 1 is the dimensionless voltage 1."""
+    return dea.Scene(
+        block(cells),
+        {"film": dea.Material(elastic, dea.IdealDielectric(EPS_R))},
+        electrodes=[dea.Electrode("top", UNIT), dea.Ground("bottom")],
+        supports=[dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")],
+        loads=loads,
+    )
+
+
+def events(run):
+    return {row["event"]: row for row in run.history if row["event"]}
+
+
+@pytest.mark.parametrize(
+    ("load", "stretch", "phi"), [(0.5, 1.4267, 0.5107), (1.0, 1.7463, 0.3586), (2.0, 3.0160, 0.1921)]
+)
+def test_limit_points_under_dead_load(load, stretch, phi):
+    """phi^2 = (lam - lam^-5 - s/mu)/lam^3; the values to four digits are those of anchors.md."""
+    s = load * MU
+    loads = [dea.DeadLoad("x_max", (s, 0, 0)), dea.DeadLoad("y_max", (0, s, 0))]
+    path = [dea.Ramp("load", steps=4),
+            dea.Trace("voltage", first=0.05, until=("stretch", 1.3 * stretch))]  # fmt: skip
+    run = dea.solve(film(dea.NeoHookean(MU), loads), path, STRETCH, quiet=True, stability="never")
+    lam, volts = run.column("stretch")[5:], run.column("voltage_V")[5:]
+    exact = np.sqrt((lam - lam**-5 - load) / lam**3)
+    assert volts / UNIT == pytest.approx(exact, rel=1e-6)
+    top = events(run)["maximum"]
+    assert top["stretch"] == pytest.approx(stretch, abs=6e-5)
+    assert top["voltage_V"] / UNIT == pytest.approx(phi, abs=6e-5)
+    # the limit point itself to 1e-6: stationary value of the closed form near it
+    near = np.linspace(top["stretch"] - 0.01, top["stretch"] + 0.01, 20001)
+    assert top["voltage_V"] / UNIT == pytest.approx(
+        np.sqrt(np.max((near - near**-5 - load) / near**3)), rel=1e-6
+    )
+
+
+def test_snap_through_and_stability():
+    """Gent film: maximum, minimum, and a second branch that is stable again."""
+    run = dea.solve(
+        film(dea.Gent(MU, 120.0), cells=(2, 2, 2)),
+        dea.Trace("voltage", first=0.1, until=("stretch", 6.2)),
+        STRETCH, quiet=True, stability="every",
+    )  # fmt: skip
+    lam, volts = run.column("stretch")[1:], run.column("voltage_V")[1:]
+    mu = 120.0 / (120.0 - 2 * lam**2 - lam**-4 + 3)
+    assert volts / UNIT == pytest.approx(np.sqrt(mu * (lam**2 - lam**-4) / lam**4), rel=1e-6)
+    found = events(run)
+    # digest section 13: 23.88 kV at 1.263, minimum at 5.545 (T = 1 mm, eps_r 4.7)
+    assert found["maximum"]["voltage_V"] == pytest.approx(23.88e3, abs=5)
+    assert found["maximum"]["stretch"] == pytest.approx(1.263, abs=5e-4)
+    assert found["minimum"]["stretch"] == pytest.approx(5.545, abs=5e-4)
+    for row in run.history:
+        if not row["event"]:
+            between = found["maximum"]["stretch"] < row["stretch"] < found["minimum"]["stretch"]
+            assert (row["inertia"] > 0) == between, row
+
+
+def test_load_derivative_is_exact():
+    """dR/df against central differences, at a loaded state, voltage and dead load."""
+    from dea_fenicsx.weakform import Problem
+
+    s = 20e3
+    scene = film(dea.NeoHookean(MU), [dea.DeadLoad("x_max", (s, 0, 0))])
+    problem = Problem(scene)
+    factors = {"load": 0.7, "voltage": 0.4}
+    problem.set_factors(factors)
+    problem.insert_fixed()
+    problem.add_free(0.01 * np.random.default_rng(1).standard_normal(len(problem.free)))
+    for ramp in factors:
+        problem.set_factors(factors)
+        problem.insert_fixed()
+        problem.tangent()
+        exact = problem.load_derivative(ramp)
+        sides = []
+        for h in (1e-4, -1e-4):
+            problem.set_factors(factors | {ramp: factors[ramp] + h})
+            problem.insert_fixed()
+            sides.append(problem.residual()[problem.free])
+        difference = (sides[0] - sides[1]) / 2e-4
+        assert difference == pytest.approx(exact, abs=1e-7 * np.abs(exact).max())
+
+
+def test_free_film_limit_point(tmp_path):
+    """Neo-Hookean: lam = 2^(1/3), phi = 0.68736 (anchors.md)."""
+    scene = film(dea.NeoHookean(MU))
+    first = dea.solve(scene, dea.Trace("voltage", steps=40, until=("stretch", 1.5)), STRETCH,
+                      tmp_path, quiet=True, stability="never")  # fmt: skip
+    assert first["stretch"] > 1.5
+    assert events(first)["maximum"]["stretch"] == pytest.approx(2 ** (1 / 3), abs=1e-5)
+    assert events(first)["maximum"]["voltage_V"] / UNIT == pytest.approx(0.68736, abs=5e-6)
+
+
+@pytest.mark.parametrize(
+    ("trace", "words"),
+    [
+        (dea.Trace("volts"), "no ramp in the scene named 'volts'"),
+        (dea.Trace("voltage", first=0.0), "first step other than 0"),
+        (dea.Trace("voltage", until=("tip", 1.0)), "no such column"),
+    ],
+)
+def test_trace_refuses(trace, words):
+    with pytest.raises(dea.InputError, match=words):
+        dea.solve(film(dea.NeoHookean(MU)), trace, STRETCH, quiet=True)
