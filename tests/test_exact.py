@@ -122,8 +122,6 @@ def test_every_case_of_the_thesis_is_there():
 
 # ---------------------------------------------------------------- closed forms
 
-LIMIT = dict(mu=7e4, eps=4.7 * EPSILON_0)
-
 
 def phi_bar(branch, state) -> float:
     """Dimensionless voltage (V/T)/sqrt(mu/eps)."""
@@ -235,7 +233,8 @@ def test_charge_control_has_no_limit_point_and_runs_on_the_same_branch():
         assert np.all(np.diff(branch.charge) > 0) and np.all(branch.stability("charge") > 0)
         # closed form of the free film under charge: q^2/eps = f(lam) lam^4, the same states
         k = len(branch.M) // 3
-        (state, stable), = branch.states_at(0.5 * (branch.charge[k] + branch.charge[k + 1]), "charge")
+        between = 0.5 * (branch.charge[k] + branch.charge[k + 1])
+        ((state, stable),) = branch.states_at(between, "charge")
         assert stable
         lam = state.stretches[0]
         M = exact.elastic_stress(branch.film.material, lam, lam)[0]
@@ -285,22 +284,22 @@ def test_second_variation_is_that_of_the_potential():
 
 
 def test_mooney_rivlin_film_parts_its_equal_sides():
-    """Treloar-Kearsley: equal dead loads, unequal stretches, once C01 lam^2 > C10 + ..."""
-    # without field: the sides part where (C10 + C01 lam^2)(...) = 0 <=> lam^6 - 3 ... ; here the
-    # independent criterion is the second variation across, by differences of the potential
-    branch = trace(film(MooneyRivlin(2e4, 2e3), first=Dead(1.5e5), second=Dead(1.5e5)))
-    parting = [e.state for e in branch.events("charge") if e.kind == "bifurcation"]
-    for state in parting:
-        lam = state.stretches[0]
-        P = 1.5e5
+    """Equal dead loads P, unequal stretches: Treloar and Kearsley's instability.
 
-        def across(d, lam=lam, P=P):
-            a, b = lam * np.exp(d), lam * np.exp(-d)
-            I1 = a**2 + b**2 + lam**-4
-            I2 = a**-2 + b**-2 + lam**4
-            return 2e4 * I1 + 2e3 * I2 - P * (a + b)
-
-        assert across(1e-2) + across(-1e-2) - 2 * across(0) == pytest.approx(0, abs=1e-3)
+    With stretches lam e^d, lam e^-d the energy is 2 C10 lam^2 cosh 2d + 2 C01 lam^-2 cosh 2d
+    - 2 P lam cosh d + f(lam); its curvature in d vanishes where P = 4 (C10 lam + C01/lam^3),
+    whatever the voltage.
+    """
+    C10, C01, lam = 2e4, 2e3, 5.0
+    P = 4 * (C10 * lam + C01 / lam**3)
+    branch = trace(film(MooneyRivlin(C10, C01), first=Dead(P), second=Dead(P)))
+    (parting,) = [e.state for e in branch.events("charge") if e.kind == "bifurcation"]
+    assert parting.stretches[0] == pytest.approx(lam, rel=1e-10)
+    assert parting.maxwell == pytest.approx(
+        2 * C10 * (lam**2 - lam**-4) + 2 * C01 * (lam**4 - lam**-2) - P * lam, rel=1e-10
+    )
+    before, after = branch.at(parting.place - 3), branch.at(parting.place + 3)
+    assert not branch.is_stable(before, "charge") and branch.is_stable(after, "charge")
 
 
 # ---------------------------------------------------------------- compressible films
@@ -398,7 +397,7 @@ def test_failure_limits_against_the_branch():
     first = exact.first_failure(material, MM, path, held=True, samples=200)
     expected = min((slack.voltage, "loss of tension"), (broken.voltage, "breakdown"))
     assert (first.mode, first.voltage) == (expected[1], pytest.approx(expected[0], rel=1e-9))
-    modes = {m for m in path_map.governing()}
+    modes = set(path_map.governing())
     assert modes <= set(exact.MODES) and "loss of tension" in modes
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials.base import Elastic
@@ -154,6 +153,8 @@ def fit(model: Any, data: TestData | Sequence[TestData], starts: int = 8) -> Fit
     UserWarning
         If the stresses look like another unit than Pa.
     """
+    from scipy.optimize import least_squares  # slow to load, and most scripts fit nothing
+
     curves = [data] if isinstance(data, TestData) else list(data)
     if not curves:
         raise InputError("There are no data to fit.")

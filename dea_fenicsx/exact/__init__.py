@@ -1,0 +1,49 @@
+"""Homogeneous ("0-D") theory of dielectric elastomer films, exact to rounding.
+
+    film = Film(material, thickness=1e-3, first=Held(1.0)).prestretched(1.0, 2.125)
+    branch = trace(film)
+    branch.voltage, branch.stretches          # the whole curve
+    branch.event("pull-in").voltage           # what happens on it, and where
+    branch.states_at(3e3)                     # every equilibrium at 3 kV, each with its stability
+
+NumPy and SciPy only; nothing here needs a mesh.
+"""
+
+from dea_fenicsx.exact.activation import activation_voltage
+from dea_fenicsx.exact.branch import Branch, Event, State, trace
+from dea_fenicsx.exact.failure import MODES, Failure, FailureMap, failure_map, first_failure, limits
+from dea_fenicsx.exact.film import CONTROLS, FREE, Dead, Film, Held, TrueStress
+from dea_fenicsx.exact.states import (
+    elastic_stress,
+    maxwell_pressure,
+    nominal_stress,
+    open_circuit_voltage,
+    second_variation,
+    true_stress,
+)
+
+__all__ = [
+    "Film",
+    "Held",
+    "Dead",
+    "TrueStress",
+    "FREE",
+    "CONTROLS",
+    "trace",
+    "Branch",
+    "Event",
+    "State",
+    "elastic_stress",
+    "true_stress",
+    "nominal_stress",
+    "maxwell_pressure",
+    "open_circuit_voltage",
+    "second_variation",
+    "activation_voltage",
+    "FailureMap",
+    "failure_map",
+    "Failure",
+    "first_failure",
+    "limits",
+    "MODES",
+]

@@ -1,0 +1,456 @@
+"""The whole branch of equilibria of a film, from zero voltage on, and what happens along it.
+
+A branch is one curve, whatever drives it: a state in equilibrium at some voltage is in equilibrium
+at the charge or pressure that it then has.  What differs is its stability, and which states a
+growing load can reach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.exact.film import Film, Held, known_control
+
+STEP = 0.01
+"""Distance between sampled states in logarithmic stretch."""
+
+
+@dataclass(frozen=True)
+class State:
+    """One homogeneous equilibrium.
+
+    Attributes
+    ----------
+    stretches : the three principal stretches, the third along the field
+    maxwell : Maxwell pressure eps E^2 in Pa
+    voltage : V
+    charge : C per undeformed m^2
+    field : true field in V/m
+    stress : true in-plane stresses in Pa
+    place : where on its branch, in units of samples
+    """
+
+    stretches: np.ndarray
+    maxwell: float
+    voltage: float
+    charge: float
+    field: float
+    stress: np.ndarray
+    place: float
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happens along a branch.
+
+    Attributes
+    ----------
+    kind
+        ``"pull-in"`` (a maximum of the load), ``"snap minimum"``, ``"bifurcation"`` (equal sides
+        part), ``"loss of tension 1"`` or ``"2"``, ``"breakdown"``, ``"lock-up"``.
+    state
+        The state where it happens.
+    """
+
+    kind: str
+    state: State
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A traced branch.
+
+    Attributes
+    ----------
+    film
+        The film.
+    e
+        Logarithms of the principal stretches of the samples, shape (3, n).
+    M
+        Maxwell pressure of the samples in Pa, shape (n,).
+    locked
+        Whether the branch ends where the chains lock up.
+    """
+
+    film: Film
+    e: np.ndarray
+    M: np.ndarray
+    locked: bool
+    _solve: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, float]] = field(repr=False)
+    _events: dict[str, list[Event]] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def stretches(self) -> np.ndarray:
+        """Principal stretches, shape (3, n)."""
+        return np.exp(self.e)
+
+    @cached_property
+    def voltage(self) -> np.ndarray:
+        """Voltage in V."""
+        return self.film.voltage(self.e, self.M)
+
+    @cached_property
+    def charge(self) -> np.ndarray:
+        """Charge per undeformed area in C/m^2."""
+        return self.film.charge(self.e, self.M)
+
+    @cached_property
+    def stress(self) -> np.ndarray:
+        """True in-plane stresses in Pa, shape (2, n)."""
+        return self.film.true_stress(self.e, self.M)
+
+    def load(self, control: str) -> np.ndarray:
+        """The load that `control` imposes at each sample."""
+        return self.film.load(control, self.e, self.M)
+
+    def stability(self, control: str = "voltage") -> np.ndarray:
+        """Smallest eigenvalue of the second variation in Pa; positive where stable."""
+        return self._eigenvalues(self.e, self.M, control)[..., 0]
+
+    def _eigenvalues(self, e: np.ndarray, M: Any, control: str) -> np.ndarray:
+        _, B = self.film.freedoms(symmetric=False)
+        K = np.moveaxis(self.film.tangent(e, M, control), (0, 1), (-2, -1))
+        K = np.swapaxes(B, 0, 1) @ K @ B
+        return np.linalg.eigvalsh((K + np.swapaxes(K, -1, -2)) / 2)
+
+    # ------------------------------------------------------------------ states
+
+    def at(self, place: float) -> State:
+        """The equilibrium at a place on the branch, in units of samples (2.5: between 2 and 3)."""
+        k = int(np.clip(np.floor(place), 0, len(self.M) - 2))
+        s = place - k
+        if s == 0 or s == 1:
+            e, M = self.e[:, k + int(s)], float(self.M[k + int(s)])
+        else:
+            a, b = self.e[:, k], self.e[:, k + 1]
+            e, M = self._solve(a + s * (b - a), b - a)
+        film = self.film
+        return State(
+            stretches=np.exp(e),
+            maxwell=M,
+            voltage=float(film.voltage(e, M)),
+            charge=float(film.charge(e, M)),
+            field=float(np.sqrt(max(M, 0) / film.permittivity)),
+            stress=film.true_stress(e, np.float64(M)),
+            place=place,
+        )
+
+    def _crossings(
+        self, samples: np.ndarray, value: Callable[[State], float]
+    ) -> list[tuple[float, bool]]:
+        """Places where a quantity changes sign, each with whether it rises there."""
+        found = []
+        above = samples >= 0
+        for k in np.flatnonzero(above[:-1] != above[1:]):
+            a, b = value(self.at(float(k))), value(self.at(float(k + 1)))
+            if a == 0 or b == 0:
+                found.append((float(k if a == 0 else k + 1), bool(b > a)))
+            elif a * b < 0:
+                place = brentq(lambda s: value(self.at(s)), k, k + 1, xtol=1e-13, rtol=1e-15)
+                found.append((float(place), bool(b > a)))
+        return found
+
+    def states_at(self, load: float, control: str = "voltage") -> list[tuple[State, bool]]:
+        """Every equilibrium at a load, each with whether it is stable under that control."""
+        found = [
+            self.at(place)
+            for place, _ in self._crossings(
+                self.load(control) - load, lambda s: self._load_of(s, control) - load
+            )
+        ]
+        return [(s, self.is_stable(s, control)) for s in found]
+
+    def at_stretch(self, stretch: float, axis: int = 0) -> list[State]:
+        """Every state of the branch with a given stretch along an axis (0, 1 or 2)."""
+        found = self._crossings(
+            self.stretches[axis] - stretch, lambda s: float(s.stretches[axis]) - stretch
+        )
+        return [self.at(place) for place, _ in found]
+
+    def is_stable(self, state: State, control: str = "voltage") -> bool:
+        """Whether the second variation is positive definite while the control is kept."""
+        e = np.log(state.stretches)
+        return bool(self._eigenvalues(e, np.float64(state.maxwell), control)[0] > 0)
+
+    def _load_of(self, s: State, control: str) -> float:
+        return float(self.film.load(control, np.log(s.stretches), s.maxwell))
+
+    # ------------------------------------------------------------------ events
+
+    def events(self, control: str = "voltage") -> list[Event]:
+        """Everything that happens along the branch under a control, in the order of the branch."""
+        if known_control(control) not in self._events:
+            found = self._limits(control) + self._losses() + self._breakdown()
+            if self.locked:
+                end = self.at(float(len(self.M) - 1))
+                beyond = replace(end, maxwell=np.inf, voltage=np.inf, charge=np.inf, field=np.inf)
+                found.append(Event("lock-up", beyond))
+            self._events[control] = sorted(found, key=lambda e: e.state.place)
+        return self._events[control]
+
+    def event(self, kind: str, control: str = "voltage") -> State | None:
+        """The first event of a kind, or None."""
+        return next((e.state for e in self.events(control) if e.kind == kind), None)
+
+    def landing(self, control: str = "voltage") -> State | None:
+        """Where the film comes to rest after pull-in at constant load, or None."""
+        peak = self.event("pull-in", control)
+        if peak is None:
+            return None
+        load = self._load_of(peak, control)
+        after = [s for s, ok in self.states_at(load, control) if ok and s.place > peak.place + 1]
+        return after[0] if after else None
+
+    def _limits(self, control: str) -> list[Event]:
+        """Limit points in the traced plane, and bifurcations out of it."""
+        film = self.film
+        _, B = film.freedoms(symmetric=True)
+        _, full = film.freedoms(symmetric=False)
+
+        def singular(e: np.ndarray, M: np.ndarray) -> np.ndarray:
+            K = np.moveaxis(film.tangent(e, M, control), (0, 1), (-2, -1))
+            return np.linalg.det(B.T @ K @ B / film.material.elastic.shear_modulus())
+
+        def parting(e: np.ndarray, M: np.ndarray) -> np.ndarray:
+            K = film.tangent(e, M, control)
+            return (K[0, 0] - K[0, 1] - K[1, 0] + K[1, 1]) / 2
+
+        def of(f: Callable, s: State) -> float:
+            return float(f(np.log(s.stretches), np.float64(s.maxwell)))
+
+        events = []
+        load = self.load(control)
+        for place, _ in self._crossings(singular(self.e, self.M), lambda s: of(singular, s)):
+            peak = self._load_of(self.at(place), control)
+            k = int(place)
+            kind = "pull-in" if peak >= max(load[k], load[k + 1]) else "snap minimum"
+            events.append(Event(kind, self.at(place)))
+        if full.shape[1] > B.shape[1]:
+            for place, _ in self._crossings(parting(self.e, self.M), lambda s: of(parting, s)):
+                events.append(Event("bifurcation", self.at(place)))
+        return events
+
+    def _losses(self) -> list[Event]:
+        """Where a held direction ceases to be in tension."""
+        events = []
+        tiny = 1e-9 * self.film.material.elastic.shear_modulus()
+        for k, side in enumerate(self.film.sides):
+            if not isinstance(side, Held):
+                continue
+            kind = f"loss of tension {k + 1}"
+            if self.stress[k, 0] < tiny and self.stress[k, 1] < 0:
+                events.append(Event(kind, self.at(0.0)))
+
+            def tension(s: State, k: int = k) -> float:
+                return float(s.stress[k])
+
+            for place, rises in self._crossings(self.stress[k], tension):
+                if not rises:
+                    events.append(Event(kind, self.at(place)))
+        return events
+
+    def _breakdown(self) -> list[Event]:
+        electric = self.film.material.electric
+        if electric.breakdown_field() is None:  # type: ignore[union-attr]
+            return []
+        eps = self.film.permittivity
+
+        def excess(lam: np.ndarray, M: Any) -> np.ndarray:
+            limit = electric.breakdown_field(np.sqrt(lam[0] * lam[1]))  # type: ignore[union-attr]
+            return np.sqrt(np.maximum(M, 0) / eps) - limit
+
+        return [
+            Event("breakdown", self.at(place))
+            for place, rises in self._crossings(
+                excess(self.stretches, self.M),
+                lambda s: float(excess(s.stretches, np.float64(s.maxwell))),
+            )
+            if rises
+        ]
+
+
+def trace(film: Film, max_stretch: float = 20.0, step: float = STEP) -> Branch:
+    """Trace the branch of equilibria from zero voltage towards larger area.
+
+    Parameters
+    ----------
+    film
+        The film with its mechanical loads.  Two equal loads are traced with equal stretches; where
+        such states become unstable against unequal ones, a bifurcation is reported.
+    max_stretch
+        Where to stop, at an in-plane stretch (or thickness ratio) of this size.
+    step
+        Distance between samples in logarithmic stretch.
+
+    Raises
+    ------
+    InputError
+        If the film has no equilibrium without voltage.
+    """
+    equations = _Equations(film)
+    y, M = equations.rest()
+    if equations.n == 1:
+        e, M_all, locked = _scan(equations, y, max_stretch, step)
+    else:
+        e, M_all, locked = _walk(equations, y, max_stretch, step)
+    if len(M_all) < 3:
+        raise InputError("The film's branch ends at once; check the dead loads and max_stretch.")
+    return Branch(film, e, M_all, locked, equations.near)
+
+
+class _Equations:
+    """Equilibrium in the free logarithmic stretches y and the Maxwell pressure M."""
+
+    def __init__(self, film: Film):
+        self.film = film
+        self.e0, self.B = film.freedoms(symmetric=True)
+        self.n = self.B.shape[1]
+        self.scale = film.material.elastic.shear_modulus()
+
+    def e(self, y: np.ndarray) -> np.ndarray:
+        return self.e0 + self.B @ y
+
+    def parts(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """a and b of the equations a(e) - M b(e) = 0, reduced to the free directions."""
+        _, R, _ = self.film.elastic(e)
+        tau, _ = self.film.applied(e)
+        v = self.film.v.reshape(3, *[1] * (e.ndim - 1))
+        return self.B.T @ (R - tau), self.B.T @ (v * np.exp(e.sum(axis=0)))
+
+    def matrix(self, e: np.ndarray, M: float) -> np.ndarray:
+        """Derivative in (y, M), shape (n, n + 1)."""
+        K = self.B.T @ self.film.tangent(e, np.float64(M), "pressure") @ self.B
+        _, b = self.parts(e)
+        return np.column_stack([K, -b])
+
+    def rest(self) -> tuple[np.ndarray, float]:
+        """Equilibrium without voltage, by Newton's method with steps of bounded length."""
+        y = np.zeros(self.n)
+        if self.film.incompressible:  # half way between the held stretch and equal stretches
+            y += -self.e0.sum() / 2
+            if isinstance(self.film.first, Held) or isinstance(self.film.second, Held):
+                held = self.film.first if isinstance(self.film.first, Held) else self.film.second
+                y = np.array([-np.log(held.stretch) / 2])  # type: ignore[union-attr]
+        for _ in range(400):
+            e = self.e(y)
+            a, _ = self.parts(e)
+            if not np.all(np.isfinite(a)):
+                break
+            K = self.B.T @ self.film.tangent(e, np.float64(0), "pressure") @ self.B
+            values, vectors = np.linalg.eigh((K + K.T) / 2)
+            # minimise: against a negative curvature go downhill all the same
+            step = -vectors @ ((vectors.T @ a) / np.maximum(np.abs(values), 1e-3 * self.scale))
+            step *= min(1.0, 0.1 / max(np.abs(step).max(), 1e-300))
+            while not self.film.margin(self.e(y + step)) > 0:
+                step /= 2
+            y = y + step
+            if np.abs(step).max() < 1e-15:
+                break
+        a, _ = self.parts(self.e(y))
+        size = self.scale + np.abs(self.film.elastic(self.e(y))[1]).max()
+        if not np.all(np.abs(a) <= 1e-9 * size):
+            raise InputError(
+                "The film has no equilibrium without voltage under its dead loads or true "
+                "stresses; take smaller ones."
+            )
+        return y, 0.0
+
+    def near(self, e: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, float]:
+        """The equilibrium near e in the plane through e across `along`."""
+        y = np.linalg.lstsq(self.B, e - self.e0, rcond=None)[0]
+        a, b = self.parts(self.e(y))
+        M = float(a @ b / (b @ b))
+        if self.n == 1:
+            return self.e(y), M
+        t = np.linalg.lstsq(self.B, along, rcond=None)[0]
+        y, M, _ = self.correct(y, M, t / np.linalg.norm(t))
+        return self.e(y), M
+
+    def correct(self, y: np.ndarray, M: float, t: np.ndarray) -> tuple[np.ndarray, float, bool]:
+        """Newton's method in the plane through y across t."""
+        last = np.inf
+        for _ in range(12):
+            e = self.e(y)
+            a, b = self.parts(e)
+            A = np.vstack([self.matrix(e, M), np.append(t, 0.0)])
+            A[:-1] /= self.scale
+            rhs = np.append((a - M * b) / self.scale, 0.0)
+            if not np.all(np.isfinite(A)) or not np.all(np.isfinite(rhs)):
+                return y, M, False
+            d = np.linalg.solve(A, -rhs)
+            y, M = y + d[:-1], M + d[-1]
+            size = float(np.abs(d[:-1]).max())
+            if size < 1e-15 or (size < 1e-12 and size >= last):
+                break
+            last = size
+        return y, M, size < 1e-9
+
+
+def _scan(
+    eq: _Equations, y0: np.ndarray, max_stretch: float, step: float
+) -> tuple[np.ndarray, np.ndarray, bool]:
+    """One free stretch: M is an explicit function of it."""
+    film, start = eq.film, float(y0[0])
+    end = start + 2 * np.log(max_stretch)
+
+    def margin(y: float) -> float:
+        return float(film.margin(eq.e(np.array([y]))))
+
+    locked = bool(margin(end) <= 0)
+    if locked:
+        end = brentq(margin, start, end, xtol=1e-15, rtol=1e-15)
+    n = max(int((end - start) / step), 200)
+    share = np.linspace(0, 1, n + 1)
+    # towards lock-up the load soars: sample more closely there
+    y = start + (end - start) * (np.sin(share * np.pi / 2) if locked else share)
+    if locked:
+        y[-1] = end - 1e-12
+    e = eq.e0[:, None] + eq.B * y[None, :]
+    a, b = eq.parts(e)
+    with np.errstate(invalid="ignore"):
+        M = a[0] / b[0]
+    M[0] = 0.0
+    inside = np.all(np.abs(e[:2]) <= np.log(max_stretch) + 1e-12, axis=0)
+    good = np.isfinite(M) & (M >= 0) & inside
+    stop = len(M) if good.all() else int(np.argmin(good))
+    return e[:, :stop], M[:stop], locked and stop == len(M)
+
+
+def _walk(
+    eq: _Equations, y: np.ndarray, max_stretch: float, step: float
+) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Several free stretches: predictor and corrector along the curve."""
+    film = eq.film
+    points, loads = [eq.e(y)], [0.0]
+    M, size = 0.0, step
+    direction = np.append(np.zeros(eq.n), 1.0)
+    locked = False
+    for _ in range(20000):
+        null = np.linalg.svd(eq.matrix(eq.e(y), M) / [*[eq.scale] * eq.n, 1.0])[2][-1]
+        null = null if null @ direction >= 0 else -null
+        t = null[:-1] / np.linalg.norm(null[:-1])
+        slope = null[-1] / np.linalg.norm(null[:-1])
+        trial, load, ok = eq.correct(y + size * t, M + size * slope, t)
+        ok = ok and bool(film.margin(eq.e(trial)) > 0) and np.abs(trial - y).max() < 2 * size
+        if not ok:
+            size /= 2
+            if size < 1e-9:
+                locked = bool(np.isfinite(film.margin(eq.e(y))))
+                break
+            continue
+        e = eq.e(trial)
+        if load < 0 or np.abs(e[:2]).max() > np.log(max_stretch):
+            break
+        direction = np.append(trial - y, load - M)
+        y, M = trial, load
+        points.append(e)
+        loads.append(load)
+        size = min(2 * size, step)
+    return np.array(points).T, np.array(loads), locked

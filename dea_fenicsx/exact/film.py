@@ -1,0 +1,261 @@
+"""A film in a homogeneous state: what holds it in its plane, and its equilibrium equations.
+
+Everything is written in the logarithms e of the principal stretches (1 and 2 in the plane, 3 along
+the field): incompressibility is then linear, e1 + e2 + e3 = 0, and true stresses are first
+derivatives of the energy.  With the Maxwell pressure M = eps E^2 (E the true field) equilibrium is
+
+    dW/de - tau(e) - M J v = 0,
+
+tau the Kirchhoff stresses of the mechanical loads, v = (1/2, 1/2, -1/2) for the stress of the
+field, or (0, 0, -1) for a pressure on the electrodes alone.  In an incompressible film both say
+the same.  Suo, Theory of dielectric elastomers, Acta Mech. Solida Sin. 23 (2010) 549.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.materials import IdealDielectric, Material
+from dea_fenicsx.materials.stretches import margin, taylor
+
+
+@dataclass(frozen=True)
+class Held:
+    """The stretch along this direction is kept."""
+
+    stretch: float
+
+
+@dataclass(frozen=True)
+class Dead:
+    """A constant force: nominal stress in Pa, per undeformed area.  `Dead(0)` is a free side."""
+
+    pascal: float
+
+
+@dataclass(frozen=True)
+class TrueStress:
+    """A constant true stress in Pa."""
+
+    pascal: float
+
+
+Side = Held | Dead | TrueStress
+FREE = Dead(0.0)
+
+CONTROLS = {
+    "voltage": np.array([1.0, 1.0, -1.0]),
+    "charge": np.array([-1.0, -1.0, 1.0]),
+    "pressure": np.array([1.0, 1.0, 1.0]),
+    "undeformed": np.array([1.0, 1.0, 1.0]),
+}
+"""What is kept while a state is tested for stability, each with d ln(M J)/de.
+
+``"voltage"`` or ``"charge"`` between the electrodes (an open circuit keeps its charge), a live
+Maxwell ``"pressure"``, or a live pressure eps (V/T)^2 with the ``"undeformed"`` thickness T, as in
+the thesis's chapter 4."""
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film between compliant electrodes, uniformly deformed.
+
+    Parameters
+    ----------
+    material
+        Its material, with an ideal dielectric; compressible if it has a bulk modulus.
+    thickness
+        Undeformed thickness T in m.
+    first, second
+        What acts along the two directions of the plane: `Held`, `Dead` or `TrueStress`.
+    stress
+        ``"field"``: the full stress of the electric field.  ``"pressure"``: a pressure eps E^2 on
+        the electrodes alone.  They differ only in a compressible film.
+
+    Raises
+    ------
+    InputError
+        For unphysical constants.
+    """
+
+    material: Material
+    thickness: float
+    first: Side = FREE
+    second: Side = FREE
+    stress: str = "field"
+
+    def __post_init__(self) -> None:
+        faults = self.material.faults()
+        if faults:
+            raise InputError(f"{type(self.material.elastic).__name__}: {faults[0]}.")
+        if not isinstance(self.material.electric, IdealDielectric):
+            raise InputError(
+                "The film's material is no dielectric; give it electric=IdealDielectric(eps_r)."
+            )
+        if not (math.isfinite(self.thickness) and self.thickness > 0):
+            raise InputError(f"The thickness is {self.thickness!r}, but must be a length > 0 in m.")
+        if self.stress not in ("field", "pressure"):
+            raise InputError(f'The stress is {self.stress!r}, but must be "field" or "pressure".')
+        for name, side in (("first", self.first), ("second", self.second)):
+            if not isinstance(side, Side):
+                raise InputError(
+                    f"The {name} direction is given {side!r}, but needs Held, Dead or TrueStress."
+                )
+            value = side.stretch if isinstance(side, Held) else side.pascal
+            if not math.isfinite(value) or (isinstance(side, Held) and value <= 0):
+                raise InputError(
+                    f"The {name} direction is given {side!r}, but needs a finite stress or a "
+                    "stretch > 0."
+                )
+
+    @property
+    def permittivity(self) -> float:
+        """Absolute permittivity in F/m."""
+        return self.material.electric.permittivity()  # type: ignore[union-attr]
+
+    @property
+    def sides(self) -> tuple[Side, Side]:
+        return self.first, self.second
+
+    @property
+    def incompressible(self) -> bool:
+        return self.material.bulk_modulus is None
+
+    @property
+    def v(self) -> np.ndarray:
+        """Kirchhoff stress of the field over -M J."""
+        return np.array([0.5, 0.5, -0.5]) if self.stress == "field" else np.array([0.0, 0.0, -1.0])
+
+    def freedoms(self, symmetric: bool) -> tuple[np.ndarray, np.ndarray]:
+        """Offset e0 and basis B of e = e0 + B y; with `symmetric`, equal sides stay equal."""
+        e0 = np.zeros(3)
+        columns = []
+        for k, side in enumerate(self.sides):
+            if isinstance(side, Held):
+                e0[k] = math.log(side.stretch)
+            else:
+                columns.append(np.eye(3)[k])
+        if len(columns) == 2 and symmetric and self.first == self.second:
+            columns = [columns[0] + columns[1]]
+        if self.incompressible:
+            e0[2] = -e0[0] - e0[1]
+            for c in columns:
+                c[2] = -c[0] - c[1]
+        else:
+            columns.append(np.eye(3)[2])
+        if not columns:
+            raise InputError(
+                "Both directions of an incompressible film are held, so nothing can move; leave at "
+                "least one to a dead load or a true stress."
+            )
+        return e0, np.array(columns).T
+
+    # ------------------------------------------------------------------ equilibrium
+
+    def elastic(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Energy, gradient and Hessian in e, the volumetric part included."""
+        kappa = self.material.bulk_modulus
+        if kappa is None:
+            return taylor(self.material.elastic, e)
+        volume = e.sum(axis=0)
+        J = np.exp(volume)
+        W, R, H = taylor(self.material.elastic, e - volume / 3)
+        P = np.eye(3) - 1 / 3
+        R = np.tensordot(P, R, 1)
+        H = np.einsum("ij,jk...,kl->il...", P, H, P)
+        W = W + kappa / 2 * (J - 1) ** 2
+        return W, R + kappa * (J - 1) * J, H + kappa * (2 * J - 1) * J
+
+    def applied(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Kirchhoff stresses of the mechanical loads, shape (3, ...), and their derivative."""
+        J = np.exp(e.sum(axis=0))
+        tau = np.zeros_like(e)
+        slope = np.zeros((3, *e.shape))
+        for k, side in enumerate(self.sides):
+            if isinstance(side, Dead):
+                tau[k] = side.pascal * np.exp(e[k])
+                slope[k, k] = tau[k]
+            elif isinstance(side, TrueStress):
+                tau[k] = side.pascal * J
+                slope[k, :] = tau[k]
+        return tau, slope
+
+    def tangent(self, e: np.ndarray, M: Any, control: str) -> np.ndarray:
+        """Derivative of the equilibrium equations in e while the control is kept, (3, 3, ...)."""
+        _, _, H = self.elastic(e)
+        _, slope = self.applied(e)
+        push = M * np.exp(e.sum(axis=0))
+        outer = self.v[:, None] * CONTROLS[known_control(control)][None, :]
+        return H - slope - outer.reshape(3, 3, *[1] * np.ndim(push)) * push
+
+    def true_stress(self, e: np.ndarray, M: Any) -> np.ndarray:
+        """True in-plane stresses in Pa, field included, shape (2, ...)."""
+        _, R, _ = self.elastic(e)
+        if self.incompressible:
+            return R[:2] - R[2] - M
+        return R[:2] / np.exp(e.sum(axis=0)) - self.v[:2].reshape(2, *[1] * np.ndim(M)) * M
+
+    # ------------------------------------------------------------------ loads and states
+
+    def prestretched(self, first: float, second: float) -> Film:
+        """The same film with the sides not held under dead loads that give these stretches.
+
+        Without voltage the film then rests at the two stretches.
+        """
+        e = np.log([first, second, 1 / (first * second)])
+        if not self.incompressible:
+            e[2] = self._thickness_without_load(e)
+        _, R, _ = self.elastic(e)
+        tau = R[:2] - R[2] if self.incompressible else R[:2]
+        made = [
+            Held(s) if isinstance(side, Held) else Dead(float(t / s))
+            for side, s, t in zip(self.sides, (first, second), tau, strict=True)
+        ]
+        return replace(self, first=made[0], second=made[1])
+
+    def _thickness_without_load(self, e: np.ndarray) -> float:
+        """Logarithm of the thickness stretch that leaves no stress along 3 (compressible)."""
+        e = e.copy()
+        for _ in range(50):
+            _, R, H = self.elastic(e)
+            step = R[2] / H[2, 2]
+            e[2] -= step
+            if abs(step) < 1e-15:
+                break
+        return float(e[2])
+
+    def voltage(self, e: Any, M: Any) -> Any:
+        """Voltage in V: V = E t = T lam3 sqrt(M/eps)."""
+        return self.thickness * np.exp(e[2]) * np.sqrt(np.maximum(M, 0) / self.permittivity)
+
+    def charge(self, e: Any, M: Any) -> Any:
+        """Charge per undeformed area in C/m^2: D lam1 lam2, D = eps E."""
+        return np.exp(e[0] + e[1]) * np.sqrt(np.maximum(M, 0) * self.permittivity)
+
+    def load(self, control: str, e: Any, M: Any) -> Any:
+        """What a control imposes: V, C/m^2, Pa, or for ``"undeformed"`` V with p = eps (V/T)^2."""
+        known_control(control)
+        if control == "voltage":
+            return self.voltage(e, M)
+        if control == "charge":
+            return self.charge(e, M)
+        if control == "pressure":
+            return M
+        return self.thickness * np.sqrt(np.maximum(M, 0) / self.permittivity)
+
+    def margin(self, e: np.ndarray) -> np.ndarray:
+        """Distance to chain lock-up, inf where the model has no limit."""
+        if not self.incompressible:
+            e = e - e.sum(axis=0) / 3
+        return margin(self.material.elastic, e)
+
+
+def known_control(control: str) -> str:
+    if control not in CONTROLS:
+        raise InputError(f"There is no control {control!r}; choose one of {', '.join(CONTROLS)}.")
+    return control

@@ -1,0 +1,117 @@
+"""Homogeneous states as plain functions of the in-plane stretches, for arrays of any size.
+
+All of an incompressible ideal dielectric elastomer.  `lam1` and `lam2` broadcast against one
+another and against the electric quantity; a million states take about a second.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.materials import IdealDielectric, Material
+from dea_fenicsx.materials.stretches import taylor
+
+
+def elastic_stress(material: Material, lam1: Any, lam2: Any) -> np.ndarray:
+    """True stresses lam_i dW/dlam_i - lam_3 dW/dlam_3 in Pa without field, shape (2, ...)."""
+    _, R, _ = taylor(material.elastic, _log(lam1, lam2))
+    return R[:2] - R[2]
+
+
+def maxwell_pressure(
+    material: Material,
+    thickness: float,
+    lam1: Any,
+    lam2: Any,
+    *,
+    voltage: Any = None,
+    charge: Any = None,
+    pressure: Any = None,
+    undeformed: Any = None,
+) -> np.ndarray:
+    """Maxwell pressure eps E^2 in Pa for one of four electric conditions.
+
+    Parameters
+    ----------
+    material, thickness
+        The dielectric and its undeformed thickness T in m.
+    lam1, lam2
+        In-plane stretches.
+    voltage
+        V between the electrodes: eps (V lam1 lam2/T)^2.
+    charge
+        Charge per undeformed area in C/m^2, as in an open circuit: q^2/(eps lam1^2 lam2^2).
+    pressure
+        The pressure itself in Pa.
+    undeformed
+        V, taken with the undeformed thickness: eps (V/T)^2.
+    """
+    given = {
+        "voltage": voltage, "charge": charge, "pressure": pressure, "undeformed": undeformed
+    }  # fmt: skip
+    named = [k for k, value in given.items() if value is not None]
+    if len(named) != 1:
+        raise InputError(
+            f"Exactly one of {', '.join(given)} is needed, but {len(named)} are given."
+        )
+    if not isinstance(material.electric, IdealDielectric):
+        raise InputError("The material is no dielectric; give it electric=IdealDielectric(eps_r).")
+    eps, area = material.electric.permittivity(), np.asarray(lam1) * np.asarray(lam2)
+    if voltage is not None:
+        return eps * (np.asarray(voltage) * area / thickness) ** 2
+    if charge is not None:
+        return (np.asarray(charge) / area) ** 2 / eps
+    if pressure is not None:
+        return np.asarray(pressure) + 0 * area
+    return eps * (np.asarray(undeformed) / thickness) ** 2 + 0 * area
+
+
+def true_stress(material: Material, thickness: float, lam1: Any, lam2: Any, **electric: Any) -> Any:
+    """True in-plane stresses in Pa that hold the state, shape (2, ...); see `maxwell_pressure`."""
+    return elastic_stress(material, lam1, lam2) - maxwell_pressure(
+        material, thickness, lam1, lam2, **electric
+    )
+
+
+def nominal_stress(
+    material: Material, thickness: float, lam1: Any, lam2: Any, **electric: Any
+) -> Any:
+    """Dead loads in Pa that hold the state, shape (2, ...); see `maxwell_pressure`."""
+    stress = true_stress(material, thickness, lam1, lam2, **electric)
+    return stress / np.stack(np.broadcast_arrays(lam1, lam2), axis=0)
+
+
+def open_circuit_voltage(charge: Any, eps: float, thickness: float, lam1: Any, lam2: Any) -> Any:
+    """Voltage in V of a film that keeps its charge per undeformed area (C/m^2) while it deforms."""
+    return charge * thickness / (eps * (np.asarray(lam1) * np.asarray(lam2)) ** 2)
+
+
+def second_variation(material: Material, lam1: Any, lam2: Any, maxwell: Any) -> np.ndarray:
+    """Smallest eigenvalue in Pa of the second variation at kept voltage and kept dead loads.
+
+    In logarithmic stretches, with the dead loads that hold the state; positive where stable.
+    """
+    K = _stiffness(material, lam1, lam2, np.asarray(maxwell, dtype=float))
+    half, det = (K[0] + K[1]) / 2, K[0] * K[1] - K[2] ** 2
+    return half - np.sqrt(np.maximum(half**2 - det, 0))
+
+
+def _stiffness(material: Material, lam1: Any, lam2: Any, M: np.ndarray) -> np.ndarray:
+    """Entries 11, 22, 12 of the second variation at kept voltage and dead loads."""
+    f, K = _elastic_stiffness(material, lam1, lam2)
+    return K - np.stack([f[0] - M, f[1] - M, 0 * M]) - 2 * M
+
+
+def _elastic_stiffness(material: Material, lam1: Any, lam2: Any) -> tuple[np.ndarray, np.ndarray]:
+    """True stresses without field, and d^2 W/de_i de_j at constant volume, entries 11, 22, 12."""
+    _, R, H = taylor(material.elastic, _log(lam1, lam2))
+    K = [H[i, j] - H[i, 2] - H[2, j] + H[2, 2] for i, j in ((0, 0), (1, 1), (0, 1))]
+    return R[:2] - R[2], np.array(K)
+
+
+def _log(lam1: Any, lam2: Any) -> np.ndarray:
+    e1, e2 = np.broadcast_arrays(np.log(lam1), np.log(lam2))
+    return np.stack([e1, e2, -e1 - e2])

@@ -1,0 +1,1 @@
+"""The systems of the thesis, one file for each group."""

@@ -1,0 +1,135 @@
+"""The thesis table against independently computed numbers, and that nothing printed is left out.
+
+Expected values are those of `thesis_reference.toml` (recomputed independently of this package
+from the inputs that J. Park 2019 prints), to the digits given there.
+"""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from dea_fenicsx.thesis import collect, printed_numbers
+from dea_fenicsx.thesis.table import COLUMNS, COMPUTED, MISSING, STATUSES
+
+EXPECTED = {  # (system, name): value, or values, and the relative error its digits allow
+    ("cube", "prestress_P"): (98437.5, 1e-9),
+    ("cube", "voltage"): (1763.11, 5e-6),
+    ("cube", "pressure_for_voltage"): (7867.09, 1e-6),
+    ("cube", "roots"): ([-2.53167, -1.02444, 1.03774, 2.50017], 5e-6),
+    ("cube", "rejection_of_root"): (1.0377, 1e-4),
+    ("cube", "abaqus_agreement"): (2.07097, 5e-6),
+    ("cube", "corrected.V_at_2p5"): (811.602, 1e-6),
+    ("cube", "corrected.true_pressure_at_2p5"): (65126.25, 1e-9),
+    ("cube", "corrected.nominal_Phi_at_2p5"): (1667.232, 1e-6),
+    ("cube", "corrected.peak_stretch"): (2.97042, 2e-6),
+    ("cube", "corrected.peak_V"): (867.015, 1e-6),
+    ("cube", "corrected.no_prestretch_peak_V"): (3055.045, 1e-6),
+    ("cube", "corrected.P1550_peak_stretch"): (1.26779, 4e-6),
+    ("cube", "corrected.P1550_peak_V"): (3004.986, 1e-6),
+    ("ddea", "contraction_kovacs"): (0.3, 1e-12),
+    ("ddea", "contraction_length"): (0.021, 1e-12),
+    ("ddea", "voltage_abaqus_30pct"): (56428.0, 1e-5),
+    ("ddea", "voltage_ratio"): (5.7, 1e-12),
+    ("ddea", "reference.pull_in_C10D1.contraction"): (0.401, 1e-3),
+    ("ddea", "reference.pull_in_C10D1.V_0p5mm"): (38260.0, 2e-5),
+    ("sldea", "pressure_for_40pct"): (676837.0, 1e-6),
+    ("sldea", "contraction_at_160"): (0.1104, 2e-4),
+    ("sldea", "voltage"): (3102.0, 1e-3),
+    ("sldea", "reference.contraction_C10D1"): ([0.11039, 0.41012], 2e-5),
+    ("sldea", "reference.contraction_incompressible_mu500k"): ([0.10622, 0.42296], 2e-5),
+    ("hdea_single_layer", "reference.contraction_mu50k"): (
+        [0.02666, 0.066561, 0.13244, 0.19683, 0.25886], 4e-5),
+    ("hdea_single_layer", "reference.contraction_mu73p7k"): (
+        [0.018089, 0.045196, 0.090188, 0.13474, 0.1786], 4e-5),
+    ("hdea_single_layer", "reference.contraction_C10D1"): (
+        [0.0028426, 0.0070994, 0.014175, 0.021226, 0.028252], 4e-5),
+    ("hdea_optimised", "strain"): (0.145011, 4e-6),
+    ("hdea_optimised", "voltage"): (8902.5, 1e-4),
+    ("hdea_optimised", "true_field"): (74750000.0, 1e-4),
+    ("hdea_optimised", "maxwell_pressure"): (344022.0, 2e-6),
+    ("hdea_optimised", "dominated"): ([5329.4, 5896.5], 1e-5),
+    ("hdea_optimised", "materials.implied_neo_hookean_mu"): (784367.0, 1e-6),
+    ("hyperelastic_curves", "eq79_literal"): ([-1.737, -4.695, -20.49], 3e-4),
+    ("kresling_dea", "strain_12kV_width_constrained"): ([0.1077, 0.1201, 0.0953, 0.1168], 1e-3),
+    ("kresling_dea", "strain_1500V_2p125"): ([0.0015, 0.0066], 1e-2),
+    ("kresling_dea", "strain_1500V_2p75"): ([0.0014, 0.0065], 2e-2),
+    ("kresling_dea", "equibiaxial_3p5_from_diagonal"): (2.457, 2e-4),
+    ("failure_modes", "modes"): (4, 0),
+    ("failure_modes", "stretch_limit_gent_equi"): (7.84219, 1e-6),
+    ("failure_modes", "stretch_limit_gent_pure_shear"): (11.045, 1e-5),
+    ("materials.table_5_2", "C10"): (36850.0, 1e-9),
+    ("materials.table_5_2", "D1"): (2.7137e-07, 2e-5),
+    ("materials.table_5_2", "nu_from_C10_D1"): (0.40625, 1e-9),
+    ("materials.table_5_2", "nu_from_G_K"): (0.495017, 1e-6),
+    ("materials.table_5_5", "ogden_mu"): ([16328.5, 31472.1, 89982.8], 1e-6),
+    ("materials.table_5_5", "G0_mooney_as_printed"): ([460000.0, 532000.0, 690000.0], 1e-9),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def table():
+    return {(row.system, row.name): row for row in collect()}
+
+
+def test_every_printed_number_has_one_row(table):
+    rows = collect()
+    keys = [(r.system, r.name) for r in rows]
+    assert len(keys) == len(set(keys))
+    assert set(printed_numbers()) <= set(keys)
+    for row in rows:
+        assert row.status in STATUSES
+        assert (row.printed is None) == (row.status == COMPUTED)
+        assert (row.ours is None) == (row.status == MISSING)
+        assert row.note or row.status in ("reproduced", COMPUTED), row
+
+
+@pytest.mark.parametrize("key", EXPECTED, ids=".".join)
+def test_value(table, key):
+    expected, error = EXPECTED[key]
+    assert table[key].ours == pytest.approx(expected, rel=error, abs=0)
+
+
+def test_limit_points_of_the_curves(table):
+    path = Path(__file__).parent / "data" / "hyperelastic_curves.toml"
+    curves = tomllib.loads(path.read_text())["curve"]
+    for c in curves:
+        head = f"case.{c['case']}.c{str(c['column']).replace('.', 'p')}.{c['model']}"
+        peak = table.get(("hyperelastic_curves", head + ".peak_V.eps4p7_1mm"))
+        assert (peak is None) == ("peak_V" not in c)
+        if peak:
+            assert peak.ours == pytest.approx(c["peak_V"], rel=5e-5)
+
+
+def test_words(table):
+    assert table["cube", "prestress_P"].status == "thesis wrong"
+    assert "neo_hookean peak at 5.248" in table["hyperelastic_curves", "monotonic_at_3p5"].ours
+    assert "ogden 0.24, neo_hookean 0.33" in table["hyperelastic_curves", "model_ranking_gent"].ours
+    assert table["maxwell_parallel_plate", "maxwell_stress_rigid"].ours == "0.5*eps0*E^2"
+    assert table["maxwell_parallel_plate", "maxwell_stress_DE"].ours == "eps_r*eps0*E^2"
+    assert "1.000000 times that with lam^2" in table["yeoh_activation", "H_k"].note
+
+
+def test_command(tmp_path, table):
+    pytest.importorskip("matplotlib")
+    out = tmp_path / "results"
+    run = subprocess.run(
+        [sys.executable, "-m", "dea_fenicsx.thesis", "--out", str(out)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    with (out / "thesis.csv").open(encoding="utf-8") as f:
+        lines = list(csv.reader(f))
+    assert tuple(lines[0]) == COLUMNS
+    assert len(lines) == len(table) + 1 and all(len(line) == len(COLUMNS) for line in lines)
+    markdown = (out / "thesis.md").read_text(encoding="utf-8")
+    assert all(f"## {system}\n" in markdown for system, _ in table)
+    assert markdown.count("\n| ") >= len(table)
+    pictures = {p.name for p in out.glob("*.png")}
+    assert {"cube.png", "ddea.png", "failure_map.png", "equibiaxial_prestretch_3p5.png"} <= pictures
+    assert all((out / p).stat().st_size > 10_000 for p in pictures)
