@@ -128,7 +128,7 @@ class FieldWriter:
         for a, values in enumerate(components):
             assert values is not None
             u[self._connectivity.ravel(), a] = values.ravel() * problem.scales.length
-        fields = {"displacement_m": u}
+        fields: dict[str, np.ndarray] = {"displacement_m": u}
         if potential is not None:
             phi = np.zeros(n)
             phi[self._connectivity.ravel()] = potential.ravel() * problem.scales.potential

@@ -370,8 +370,8 @@ class _Session:
 
     def _kept_keys(self) -> set[str]:
         """Columns whose last value belongs into the summary."""
-        drop = {"step", "time", "ramp", "event", "newton_iterations", "krylov_iterations", "factorisations",
-                "retries", "wall_s", "inertia_is_of_this_step"}  # fmt: skip
+        drop = {"step", "time", "ramp", "event", "newton_iterations", "krylov_iterations",
+                "factorisations", "retries", "wall_s", "inertia_is_of_this_step"}  # fmt: skip
         return set(self.history[-1]) - drop if self.history else set()
 
 

@@ -65,7 +65,7 @@ class Trace:
 class Point:
     """A point of the branch: its state, its load factor, and the tangent there (unit length).
 
-    `direction` holds the free unknowns' part; `slope` is df along the branch, zero at a limit point.
+    `direction` holds the free unknowns' part; `slope` is df along the branch, 0 at a limit point.
     """
 
     state: np.ndarray
@@ -139,7 +139,7 @@ class Branch:
         self.problem.set_state(point.state)
 
     def step(self, start: Point, arc: float) -> Attempt:
-        """Go an arc along the branch from a point: tangent predictor, Newton in its normal plane."""
+        """Go an arc along the branch: tangent predictor, Newton in its normal plane."""
         problem, solver = self.problem, self.solver
         self.restore(start)
         self._move(arc * start.direction, arc * start.slope)

@@ -30,7 +30,8 @@ def events(run):
 
 
 @pytest.mark.parametrize(
-    ("load", "stretch", "phi"), [(0.5, 1.4267, 0.5107), (1.0, 1.7463, 0.3586), (2.0, 3.0160, 0.1921)]
+    ("load", "stretch", "phi"),
+    [(0.5, 1.4267, 0.5107), (1.0, 1.7463, 0.3586), (2.0, 3.0160, 0.1921)],
 )
 def test_limit_points_under_dead_load(load, stretch, phi):
     """phi^2 = (lam - lam^-5 - s/mu)/lam^3; the values to four digits are those of anchors.md."""
