@@ -15,6 +15,7 @@ from dea_fenicsx.errors import install_hook
 if TYPE_CHECKING:
     from dea_fenicsx import materials, pictures
     from dea_fenicsx.conditions import (
+        ChargedElectrode,
         Clamp,
         DeadLoad,
         DeadPressure,
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
         Displacement,
         Electrode,
         Fix,
+        FollowerPressure,
         FreeBody,
         Ground,
         Stretch,
@@ -37,6 +39,7 @@ if TYPE_CHECKING:
         LargestDisplacement,
         MeanDisplacement,
         MeanStretch,
+        Potential,
         Reaction,
     )
     from dea_fenicsx.reading import read_history, read_summary
@@ -49,8 +52,8 @@ if TYPE_CHECKING:
 
 _HOME = {
     "conditions": (
-        "Clamp", "DeadLoad", "DeadPressure", "Discretisation", "Displacement", "Electrode", "Fix",
-        "FreeBody", "Ground", "Stretch",
+        "ChargedElectrode", "Clamp", "DeadLoad", "DeadPressure", "Discretisation", "Displacement",
+        "Electrode", "Fix", "FollowerPressure", "FreeBody", "Ground", "Stretch",
     ),
     "errors": ("DeaError", "EquilibriumLost", "InputError", "SolverError"),
     "kinematics": ("Axisymmetric", "PlaneStrain", "ThreeD"),
@@ -58,7 +61,7 @@ _HOME = {
     "mesh": ("Device", "read_gmsh"),
     "observables": (
         "Capacitance", "Charge", "Contraction", "LargestDisplacement", "MeanDisplacement",
-        "MeanStretch", "Reaction",
+        "MeanStretch", "Potential", "Reaction",
     ),
     "reading": ("read_history", "read_summary"),
     "run": ("Run", "solve"),

@@ -12,7 +12,22 @@ from typing import ClassVar
 
 
 @dataclass(frozen=True)
-class Electrode:
+class _Conducting:
+    """What electrodes of given potential and of given charge share: where they are."""
+
+    where: str | tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.where,) if isinstance(self.where, str) else tuple(self.where)
+
+    @property
+    def label(self) -> str:
+        return "+".join(self.names)
+
+
+@dataclass(frozen=True)
+class Electrode(_Conducting):
     """An equipotential: a surface (ideal electrode) or a conducting region of finite thickness.
 
     Parameters
@@ -25,17 +40,29 @@ class Electrode:
         Name of the ramp that drives it.
     """
 
-    where: str | tuple[str, ...]
     volts: float
     ramp: str = "voltage"
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        return (self.where,) if isinstance(self.where, str) else tuple(self.where)
 
-    @property
-    def label(self) -> str:
-        return "+".join(self.names)
+@dataclass(frozen=True)
+class ChargedElectrode(_Conducting):
+    """An equipotential of given charge, whose potential floats: one unknown for all of it.
+
+    Charged and then disconnected, it stands for an open circuit: ramp the charge first, and the
+    loads after it.
+
+    Parameters
+    ----------
+    where
+        Name of a facet group or of a conducting region, or several names.
+    coulombs
+        Charge in C at ramp factor 1; in plane strain for the kinematics' depth.
+    ramp
+        Name of the ramp that drives it.
+    """
+
+    coulombs: float
+    ramp: str = "charge"
 
 
 def Ground(where: str | tuple[str, ...]) -> Electrode:
@@ -141,9 +168,30 @@ class DeadPressure:
     ramp: str = "load"
 
 
+@dataclass(frozen=True)
+class FollowerPressure:
+    """True pressure: force per deformed area, along the deformed normal, pressing on the body.
+
+    Negative values pull, so that on the side of a homogeneous film it is a true stress.  Its
+    stiffness is part of the tangent, which is not symmetric unless the surface is closed or held at
+    its edge; the inertia then counts for the symmetric part only.
+
+    Parameters
+    ----------
+    where
+        Name of a facet group on the outside of the device.
+    pascal
+        Pressure in Pa at ramp factor 1.
+    """
+
+    where: str
+    pascal: float
+    ramp: str = "load"
+
+
 Support = Fix | Clamp | FreeBody
 Prescribed = Stretch | Displacement
-Load = DeadLoad | DeadPressure
+Load = DeadLoad | DeadPressure | FollowerPressure
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,15 @@ from mpi4py import MPI
 
 from dea_fenicsx import compat
 from dea_fenicsx.compat import dolfinx
-from dea_fenicsx.conditions import Clamp, Displacement, Fix, FreeBody, Stretch
+from dea_fenicsx.conditions import (
+    ChargedElectrode,
+    Clamp,
+    Displacement,
+    Electrode,
+    Fix,
+    FreeBody,
+    Stretch,
+)
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.mesh import Device
 from dea_fenicsx.scene import Scene
@@ -147,7 +155,7 @@ def apply_electrodes(
                 on[potential.on(device.dim - 1, device.facets_of(name))] = True
         for j in range(k):
             other = scene.electrodes[j]
-            same = (electrode.volts, electrode.ramp) == (other.volts, other.ramp)
+            same = _potential(electrode) == _potential(other) is not None
             touch = bool(np.any(on & (owner == j))) and not same
             if device.comm.allreduce(touch, op=MPI.LOR):
                 raise InputError(
@@ -156,9 +164,57 @@ def apply_electrodes(
                 )
         owner[on] = k
         dofs = potential.dofs[on]
-        constraints.fix(dofs, electrode.volts / volt, electrode.ramp if electrode.volts else None)
+        if isinstance(electrode, ChargedElectrode):
+            constraints.fixed[dofs] = False
+        else:
+            ramp = electrode.ramp if electrode.volts else None
+            constraints.fix(dofs, electrode.volts / volt, ramp)
         found[electrode.label] = dofs
     return found
+
+
+def _potential(electrode: Electrode | ChargedElectrode) -> tuple[float, str] | None:
+    """What an electrode's potential is set to, and None if it floats."""
+    return (electrode.volts, electrode.ramp) if isinstance(electrode, Electrode) else None
+
+
+@dataclass(frozen=True)
+class Floating:
+    """A charged electrode: all its degrees of freedom share the value of one, the master.
+
+    Attributes
+    ----------
+    dofs
+        Its owned local degrees of freedom in the mixed space, without the master.
+    master
+        Local number of the master on the rank that owns it, -1 on the others.
+    charge
+        Dimensionless charge at ramp factor 1.
+    ramp
+        The ramp that drives it.
+    """
+
+    dofs: np.ndarray
+    master: int
+    charge: float
+    ramp: str
+
+    @classmethod
+    def of(
+        cls, electrode: ChargedElectrode, dofs: np.ndarray, coulomb: float, owned: int,
+        start: int, comm: MPI.Comm,
+    ) -> Floating:  # fmt: skip
+        """Gather an electrode's degrees of freedom; the lowest global number is the master."""
+        mine = np.sort(dofs[dofs < owned])
+        lowest = int(mine[0]) + start if len(mine) else np.iinfo(np.int64).max
+        first = comm.allreduce(lowest, op=MPI.MIN)
+        here = len(mine) > 0 and lowest == first
+        return cls(
+            dofs=mine[1:] if here else mine,
+            master=int(mine[0]) if here else -1,
+            charge=electrode.coulombs / coulomb,
+            ramp=electrode.ramp,
+        )
 
 
 def _hold_rigid_motions(device: Device, parts: list[Component], constraints: Constraints) -> None:

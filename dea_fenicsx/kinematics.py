@@ -26,6 +26,10 @@ class ThreeD:
     def gradient(self, phi: Any) -> Any:
         return grad(phi)
 
+    def embed(self, v: Any) -> Any:
+        """A vector of the mesh's dimension as a 3-vector."""
+        return v
+
     def weight(self, x: Any) -> Any:
         return 1
 
@@ -56,6 +60,9 @@ class PlaneStrain:
         g = grad(phi)
         return as_vector([g[0], g[1], 0])
 
+    def embed(self, v: Any) -> Any:
+        return as_vector([v[0], v[1], 0])
+
     def weight(self, x: Any) -> Any:
         return 1
 
@@ -80,6 +87,9 @@ class Axisymmetric:
     def gradient(self, phi: Any) -> Any:
         g = grad(phi)
         return as_vector([g[0], 0, g[1]])
+
+    def embed(self, v: Any) -> Any:
+        return as_vector([v[0], 0, v[1]])
 
     def weight(self, x: Any) -> Any:
         return 2 * ufl.pi * x[0]

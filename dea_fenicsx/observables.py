@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 from dea_fenicsx import compat
 from dea_fenicsx.compat import dolfinx
+from dea_fenicsx.conditions import Ground
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import measure
 from dea_fenicsx.mesh import one_sided
@@ -168,6 +169,24 @@ class Charge:
 
 
 @dataclass(frozen=True)
+class Potential:
+    """Potential of an electrode in V, given or floating."""
+
+    electrode: str
+    unit = "V"
+
+    def bind(self, problem: Problem) -> Measurement:
+        dofs = _electrode(problem, self.electrode)
+        count = problem.comm.allreduce(len(dofs), op=MPI.SUM)
+
+        def value() -> float:
+            total = float(problem.w.x.array[dofs].sum())
+            return problem.comm.allreduce(total, op=MPI.SUM) / count * problem.scales.potential
+
+        return value
+
+
+@dataclass(frozen=True)
 class Capacitance:
     """Charge of an electrode over its potential in F; NaN at zero voltage.
 
@@ -181,14 +200,16 @@ class Capacitance:
         charge = Charge(self.electrode).bind(problem)
         named = [e for e in problem.scene.electrodes if self.electrode in (e.label, *e.names)]
         electrode = named[0]
-        if electrode.volts == 0:
+        if electrode == Ground(electrode.where):
             raise InputError(
                 f"Electrode {self.electrode!r} is grounded; name a driven electrode for its "
                 "capacitance."
             )
 
+        potential = Potential(self.electrode).bind(problem)
+
         def value() -> float:
-            volts = electrode.volts * problem.factors[electrode.ramp]
+            volts = potential()
             return charge() / volts if volts else float("nan")
 
         return value

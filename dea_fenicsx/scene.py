@@ -11,6 +11,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.conditions import (
+    ChargedElectrode,
     Clamp,
     DeadLoad,
     DeadPressure,
@@ -18,6 +19,7 @@ from dea_fenicsx.conditions import (
     Displacement,
     Electrode,
     Fix,
+    FollowerPressure,
     FreeBody,
     Load,
     Prescribed,
@@ -41,7 +43,8 @@ class Scene:
     materials
         Material of each region; every region must have one.
     electrodes
-        Electrodes and grounds.  May be empty: then no potential is modelled at all.
+        Electrodes (of given potential or charge) and grounds.  May be empty: then no potential is
+        modelled at all.
     supports
         `Fix`, `Clamp` or `FreeBody`.
     prescribed
@@ -62,7 +65,7 @@ class Scene:
 
     device: Device
     materials: Mapping[str, Material]
-    electrodes: Sequence[Electrode] = ()
+    electrodes: Sequence[Electrode | ChargedElectrode] = ()
     supports: Sequence[Support] = ()
     prescribed: Sequence[Prescribed] = ()
     loads: Sequence[Load] = ()
@@ -79,7 +82,8 @@ class Scene:
     @property
     def ramps(self) -> tuple[str, ...]:
         """Names of everything that can be ramped, in the order of appearance."""
-        driven = [*self.prescribed, *self.loads, *(e for e in self.electrodes if e.volts)]
+        live = [e for e in self.electrodes if isinstance(e, ChargedElectrode) or e.volts]
+        driven = [*self.prescribed, *self.loads, *live]
         return tuple(dict.fromkeys(item.ramp for item in driven))
 
     @property
@@ -88,8 +92,13 @@ class Scene:
 
     def reference_voltage(self, ramp: str) -> float:
         """The potential in V, largest in size, of the electrodes on a ramp; 0 if there are none."""
-        volts = [e.volts for e in self.electrodes if e.ramp == ramp]
-        return max(volts, key=abs, default=0.0)
+        given = [e for e in self.electrodes if isinstance(e, Electrode) and e.ramp == ramp]
+        return max((e.volts for e in given), key=abs, default=0.0)
+
+    def is_electric(self, ramp: str) -> bool:
+        """Whether a ramp drives potentials or charges and nothing else."""
+        others = {item.ramp for item in (*self.prescribed, *self.loads)}
+        return ramp not in others and ramp in {e.ramp for e in self.electrodes}
 
 
 def known(name: str, names: Iterable[str], what: str) -> None:
@@ -159,9 +168,12 @@ def _check_materials(scene: Scene) -> None:
 def _check_electrodes(scene: Scene) -> None:
     device = scene.device
     dielectric = any(m.is_dielectric for m in scene.materials.values())
-    seen: dict[str, Electrode] = {}
+    seen: dict[str, Electrode | ChargedElectrode] = {}
     for electrode in scene.electrodes:
-        finite(electrode.volts, f"The voltage of electrode {electrode.label!r}")
+        if isinstance(electrode, ChargedElectrode):
+            finite(electrode.coulombs, f"The charge of electrode {electrode.label!r}")
+        else:
+            finite(electrode.volts, f"The voltage of electrode {electrode.label!r}")
         for name in electrode.names:
             known(name, [*device.surfaces, *device.regions], "facet group or region")
             if name in seen:
@@ -184,6 +196,10 @@ def _check_electrodes(scene: Scene) -> None:
             raise InputError(
                 f"Region {name!r} conducts, but is no electrode; add it to an Electrode or Ground."
             )
+    if scene.electrodes and all(isinstance(e, ChargedElectrode) for e in scene.electrodes):
+        raise InputError(
+            "All electrodes have given charges, so no potential is defined; add a Ground(...)."
+        )
     if scene.electrodes and not dielectric:
         raise InputError(
             "There are electrodes but no dielectric; give at least one region "
@@ -230,9 +246,9 @@ def _check_mechanics(scene: Scene) -> None:
                 )
             for value in item.pascal:
                 finite(value, f"The dead load on {item.where!r}")
-        elif isinstance(item, DeadPressure):
+        elif isinstance(item, DeadPressure | FollowerPressure):
             finite(item.pascal, f"The pressure on {item.where!r}")
-            if item.on is not None:
+            if isinstance(item, DeadPressure) and item.on is not None:
                 known(item.on, device.regions, "region")
     if not any(isinstance(s, Clamp | Fix | FreeBody) for s in scene.supports):
         raise InputError(

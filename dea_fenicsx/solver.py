@@ -132,7 +132,7 @@ class NewtonSolver:
         u's starts at a hundredth of the nodal forces that a stress of the modulus's size makes.
         """
         problem = self.problem
-        free = residual[problem.free]
+        free = problem.unbalanced(residual)
         sums = []
         for name, dofs in problem.fields.items():
             sums += [np.sum(residual[dofs] ** 2), np.sum(free[problem.free_fields[name]] ** 2)]
@@ -185,7 +185,7 @@ class NewtonSolver:
             if iteration == options.max_iterations:
                 return Attempt("slow", iteration, norm)
             tangent = self.assemble()
-            rhs = -residual[problem.free]
+            rhs = -problem.unbalanced(residual)
             if change is not None:
                 rhs -= problem.tangent_times_fixed(change)
             forcing = self._forcing(history) if change is None else 1e-3

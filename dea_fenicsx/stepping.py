@@ -315,8 +315,8 @@ def _verdict(
 class Predictor:
     """Starts each step from an extrapolation of the states before it.
 
-    Displacement and pressure are even in a voltage, so for a voltage ramp they are extrapolated
-    in its square; the potential is extrapolated in the voltage itself.
+    Displacement and pressure are even in a voltage or charge, so for such a ramp they are
+    extrapolated in its square; the potential is extrapolated in the voltage or charge itself.
     """
 
     def __init__(self, solver: NewtonSolver, names: tuple[str, ...]) -> None:
@@ -324,7 +324,7 @@ class Predictor:
         self.problem = solver.problem
         scene = self.problem.scene
         self.name = names[0]
-        self.even = all(scene.reference_voltage(n) for n in names)
+        self.even = all(scene.is_electric(n) for n in names)
         self.known: list[tuple[float, np.ndarray]] = []
         self._phi = np.zeros(self.problem.size, dtype=bool)
         if self.problem.potential is not None:

@@ -156,7 +156,7 @@ class Branch:
             if not np.isfinite(norm) or (iterations > 3 and norm > 1e3 * previous):
                 return Attempt("diverged", iterations, norm)
             tangent = solver.assemble()
-            r = solver.linear_solve(tangent, -residual[problem.free], 1e-6)
+            r = solver.linear_solve(tangent, -problem.unbalanced(residual), 1e-6)
             b = solver.linear_solve(tangent, -problem.load_derivative(self.name), 1e-6)
             if r is None or b is None:
                 return Attempt("linear solver", iterations, norm)

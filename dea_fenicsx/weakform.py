@@ -18,10 +18,17 @@ from mpi4py import MPI
 
 from dea_fenicsx import compat
 from dea_fenicsx.compat import PETSc, dolfinx
-from dea_fenicsx.conditions import DeadPressure
-from dea_fenicsx.constraints import Component, Constraints, apply_electrodes, apply_supports
+from dea_fenicsx.conditions import ChargedElectrode, DeadPressure, FollowerPressure
+from dea_fenicsx.constraints import (
+    Component,
+    Constraints,
+    Floating,
+    apply_electrodes,
+    apply_supports,
+)
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import Scales, cauchy_stress, kernels, measure, state
+from dea_fenicsx.kinematics import cofactor
 from dea_fenicsx.mesh import one_sided
 from dea_fenicsx.scene import SIMPLICES, Scene
 
@@ -126,8 +133,18 @@ class Problem:
             )
         for ramp in self.factors:
             self.constraints.base.setdefault(ramp, np.zeros(self.size))
+        start = self.W.dofmap.index_map.local_range[0]
+        scene = self.scene
+        self.floating = [
+            Floating.of(e, self.electrode_dofs[e.label], self.scales.charge, self.owned, start,
+                        self.comm)
+            for e in scene.electrodes if isinstance(e, ChargedElectrode)
+        ]  # fmt: skip
         fixed = self.constraints.fixed[: self.owned]
-        self.free = np.flatnonzero(~fixed).astype(np.int32)
+        follower = np.zeros(self.owned, dtype=bool)
+        for electrode in self.floating:
+            follower[electrode.dofs] = True
+        self.free = np.flatnonzero(~fixed & ~follower).astype(np.int32)
         self.fixed = np.flatnonzero(fixed).astype(np.int32)
         self.free_fields = {
             name: np.searchsorted(self.free, np.intersect1d(dofs, self.free))
@@ -138,9 +155,27 @@ class Problem:
             name: self.comm.allreduce(len(where), op=MPI.SUM)
             for name, where in self.free_fields.items()
         }
-        start = self.W.dofmap.index_map.local_range[0]
         self._free_rows = PETSc.IS().createGeneral(self.free + start, comm=self.comm)
         self._fixed_rows = PETSc.IS().createGeneral(self.fixed + start, comm=self.comm)
+        self._all_rows = PETSc.IS().createStride(self.owned, start, 1, comm=self.comm)
+        self._expansion = self._build_expansion() if self.floating else None
+
+    def _build_expansion(self) -> Any:
+        """Matrix from the free unknowns to all: a charged electrode's nodes follow its master."""
+        offset = self.comm.exscan(len(self.free)) or 0
+        P = PETSc.Mat().createAIJ(
+            ((self.owned, None), (len(self.free), None)), nnz=(1, 1), comm=self.comm
+        )
+        first = P.getOwnershipRange()[0]
+        column = np.full(self.owned, -1, dtype=np.int64)
+        column[self.free] = offset + np.arange(len(self.free))
+        for electrode in self.floating:
+            mine = int(column[electrode.master]) if electrode.master >= 0 else -1
+            column[electrode.dofs] = self.comm.allreduce(mine, op=MPI.MAX)
+        for row in np.flatnonzero(column >= 0):
+            P.setValue(first + int(row), int(column[row]), 1.0)
+        P.assemble()
+        return P
 
     @property
     def expected_negative_pivots(self) -> int:
@@ -161,8 +196,8 @@ class Problem:
         energy = sum(s.energy * weight * dx(k) for k, s in enumerate(self.states))
         test = ufl.TestFunction(self.W)
         residual = ufl.derivative(energy, self.w, test)
+        residual = residual - self._work_of_loads(u, self._split(test)[0], weight, degree)
         tangent = ufl.derivative(residual, self.w, ufl.TrialFunction(self.W))
-        residual = residual - self._work_of_loads(self._split(test)[0], weight, degree)
         self._load_vectors: dict[str, np.ndarray] = {}
         self._residual = compat.compile_form(residual)
         self._tangent = compat.compile_form(tangent)
@@ -196,14 +231,15 @@ class Problem:
         parts = ufl.split(w)
         return (*parts, None) if len(parts) == 2 else parts
 
-    def _work_of_loads(self, v: Any, weight: Any, degree: int) -> Any:
-        """Virtual work of the dead loads; each ramp's factor is a constant of the form."""
+    def _work_of_loads(self, u: Any, v: Any, weight: Any, degree: int) -> Any:
+        """Virtual work of the loads; each ramp's factor is a constant of the form."""
         scene, mesh = self.scene, self.mesh
         self._load_factors = {
             ramp: dolfinx.fem.Constant(mesh, 0.0)
             for ramp in {load.ramp for load in scene.loads}
         }
         self._unit_work: dict[str, Any] = {}
+        self._following: set[str] = set()
         if not scene.loads:
             return 0
         sides = [
@@ -219,6 +255,14 @@ class Problem:
             if isinstance(load, DeadPressure):
                 pressure = dolfinx.fem.Constant(mesh, load.pascal / self.scales.stress)
                 unit_work = -pressure * ufl.dot(normal, v) * weight * ds(k)
+            elif isinstance(load, FollowerPressure):
+                # force on an area element: -p cof(F) N dA, undeformed area and normal
+                pressure = dolfinx.fem.Constant(mesh, load.pascal / self.scales.stress)
+                kin = scene.kinematics
+                gradient = kin.displacement_gradient(u, ufl.SpatialCoordinate(mesh))
+                area = ufl.dot(cofactor(ufl.Identity(3) + gradient)[0], kin.embed(normal))
+                unit_work = -pressure * ufl.dot(area, kin.embed(v)) * weight * ds(k)
+                self._following.add(load.ramp)
             else:
                 traction = dolfinx.fem.Constant(mesh, np.array(load.pascal) / self.scales.stress)
                 unit_work = ufl.dot(traction, v) * weight * ds(k)
@@ -268,8 +312,11 @@ class Problem:
         self.w.x.array[:] = values
 
     def add_free(self, increment: np.ndarray) -> None:
-        """Add an increment to the free unknowns (owned) and update the ghosts."""
+        """Add an increment to the free unknowns (owned) and update what follows them."""
         self.w.x.array[self.free] += increment
+        for electrode in self.floating:
+            mine = self.w.x.array[electrode.master] if electrode.master >= 0 else 0.0
+            self.w.x.array[electrode.dofs] = self.comm.allreduce(mine, op=MPI.SUM)
         self.w.x.scatter_forward()
 
     def residual(self) -> np.ndarray:
@@ -282,6 +329,27 @@ class Problem:
         self._b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return self._b.array_r.copy()
 
+    def restrict(self, residual: np.ndarray) -> np.ndarray:
+        """A vector over all owned degrees of freedom in the rows of the free unknowns (owned).
+
+        The rows of a charged electrode add up in its master's.
+        """
+        rows = residual[self.free]
+        for electrode in self.floating:
+            total = self.comm.allreduce(float(residual[electrode.dofs].sum()), op=MPI.SUM)
+            if electrode.master >= 0:
+                rows[np.searchsorted(self.free, electrode.master)] += total
+        return rows
+
+    def unbalanced(self, residual: np.ndarray) -> np.ndarray:
+        """What is out of balance in each free row: the restricted residual and given charges."""
+        rows = self.restrict(residual)
+        for electrode in self.floating:
+            if electrode.master >= 0:
+                row = np.searchsorted(self.free, electrode.master)
+                rows[row] += electrode.charge * self.factors[electrode.ramp]
+        return rows
+
     def tangent(self) -> Any:
         """Assemble the tangent; returns its block in the free unknowns (reused between calls)."""
         if not hasattr(self, "_A"):
@@ -290,8 +358,11 @@ class Problem:
         self._A.zeroEntries()
         dolfinx.fem.petsc.assemble_matrix(self._A, self._tangent)
         self._A.assemble()
-        self._A_free = self._A.createSubMatrix(self._free_rows, self._free_rows, self._A_free)
-        self._A_free.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        if self._expansion is not None:
+            self._A_free = self._A.ptap(self._expansion, self._A_free)
+        else:
+            self._A_free = self._A.createSubMatrix(self._free_rows, self._free_rows, self._A_free)
+        self._A_free.setOption(PETSc.Mat.Option.SYMMETRIC, not self._following)
         return self._A_free
 
     def tangent_times_fixed(self, change: np.ndarray) -> np.ndarray:
@@ -299,28 +370,32 @@ class Problem:
 
         Uses the tangent of the latest call of `tangent`.
         """
-        coupling = self._A.createSubMatrix(self._free_rows, self._fixed_rows)
+        rows = self._all_rows if self.floating else self._free_rows
+        coupling = self._A.createSubMatrix(rows, self._fixed_rows)
         x, y = coupling.createVecs()
         x.array[:] = change
         coupling.mult(x, y)
         product = y.array_r.copy()
         for thing in (coupling, x, y):
             thing.destroy()
-        return product
+        return self.restrict(product) if self.floating else product
 
     def load_derivative(self, ramp: str) -> np.ndarray:
         """Derivative of the residual by a ramp's factor at fixed free unknowns (owned, free rows).
 
         Exact: fixed values are linear in the factor and act through the tangent's columns (those of
-        the latest call of `tangent`), dead loads are linear themselves.
+        the latest call of `tangent`); loads and charges are linear themselves.
         """
-        if ramp not in self._load_vectors:
+        if ramp not in self._load_vectors or ramp in self._following:
             vector = np.zeros(len(self.free))
             if ramp in self._unit_work:
                 form = compat.compile_form(-self._unit_work[ramp])
                 assembled = dolfinx.fem.assemble_vector(form)
                 assembled.scatter_reverse(dolfinx.la.InsertMode.add)
                 vector = assembled.array[self.free].copy()
+            for electrode in self.floating:
+                if electrode.master >= 0 and electrode.ramp == ramp:
+                    vector[np.searchsorted(self.free, electrode.master)] += electrode.charge
             self._load_vectors[ramp] = vector
         return self._load_vectors[ramp] + self.tangent_times_fixed(
             self.constraints.base[ramp][self.fixed]

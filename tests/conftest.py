@@ -61,6 +61,12 @@ def block(cells=(1, 1, 1), size=1e-3, thickness=None, order=2):
     return dea.read_gmsh(geometry, MPI.COMM_SELF)
 
 
+@pytest.fixture
+def quick_compile(monkeypatch):
+    """Compile with little optimisation: for large kernels that run on a few cells only."""
+    monkeypatch.setenv("DEA_FENICSX_CFLAGS", "-O1 -g0")
+
+
 @pytest.fixture(scope="session")
 def cube():
     """A unit cell of film: 2 x 2 x 1 hexahedra, edge 1 mm."""
