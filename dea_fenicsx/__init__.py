@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from dea_fenicsx.errors import install_hook
 
 if TYPE_CHECKING:
-    from dea_fenicsx import materials, pictures
+    from dea_fenicsx import exact, materials, pictures
     from dea_fenicsx.conditions import (
         ChargedElectrode,
         Clamp,
@@ -30,7 +30,18 @@ if TYPE_CHECKING:
     )
     from dea_fenicsx.errors import DeaError, EquilibriumLost, InputError, SolverError
     from dea_fenicsx.kinematics import Axisymmetric, PlaneStrain, ThreeD
-    from dea_fenicsx.materials import Conductor, Gent, IdealDielectric, Material, NeoHookean
+    from dea_fenicsx.materials import (
+        ArrudaBoyce,
+        Breakdown,
+        Conductor,
+        Gent,
+        IdealDielectric,
+        Material,
+        MooneyRivlin,
+        NeoHookean,
+        Ogden,
+        Yeoh,
+    )
     from dea_fenicsx.mesh import Device, read_gmsh
     from dea_fenicsx.observables import (
         Capacitance,
@@ -57,7 +68,10 @@ _HOME = {
     ),
     "errors": ("DeaError", "EquilibriumLost", "InputError", "SolverError"),
     "kinematics": ("Axisymmetric", "PlaneStrain", "ThreeD"),
-    "materials": ("Conductor", "Gent", "IdealDielectric", "Material", "NeoHookean"),
+    "materials": (
+        "ArrudaBoyce", "Breakdown", "Conductor", "Gent", "IdealDielectric", "Material",
+        "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh",
+    ),
     "mesh": ("Device", "read_gmsh"),
     "observables": (
         "Capacitance", "Charge", "Contraction", "LargestDisplacement", "MeanDisplacement",
@@ -72,7 +86,7 @@ _HOME = {
     "tracing": ("Trace",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}
-_MODULES = ("geometry", "materials", "pictures")
+_MODULES = ("exact", "geometry", "materials", "pictures")
 __all__ = sorted([*_WHERE, *_MODULES])
 
 install_hook()
