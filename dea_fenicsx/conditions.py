@@ -211,7 +211,7 @@ class Discretisation:
         Degree of exactness of the quadrature.
     augmentation
         gamma, a pure number: incompressible regions get gamma/2 s (J - 1)^2 on top of p (J - 1),
-        with s = tr(F dW/dF)/3 (mu I1/3 in neo-Hookean rubber).  It vanishes in the exact state.
+        with s = mu I1/3, over the chain margin where there is one.  It vanishes in the exact state.
         Without it mixed elements show instabilities that the film does not have: at gamma = 0 a
         film at 99.9 % of pull-in had 13 negative eigenvalues too many, and more on a finer mesh.
         The factor s keeps it in step with the stress: with s = mu the stretched branch of a Gent

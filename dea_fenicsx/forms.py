@@ -199,7 +199,7 @@ def state(scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any
         )
         # zero where J = 1: it takes nothing from the exact state, see Discretisation
         extra = dolfinx.fem.Constant(scene.device.mesh, scene.elements.augmentation)
-        stiffness = unit * extra * _mean_stress(kernel.elastic, F)
+        stiffness = unit * extra * _mean_stress(kernel.elastic, strain)
         energy += p * (J - 1) + stiffness / 2 * (J - 1) ** 2
     else:
         strain = StrainOf(F, scale=J ** (-2 / 3))
@@ -213,13 +213,15 @@ def state(scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any
     return State(F, J, true_field, energy, margin if margin is not None else ufl.as_ufl(1.0))
 
 
-def _mean_stress(elastic: Elastic, F: Any) -> Any:
-    """A third of the trace of F dW/dF: how strained the material is, mu I1/3 in neo-Hookean rubber.
+def _mean_stress(elastic: Elastic, strain: StrainOf) -> Any:
+    """How strained the material is: a third of tr(F dW/dF), in neo-Hookean and Gent rubber exactly.
 
-    By the derivative of W(s C) with respect to s at s = 1.
+    For other models the size is right, which is all that the augmentation needs; their own energy
+    would drag third derivatives of it into the tangent.
     """
-    s = ufl.variable(ufl.as_ufl(1.0))
-    return 2 / 3 * ufl.diff(elastic.energy(StrainOf(F, scale=s)), s)
+    stress = elastic.spherical_slope() * strain.I1 / 3
+    margin = elastic.chain_margin(strain)
+    return stress if margin is None else stress / margin
 
 
 def measure(device: Device, parts: list[np.ndarray], degree: int, kind: str = "dx") -> Any:
