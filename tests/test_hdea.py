@@ -107,10 +107,10 @@ def test_ten_steps_need_few_factorisations(histories):
 def test_full_field_adds_a_few_percent(histories):
     """With the whole field the fringes add to the active area: 0.80 x 3/4 becomes 0.62.
 
-    The figure 0.6236 (coarse mesh, small voltage) is this package's own, recorded 2026-11; mesh 2
-    gives 0.6218.
+    The figure 0.6224 (coarse mesh, small voltage) is this package's own, recorded 2026-11; meshes 2
+    and 3 give 0.6202 and 0.619.
     """
     history = histories[1][0]
     volts, contraction = history["voltage_V"][1], history["contraction"][1]
     p = 4.7 * 8.8541878128e-12 * (volts / 0.5e-3) ** 2
-    assert contraction * 3 * MU / p == pytest.approx(0.6236, abs=0.004)
+    assert contraction * 3 * MU / p == pytest.approx(0.6224, abs=0.002)
