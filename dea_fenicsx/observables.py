@@ -58,11 +58,7 @@ class LargestDisplacement:
     unit = "m"
 
     def bind(self, problem: Problem) -> Measurement:
-        axis = _axis(problem, self.axis)
-        known(self.where, problem.scene.device.surfaces, "facet group")
-        part = problem.displacement[axis]
-        facets = problem.scene.device.facets_of(self.where)
-        dofs = part.dofs[part.on(problem.scene.device.dim - 1, facets)]
+        dofs = _displacement_dofs(problem, self.where, self.axis)
 
         def value() -> float:
             u = problem.w.x.array[dofs]
@@ -126,11 +122,7 @@ class Reaction:
     unit = "N"
 
     def bind(self, problem: Problem) -> Measurement:
-        axis = _axis(problem, self.axis)
-        known(self.where, problem.scene.device.surfaces, "facet group")
-        part = problem.displacement[axis]
-        facets = problem.scene.device.facets_of(self.where)
-        dofs = part.dofs[part.on(problem.scene.device.dim - 1, facets)]
+        dofs = _displacement_dofs(problem, self.where, self.axis)
         dofs = dofs[(dofs < problem.owned) & problem.constraints.fixed[dofs]]
         if problem.comm.allreduce(len(dofs), op=MPI.SUM) == 0:
             raise InputError(
@@ -230,6 +222,14 @@ def _axis(problem: Problem, axis: str) -> int:
     if axis not in axes:
         raise InputError(f"The axis is {axis!r}, but must be one of {', '.join(axes)}.")
     return axes.index(axis)
+
+
+def _displacement_dofs(problem: Problem, where: str, axis: str) -> np.ndarray:
+    """Local degrees of freedom of a displacement component on a facet group.  Collective."""
+    device = problem.scene.device
+    part = problem.displacement[_axis(problem, axis)]
+    known(where, device.surfaces, "facet group")
+    return part.dofs[part.on(device.dim - 1, device.facets_of(where))]
 
 
 def _surface_mean(

@@ -8,7 +8,6 @@ and renewed only when the Krylov iterations grow.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -155,9 +154,7 @@ class NewtonSolver:
 
     # ------------------------------------------------------------------ solve
 
-    def solve(
-        self, lift: bool, on_iteration: Callable[[int, float], None] | None = None
-    ) -> Attempt:
+    def solve(self, lift: bool) -> Attempt:
         """Find equilibrium at the problem's current ramp factors, from its current state.
 
         Parameters
@@ -166,8 +163,6 @@ class NewtonSolver:
             True: the fixed values of the new factors are reached together with the first Newton
             step, linearised at the old state (a tangent predictor, safe for large prescribed
             motions).  False: they are already in the state.
-        on_iteration
-            Called with the iteration number and the largest scaled residual.
         """
         problem, options = self.problem, self.options
         residual = problem.residual()
@@ -201,8 +196,6 @@ class NewtonSolver:
             if not ok:
                 return Attempt("inadmissible", iteration, norm)
             history.append(norm)
-            if on_iteration:
-                on_iteration(iteration, norm)
             if not np.isfinite(norm) or (iteration > 3 and norm > 1e4 * min(history[1:])):
                 return Attempt("diverged", iteration, norm)
         probe = problem.probe()

@@ -233,7 +233,6 @@ def _follow_ramp(
     predictor.add(cursor.factors[names[0]])
     index, retries = cursor.step, 0
     factors = dict(cursor.factors)
-    failed_at: dict[str, float] | None = None
     while position < 1.0:
         landing = min(s for s in landings if s > position)
         # no crumb is left before a landing
@@ -256,7 +255,6 @@ def _follow_ramp(
             yield Step(cursor, label, attempt, retries, last)
             retries = 0
             continue
-        failed_at = trial
         problem.set_factors(factors)
         predictor.restore()
         retries += 1
@@ -266,7 +264,7 @@ def _follow_ramp(
             f"{attempt.iterations} Newton iterations); step halved"
         )
         if size < SMALLEST * first:
-            raise _verdict(scene, names, label, factors, failed_at, attempt)
+            raise _verdict(scene, names, label, factors, trial, attempt)
 
 
 def _landings(ramp: Ramp, start: float) -> list[float]:
