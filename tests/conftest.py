@@ -24,10 +24,15 @@ def mpirun_command() -> str | None:
 
 
 def clean_environment() -> dict[str, str]:
-    """The environment without what this process's own MPI put there."""
-    drop = ("PMI", "PMIX", "OMPI_COMM", "OMPI_UNIVERSE", "PRTE_LAUNCHED", "HYDI", "MPIEXEC")
-    env = {k: v for k, v in os.environ.items() if not k.startswith(drop)}
-    return env | {"OMP_NUM_THREADS": "1"}
+    """The environment for a new mpirun: without this process's own place in an MPI job."""
+    drop = ("PMI", "OMPI_COMM", "OMPI_APP", "OMPI_UNIVERSE", "OMPI_FILE", "PRTE_LAUNCHED", "MPIR",
+            "HYDI", "MPIEXEC")  # fmt: skip
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(drop)}
+    return kept | {
+        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "OMP_NUM_THREADS": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
+    }  # fmt: skip
 
 
 @pytest.fixture

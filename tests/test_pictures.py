@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import os
-import shutil
 import struct
 import subprocess
 import sys
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import clean_environment, mpirun_command
 
 from dea_fenicsx import pictures
 from dea_fenicsx.errors import InputError
@@ -296,8 +296,7 @@ def test_no_picture_is_no_error(
 @needs_pyvista
 @pytest.mark.mpi
 def test_rendering_from_inside_an_mpi_run(run: Path) -> None:
-    beside = Path(sys.executable).with_name("mpirun")
-    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
+    mpirun = mpirun_command()
     if mpirun is None:
         pytest.skip("mpirun is not installed")
     script = (
@@ -307,16 +306,9 @@ def test_rendering_from_inside_an_mpi_run(run: Path) -> None:
         "    print(dea.pictures.deformed(sys.argv[1], say=lambda r: print('none:', r)))\n"
         "MPI.COMM_WORLD.Barrier()\n"
     )
-    drop = ("PMI", "OMPI_COMM", "OMPI_APP", "OMPI_UNIVERSE", "OMPI_FILE", "PRTE_LAUNCHED", "MPIR")
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(drop)}
-    environment = kept | {
-        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
-        "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
-    }  # fmt: skip
     done = subprocess.run(
         [mpirun, "-n", "2", sys.executable, "-c", script, str(run)],
-        env=environment, capture_output=True, text=True, timeout=300,
+        env=clean_environment(), capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     if "none:" in done.stdout:

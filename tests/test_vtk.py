@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import importlib
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import clean_environment, mpirun_command
 
 pyvista = pytest.importorskip("pyvista")
 
@@ -41,23 +41,11 @@ dea.solve(scene, dea.Ramp("voltage", steps=3), record, out=sys.argv[1], quiet=Tr
 """
 
 
-def clean_environment() -> dict[str, str]:
-    """The environment for a new mpirun: without this process's own place in an MPI job."""
-    drop = ("PMI", "OMPI_COMM", "OMPI_APP", "OMPI_UNIVERSE", "OMPI_FILE", "PRTE_LAUNCHED", "MPIR")
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(drop)}
-    return kept | {
-        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "OMP_NUM_THREADS": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
-    }  # fmt: skip
-
-
 def start(folder: Path, *options: str, ranks: int = 1) -> Path:
     """Run the script in a process of its own."""
     command = [sys.executable, "-c", SCRIPT, str(folder), *options]
     if ranks > 1:
-        beside = Path(sys.executable).with_name("mpirun")
-        mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
+        mpirun = mpirun_command()
         if mpirun is None:
             pytest.skip("mpirun is not installed")
         command = [mpirun, "-n", str(ranks), *command]
