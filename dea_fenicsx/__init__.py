@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         Stretch,
     )
     from dea_fenicsx.errors import DeaError, EquilibriumLost, InputError, SolverError
+    from dea_fenicsx.failures import ElectricalBreakdown, LossOfTension, StretchLimit
     from dea_fenicsx.kinematics import Axisymmetric, PlaneStrain, ThreeD
     from dea_fenicsx.materials import (
         ArrudaBoyce,
@@ -67,6 +68,7 @@ _HOME = {
         "Electrode", "Fix", "FollowerPressure", "FreeBody", "Ground", "Stretch",
     ),
     "errors": ("DeaError", "EquilibriumLost", "InputError", "SolverError"),
+    "failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
     "kinematics": ("Axisymmetric", "PlaneStrain", "ThreeD"),
     "materials": (
         "ArrudaBoyce", "Breakdown", "Conductor", "Gent", "IdealDielectric", "Material",

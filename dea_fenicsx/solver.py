@@ -17,6 +17,12 @@ from mpi4py import MPI
 from dea_fenicsx.compat import PETSc
 from dea_fenicsx.weakform import Probe, Problem
 
+WORKSPACE = (60, 200, 600)
+"""Room for delayed pivots that MUMPS is given, in percent, one after another if it wants more."""
+
+TOO_LITTLE_ROOM = (-8, -9, -14, -15, -17, -20)
+"""MUMPS's error codes for a workspace or a buffer that is too small."""
+
 
 @dataclass(frozen=True)
 class NewtonOptions:
@@ -52,6 +58,18 @@ class Counters:
     krylov_s: float = 0.0
 
 
+REASONS = {
+    "diverged": "Newton's residual grew",
+    "slow": "Newton did not converge within its iterations",
+    "det F <= 0": "every trial state turned a cell inside out",
+    "locked chain": "every trial state lay past a chain's lock-up",
+    "factorisation": "MUMPS could not factorise the tangent",
+    "stagnation": "GMRES did not converge even on a new factor",
+    "jumped": "the state found lies on another branch",
+}
+"""Why a solve may fail."""
+
+
 @dataclass(frozen=True)
 class Attempt:
     """How a nonlinear solve ended.
@@ -59,8 +77,7 @@ class Attempt:
     Attributes
     ----------
     reason
-        Empty if it converged; otherwise ``"diverged"``, ``"slow"``, ``"inadmissible"`` (det F <= 0
-        or a locked chain in every trial step), ``"linear solver"`` or ``"jumped"``.
+        Empty if it converged; otherwise one of `REASONS`.
     iterations
         Newton iterations.
     residual
@@ -108,6 +125,7 @@ class NewtonSolver:
         self.counters = Counters()
         self.inertia = Inertia()
         self._references: dict[str, float] = {}
+        self.trouble = ""
         self._ksp: Any = None
         self._kept: Any = None
         self._stale = True
@@ -186,26 +204,24 @@ class NewtonSolver:
             forcing = self._forcing(history) if change is None else 1e-3
             increment = self.linear_solve(tangent, rhs, forcing)
             if increment is None:
-                return Attempt("linear solver", iteration, norm)
+                return Attempt(self.trouble, iteration, norm)
             if change is not None:
                 problem.set_state(after)
                 change = None
             iteration += 1
             self.counters.newton += 1
-            residual, norm, ok = self._advance(increment, history)
-            if not ok:
-                return Attempt("inadmissible", iteration, norm)
+            residual, norm, reason = self._advance(increment, history)
+            if reason:
+                return Attempt(reason, iteration, norm)
             history.append(norm)
             if not np.isfinite(norm) or (iteration > 3 and norm > 1e4 * min(history[1:])):
                 return Attempt("diverged", iteration, norm)
         probe = problem.probe()
-        if not probe.admissible:
-            return Attempt("inadmissible", iteration, norm)
-        return Attempt("", iteration, norm, probe)
+        return Attempt(probe.fault, iteration, norm, probe)
 
     def _advance(
         self, increment: np.ndarray, history: list[float]
-    ) -> tuple[np.ndarray, float, bool]:
+    ) -> tuple[np.ndarray, float, str]:
         """Add an increment, cut back until the state is admissible and the residual acceptable.
 
         A trial with det F <= 0, past a chain's lock-up or with a wildly growing residual is
@@ -217,16 +233,19 @@ class NewtonSolver:
         limit = np.inf  # the first residual says little after a change of load
         if len(history) > 1:
             limit = 1e3 * max(history[-1], self.options.tolerance)
+        reason = ""
         for _ in range(8):
             problem.set_state(start)
             problem.add_free(size * increment)
-            if problem.probe().admissible:
+            reason = problem.probe().fault
+            if not reason:
                 residual = self._timed_residual()
                 norm = self.residual_of(residual)
                 if norm <= limit:
-                    return residual, norm, True
+                    return residual, norm, ""
+                reason = "diverged"
             size /= 2
-        return np.empty(0), np.inf, False
+        return np.empty(0), np.inf, reason
 
     def _forcing(self, history: list[float]) -> float:
         """Relative tolerance of the next linear solve (Eisenstat-Walker, second choice)."""
@@ -264,19 +283,44 @@ class NewtonSolver:
                 # a factor that served badly is not carried into the next solve
                 self._stale = iterations > self.options.krylov_limit
                 return solution
-            if fresh or not self._factorise(tangent):
+            if fresh:
+                break
+            if not self._factorise(tangent):
                 return None
             fresh = True
+        self.trouble = "stagnation"
         return None
 
     def _factorise(self, tangent: Any) -> bool:
-        """Make a new factor of the tangent; False if MUMPS fails."""
+        """Make a new factor of the tangent; False if MUMPS fails however much room it gets."""
         start = time.perf_counter()
         if self._ksp is not None:
-            self._ksp.destroy()
             self._kept.destroy()
         self._kept = tangent.copy()
         self._kept.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self.counters.factorisations += 1
+        ok = False
+        for margin in WORKSPACE:
+            if self._ksp is not None:
+                self._ksp.destroy()
+            info = self._set_up(tangent, margin)
+            ok = info == 0
+            if info not in TOO_LITTLE_ROOM:
+                break
+        if ok:
+            negative = self._ksp.getPC().getFactorMatrix().getMumpsInfog(12)
+            self.inertia = Inertia(
+                excess=negative - self.problem.expected_negative_pivots,
+                factors=dict(self.problem.factors),
+            )
+        else:
+            self.trouble = "factorisation"
+        self._stale = not ok
+        self.counters.factor_s += time.perf_counter() - start
+        return ok
+
+    def _set_up(self, tangent: Any, margin: int) -> int:
+        """Set up GMRES and factorise; returns MUMPS's error code, 0 if all is well."""
         ksp = PETSc.KSP().create(self.problem.comm)
         ksp.setOptionsPrefix("dea_")
         ksp.setType("gmres")
@@ -289,31 +333,29 @@ class NewtonSolver:
         pc.setReusePreconditioner(True)
         pc.setFactorSetUpSolverType()
         factor = pc.getFactorMatrix()
-        factor.setMumpsIcntl(14, 60)  # workspace margin for delayed pivots, in percent
+        factor.setMumpsIcntl(14, margin)
         factor.setMumpsIcntl(24, 1)  # null pivots are detected, which makes the inertia right
         ksp.setErrorIfNotConverged(False)
         ksp.setFromOptions()
         self._ksp = ksp
-        self.counters.factorisations += 1
         try:
             ksp.setUp()
         except PETSc.Error:
-            self._stale = True
-            return False
-        ok = factor.getMumpsInfog(1) >= 0
-        if ok:
-            negative = factor.getMumpsInfog(12)
-            self.inertia = Inertia(
-                excess=negative - self.problem.expected_negative_pivots,
-                factors=dict(self.problem.factors),
-            )
-        self._stale = not ok
-        self.counters.factor_s += time.perf_counter() - start
-        return ok
+            return factor.getMumpsInfog(1) or -1
+        return min(factor.getMumpsInfog(1), 0)
 
-    def refresh_inertia(self) -> None:
-        """Factorise the tangent at the problem's present state, to know its inertia."""
-        self._factorise(self.assemble())
+    def refresh_inertia(self) -> Any:
+        """Factorise the tangent at the problem's present state, to know its inertia.
+
+        Returns the tangent, for `linear_solve`.
+        """
+        tangent = self.assemble()
+        self._factorise(tangent)
+        return tangent
+
+    def forget_factor(self) -> None:
+        """Make a new factor at the next solve: the kept one belongs to a state far off."""
+        self._stale = True
 
     def _krylov(
         self, tangent: Any, rhs: np.ndarray, rtol: float

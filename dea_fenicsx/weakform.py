@@ -53,7 +53,14 @@ class Probe:
     @property
     def admissible(self) -> bool:
         """Whether every energy is defined; False for NaN as well."""
-        return self.min_J > 0 and self.min_margin > 0
+        return not self.fault
+
+    @property
+    def fault(self) -> str:
+        """Which energy is not defined, in the solver's words; empty if all are."""
+        if not self.min_J > 0:
+            return "det F <= 0"
+        return "" if self.min_margin > 0 else "locked chain"
 
 
 class Problem:
@@ -72,6 +79,8 @@ class Problem:
         freedom.
     free
         Owned local degrees of freedom that are unknowns, sorted.
+    points
+        Quadrature points of the reference cell.
     electrode_dofs
         Owned and ghost degrees of freedom of each electrode, by its label.
     """
@@ -205,7 +214,7 @@ class Problem:
         points, weights = basix.make_quadrature(
             getattr(basix.CellType, self.mesh.topology.cell_name()), degree
         )
-        self._points = points
+        self.points = points
         self._probes = [
             compat.expression(
                 ufl.as_vector(
@@ -416,7 +425,7 @@ class Problem:
                 best = (float(field[k, q]), int(kernel.cells[k]), int(q))
         place = np.zeros(3)
         if best[1] >= 0:
-            x = self._place(self.mesh, np.array([best[1]], dtype=np.int32))[0, best[2]]
+            x = self.place_of(best[1], best[2])
             place[: len(x)] = x
         # a NaN on one rank must reach all of them, and MPI's MIN may drop it
         low = np.where(np.isnan(low), -np.inf, low)
@@ -424,6 +433,10 @@ class Problem:
         low = np.min([e[0] for e in everyone], axis=0)
         winner = max(everyone, key=lambda e: (e[1], *e[2]))
         return Probe(float(low[0]), float(low[1]), max(winner[1], 0.0), winner[2])
+
+    def place_of(self, cell: int, point: int) -> np.ndarray:
+        """Undeformed position of a quadrature point of a local cell, dimensionless."""
+        return self._place(self.mesh, np.array([cell], dtype=np.int32))[0, point]
 
     def volume_error(self) -> float:
         """Largest relative change of volume of any cell, max |int (J - 1) dX| / int dX."""

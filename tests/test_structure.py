@@ -14,8 +14,8 @@ ORDER = [
     "materials", "kinematics", "conditions", "scene",
     "exact",
     "forms", "constraints", "weakform",
-    "solver", "tracing", "stepping",
-    "observables", "fields", "reading", "results",
+    "solver", "stability", "events", "arclength", "tracing", "predictor", "stepping",
+    "observables", "failures", "fields", "reading", "results",
     "run", "script", "pictures_curves", "pictures_fields", "pictures",
     "thesis",
 ]  # fmt: skip
