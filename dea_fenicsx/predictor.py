@@ -104,6 +104,8 @@ class Predictor:
     def _extrapolate(self, factor: float) -> None:
         """Polynomial through the known states, at a factor."""
         at = np.array([f for f, _ in self.known])
+        if len(np.unique(at)) < len(at):
+            return  # the load rests: start from the last state
         states = [s for _, s in self.known]
         by_factor = _lagrange(at, factor)
         guess = sum(c * s for c, s in zip(by_factor, states, strict=True))

@@ -86,12 +86,14 @@ def main():
         settings=parser.settings(args),
     )  # fmt: skip
     found = next(r for r in run.history if r["event"] == "bifurcation")
+    landed = [r for r in run.history if r["event"] == "landed"][-1]
     beyond = [r["inertia"] for r in flat.history if r["voltage_V"] > found["voltage_V"]]
     run.add(
         critical_voltage_V=found["voltage_V"],
         closed_form_voltage_V=euler,
         relative_difference=found["voltage_V"] / euler - 1,
-        buckled_deflection_m=abs(run["deflection_m"]),
+        buckled_voltage_V=landed["voltage_V"],
+        buckled_deflection_m=abs(landed["deflection_m"]),
         buckled_branch_is_stable=run["inertia"] == 0,
         flat_branch_is_unstable=min(beyond) > 0,
     )
@@ -120,7 +122,7 @@ def report(run):
     s = run.summary
     print(f"\ncritical voltage {s['critical_voltage_V']:.4f} V, Euler "
           f"{s['closed_form_voltage_V']:.4f} V ({100 * s['relative_difference']:+.2f} %)")  # fmt: skip
-    print(f"at {run['voltage_V']:.4g} V the buckled strip has moved "
+    print(f"at {s['buckled_voltage_V']:.4g} V the buckled strip has moved "
           f"{1e6 * s['buckled_deflection_m']:.3g} um")  # fmt: skip
     for name, values in s.items():
         if name.startswith("ratio_at_"):
