@@ -15,6 +15,8 @@ from dea_fenicsx.errors import install_hook
 if TYPE_CHECKING:
     from dea_fenicsx import exact, materials, pictures
     from dea_fenicsx.conditions import (
+        AxialForce,
+        AxialStretch,
         ChargedElectrode,
         Clamp,
         DeadLoad,
@@ -27,9 +29,11 @@ if TYPE_CHECKING:
         FreeBody,
         Ground,
         Stretch,
+        Torque,
+        Twist,
     )
     from dea_fenicsx.errors import DeaError, EquilibriumLost, InputError, SolverError
-    from dea_fenicsx.kinematics import Axisymmetric, PlaneStrain, ThreeD
+    from dea_fenicsx.kinematics import Axisymmetric, Helical, PlaneStrain, ThreeD
     from dea_fenicsx.materials import (
         ArrudaBoyce,
         Breakdown,
@@ -53,6 +57,13 @@ if TYPE_CHECKING:
         Potential,
         Reaction,
     )
+    from dea_fenicsx.overall import (
+        OverallContraction,
+        OverallForce,
+        OverallStretch,
+        OverallTorque,
+        OverallTwist,
+    )
     from dea_fenicsx.reading import read_history, read_summary
     from dea_fenicsx.run import Run, solve
     from dea_fenicsx.scene import Scene
@@ -63,11 +74,12 @@ if TYPE_CHECKING:
 
 _HOME = {
     "conditions": (
-        "ChargedElectrode", "Clamp", "DeadLoad", "DeadPressure", "Discretisation", "Displacement",
-        "Electrode", "Fix", "FollowerPressure", "FreeBody", "Ground", "Stretch",
+        "AxialForce", "AxialStretch", "ChargedElectrode", "Clamp", "DeadLoad", "DeadPressure",
+        "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure", "FreeBody",
+        "Ground", "Stretch", "Torque", "Twist",
     ),
     "errors": ("DeaError", "EquilibriumLost", "InputError", "SolverError"),
-    "kinematics": ("Axisymmetric", "PlaneStrain", "ThreeD"),
+    "kinematics": ("Axisymmetric", "Helical", "PlaneStrain", "ThreeD"),
     "materials": (
         "ArrudaBoyce", "Breakdown", "Conductor", "Gent", "IdealDielectric", "Material",
         "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh",
@@ -76,6 +88,9 @@ _HOME = {
     "observables": (
         "Capacitance", "Charge", "Contraction", "LargestDisplacement", "MeanDisplacement",
         "MeanStretch", "Potential", "Reaction",
+    ),
+    "overall": (
+        "OverallContraction", "OverallForce", "OverallStretch", "OverallTorque", "OverallTwist",
     ),
     "reading": ("read_history", "read_summary"),
     "run": ("Run", "solve"),

@@ -14,6 +14,7 @@ import numpy as np
 import ufl
 
 from dea_fenicsx import compat
+from dea_fenicsx.kinematics import Helical
 from dea_fenicsx.weakform import Problem
 
 # VTK's order of the nodes of quadratic cells, in terms of basix's
@@ -115,10 +116,14 @@ class FieldWriter:
             self._cell_expressions.append(compat.expression(ufl.as_vector(entries), middle))
 
     def node_fields(self) -> dict[str, np.ndarray] | None:
-        """Displacement (m) and potential (V) at the grid's nodes."""
+        """Displacement (m) and potential (V) at the grid's nodes.
+
+        Of a helical cell the displacement is that of the section Theta = 0, along (r, z, hoop).
+        """
         problem = self.problem
         array = problem.w.x.array
         components = [self._gather(self._nodal(c, array)) for c in self.parts]
+        overall = problem.overall_values()
         potential = self._potential()
         if problem.comm.rank != 0:
             return None
@@ -128,6 +133,8 @@ class FieldWriter:
         for a, values in enumerate(components):
             assert values is not None
             u[self._connectivity.ravel(), a] = values.ravel() * problem.scales.length
+        if isinstance(problem.scene.kinematics, Helical):
+            u = problem.scene.kinematics.section(self.grid.points, u, overall)
         fields: dict[str, np.ndarray] = {"displacement_m": u}
         if potential is not None:
             phi = np.zeros(n)
@@ -161,7 +168,7 @@ class FieldWriter:
         for k, (i, j) in enumerate(_VOIGT):
             stress[:, i, j] = stress[:, j, i] = gathered[:, 4 + k]
         field = gathered[:, 1:4]
-        if problem.scene.kinematics.axes == "rz":
+        if problem.scene.kinematics.coordinates == "rz":
             # the picture's plane is (r, z); the hoop direction comes last there
             turn = [0, 2, 1]
             stress, field = stress[:, turn][:, :, turn], field[:, turn]

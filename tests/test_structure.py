@@ -13,9 +13,9 @@ ORDER = [
     "errors", "geometry", "compat", "mesh",
     "materials", "kinematics", "conditions", "scene",
     "exact",
-    "forms", "constraints", "weakform",
+    "forms", "constraints", "ties", "weakform",
     "solver", "tracing", "stepping",
-    "observables", "fields", "reading", "results",
+    "observables", "overall", "fields", "reading", "results",
     "run", "script", "pictures_curves", "pictures_fields", "pictures",
     "thesis",
 ]  # fmt: skip
