@@ -1,4 +1,4 @@
-"""What is measured on a helical cell as a whole: stretch, twist, and what goes through a section."""
+"""What is measured on a helical cell as a whole: stretch and twist, axial force and torque."""
 
 from __future__ import annotations
 

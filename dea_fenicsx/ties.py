@@ -33,8 +33,8 @@ class Rows:
         found = np.zeros(len(numbers), dtype=values.dtype)
         here, local = self.mine(numbers)
         found[here] = values[local]
-        op = MPI.LOR if values.dtype == bool else MPI.SUM
-        return np.asarray(self.comm.allreduce(found, op=op))
+        self.comm.Allreduce(MPI.IN_PLACE, found, MPI.LOR if found.dtype == bool else MPI.SUM)
+        return found
 
     def mine(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Which of the numbers this rank owns, and where they lie on it."""
