@@ -19,13 +19,7 @@ from mpi4py import MPI
 
 from dea_fenicsx import compat
 from dea_fenicsx.compat import PETSc, dolfinx
-from dea_fenicsx.conditions import (
-    AxialForce,
-    ChargedElectrode,
-    DeadPressure,
-    FollowerPressure,
-    Torque,
-)
+from dea_fenicsx.conditions import AxialForce, ChargedElectrode, Torque
 from dea_fenicsx.constraints import (
     Component,
     Constraints,
@@ -35,8 +29,8 @@ from dea_fenicsx.constraints import (
 )
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import Scales, cauchy_stress, kernels, measure, state
-from dea_fenicsx.kinematics import Helical, Helix, cofactor
-from dea_fenicsx.mesh import one_sided
+from dea_fenicsx.kinematics import Helical, Helix
+from dea_fenicsx.loads import Loads
 from dea_fenicsx.scene import SIMPLICES, Scene, period
 from dea_fenicsx.ties import Group, Pairs, Rows, expansion, followers
 
@@ -235,7 +229,9 @@ class Problem:
         energy = sum(s.energy * weight * dx(k) for k, s in enumerate(self.states))
         test = ufl.TestFunction(self.W)
         residual = ufl.derivative(energy, self.w, test)
-        residual = residual - self._work_of_loads(u, test, weight, degree)
+        v, _, _, virtual = self._split(test)
+        self.loads = Loads(scene, scales.stress, u, v, virtual)
+        residual = residual - self.loads.work
         tangent = ufl.derivative(residual, self.w, ufl.TrialFunction(self.W))
         self._load_vectors: dict[str, np.ndarray] = {}
         self._residual = compat.compile_form(residual)
@@ -265,6 +261,8 @@ class Problem:
         n = scene.device.owned_cells()
         self.cell_volumes = _cell_values(volumes)[:n]
         self.volume = self.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
+        if self.overall:
+            self._refuse_resultant()
 
     def _split(self, w: Any) -> tuple[Any, Any, Any | None, Helix | None]:
         """Displacement, pressure, potential and helix of a mixed function or test function."""
@@ -277,71 +275,12 @@ class Problem:
             helix = Helix(self._lead, parts[-1][0], parts[-1][1])
         return parts[0], parts[1], parts[2] if self.scene.has_potential else None, helix
 
-    def _work_of_loads(self, u: Any, test: Any, weight: Any, degree: int) -> Any:
-        """Virtual work of the loads; each ramp's factor is a constant of the form."""
-        scene, mesh = self.scene, self.mesh
-        kin, x = scene.kinematics, ufl.SpatialCoordinate(mesh)
-        v, _, _, helix = self._split(test)
-        v = kin.motion(v, x, helix)
-        loads = [load for load in scene.loads if not isinstance(load, AxialForce | Torque)]
-        self._load_factors = {
-            ramp: dolfinx.fem.Constant(mesh, 0.0)
-            for ramp in {load.ramp for load in loads}
-        }
-        self._unit_work: dict[str, Any] = {}
-        self._following: set[str] = set()
-        if not loads:
-            return 0
-        sides = [
-            self._pressed_side(load)
-            if isinstance(load, DeadPressure)
-            else one_sided(scene.device, load.where)
-            for load in loads
-        ]
-        ds = measure(scene.device, sides, degree, "ds")
-        normal = ufl.FacetNormal(mesh)
-        work = 0
-        for k, load in enumerate(loads):
-            if isinstance(load, DeadPressure):
-                pressure = dolfinx.fem.Constant(mesh, load.pascal / self.scales.stress)
-                unit_work = -pressure * ufl.dot(kin.normal(normal, x, helix), v) * weight * ds(k)
-            elif isinstance(load, FollowerPressure):
-                # force on an area element: -p cof(F) N dA, undeformed area and normal
-                pressure = dolfinx.fem.Constant(mesh, load.pascal / self.scales.stress)
-                gradient = kin.displacement_gradient(u, x)
-                area = ufl.dot(cofactor(ufl.Identity(3) + gradient)[0], kin.embed(normal))
-                unit_work = -pressure * ufl.dot(area, kin.embed(v)) * weight * ds(k)
-                self._following.add(load.ramp)
-            else:
-                traction = dolfinx.fem.Constant(mesh, np.array(load.pascal) / self.scales.stress)
-                unit_work = ufl.dot(traction, v) * weight * ds(k)
-            self._unit_work[load.ramp] = self._unit_work.get(load.ramp, 0) + unit_work
-            work += self._load_factors[load.ramp] * unit_work
-        return work
-
-    def _pressed_side(self, load: DeadPressure) -> np.ndarray:
-        """Facets of a pressure, seen from the material it presses on."""
-        device, materials = self.scene.device, self.scene.materials
-        pairs = {name: one_sided(device, load.where, frozenset([device.regions[name]]))
-                 for name in ([load.on] if load.on else materials)}  # fmt: skip
-        counts = {n: self.comm.allreduce(len(p), op=MPI.SUM) for n, p in pairs.items()}
-        total = self.comm.allreduce(len(one_sided(device, load.where)), op=MPI.SUM)
-        touching = [n for n, c in counts.items() if c]
-        if sum(counts.values()) > total:
-            touching = [n for n in touching if materials[n].is_dielectric]
-        if sum(counts[n] for n in touching) != total:
-            raise InputError(
-                f"It is not clear which side the pressure on {load.where!r} presses; name the "
-                f"region with DeadPressure(..., on=...), one of: {', '.join(sorted(materials))}."
-            )
-        return np.concatenate([pairs[n] for n in touching])
-
     # ------------------------------------------------------------- evaluation
 
     def set_factors(self, factors: dict[str, float]) -> None:
         """Set the ramp factors: dead loads at once, fixed values at `insert_fixed`."""
         self.factors = dict(factors)
-        for ramp, constant in self._load_factors.items():
+        for ramp, constant in self.loads.factors.items():
             constant.value = factors[ramp]
 
     def insert_fixed(self) -> np.ndarray:
@@ -425,7 +364,7 @@ class Problem:
             self._A_free = self._A.ptap(self._expansion, self._A_free)
         else:
             self._A_free = self._A.createSubMatrix(self._free_rows, self._free_rows, self._A_free)
-        self._A_free.setOption(PETSc.Mat.Option.SYMMETRIC, not self._following)
+        self._A_free.setOption(PETSc.Mat.Option.SYMMETRIC, not self.loads.following)
         return self._A_free
 
     def tangent_times_fixed(self, change: np.ndarray) -> np.ndarray:
@@ -450,18 +389,39 @@ class Problem:
         Exact: fixed values are linear in the factor and act through the tangent's columns (those of
         the latest call of `tangent`); loads and charges are linear themselves.
         """
-        if ramp not in self._load_vectors or ramp in self._following:
+        if ramp not in self._load_vectors or ramp in self.loads.following:
             vector = np.zeros(len(self.free))
-            if ramp in self._unit_work:
-                form = compat.compile_form(-self._unit_work[ramp])
-                assembled = dolfinx.fem.assemble_vector(form)
-                assembled.scatter_reverse(dolfinx.la.InsertMode.add)
-                vector = self.restrict(assembled.array[: self.owned])
+            if ramp in self.loads.unit_work:
+                vector = self.restrict(self._load_vector(ramp))
             self._add_sources(vector, ramp, 1.0)
             self._load_vectors[ramp] = vector
         return self._load_vectors[ramp] + self.tangent_times_fixed(
             self.constraints.base[ramp][self.fixed]
         )
+
+    def _load_vector(self, ramp: str) -> np.ndarray:
+        """Minus the forces of a ramp's surface loads at factor 1, at all owned unknowns."""
+        form = compat.compile_form(-self.loads.unit_work[ramp])
+        assembled = dolfinx.fem.assemble_vector(form)
+        assembled.scatter_reverse(dolfinx.la.InsertMode.add)
+        return assembled.array[: self.owned]
+
+    def _refuse_resultant(self) -> None:
+        """In a periodic cell nothing can bear a resultant of surface loads.  Collective."""
+        _, hoop, axial = self.displacement
+        for ramp in self.loads.unit_work:
+            forces = self._load_vector(ramp)
+            for part, what in ((axial, "force"), (hoop, "torque")):
+                mine = part.dofs < self.owned
+                arm = part.space.tabulate_dof_coordinates()[mine, 0] if what == "torque" else 1.0
+                moments = forces[part.dofs[mine]] * arm
+                sums = self.comm.allreduce(np.array([moments.sum(), abs(moments).sum()]))
+                if abs(sums[0]) > 1e-8 * sums[1]:
+                    raise InputError(
+                        f"The surface loads of ramp {ramp!r} have an axial {what} as resultant, "
+                        "which nothing in a helical cell can bear; balance them, or apply "
+                        f"{'AxialForce' if what == 'force' else 'Torque'}(...) to the cell."
+                    )
 
     def probe(self) -> Probe:
         """Extremes of J, lock-up margin and field over the quadrature points.  Collective."""

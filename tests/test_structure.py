@@ -13,7 +13,7 @@ ORDER = [
     "errors", "geometry", "compat", "mesh",
     "materials", "kinematics", "conditions", "scene",
     "exact",
-    "forms", "constraints", "ties", "weakform",
+    "forms", "loads", "constraints", "ties", "weakform",
     "solver", "tracing", "stepping",
     "observables", "overall", "fields", "reading", "results",
     "run", "script", "pictures_curves", "pictures_fields", "pictures",
