@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.solver import NewtonOptions
     from dea_fenicsx.stepping import Ramp
     from dea_fenicsx.tracing import Trace
+    from dea_fenicsx.turns import per_turn
 
 _HOME = {
     "conditions": (
@@ -99,6 +100,7 @@ _HOME = {
     "solver": ("NewtonOptions",),
     "stepping": ("Ramp",),
     "tracing": ("Trace",),
+    "turns": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}
 _MODULES = ("exact", "geometry", "materials", "pictures")

@@ -31,7 +31,7 @@ class OverallContraction:
 
     def bind(self, problem: Problem) -> Measurement:
         _refuse_others(problem, self)
-        return lambda: -problem.overall_values()[0]
+        return lambda: 0.0 - problem.overall_values()[0]
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ ORDER = [
     "exact",
     "forms", "loads", "constraints", "ties", "weakform",
     "solver", "tracing", "stepping",
-    "observables", "overall", "fields", "reading", "results",
+    "observables", "overall", "fields", "reading", "turns", "results",
     "run", "script", "pictures_curves", "pictures_fields", "pictures",
     "thesis",
 ]  # fmt: skip
