@@ -15,6 +15,8 @@ from dea_fenicsx.errors import install_hook
 if TYPE_CHECKING:
     from dea_fenicsx import exact, materials, pictures
     from dea_fenicsx.conditions import (
+        AxialForce,
+        AxialStretch,
         ChargedElectrode,
         Clamp,
         DeadLoad,
@@ -27,10 +29,12 @@ if TYPE_CHECKING:
         FreeBody,
         Ground,
         Stretch,
+        Torque,
+        Twist,
     )
     from dea_fenicsx.errors import DeaError, EquilibriumLost, InputError, SolverError
     from dea_fenicsx.failures import ElectricalBreakdown, LossOfTension, StretchLimit
-    from dea_fenicsx.kinematics import Axisymmetric, PlaneStrain, ThreeD
+    from dea_fenicsx.kinematics import Axisymmetric, Helical, PlaneStrain, ThreeD
     from dea_fenicsx.materials import (
         ArrudaBoyce,
         Breakdown,
@@ -54,6 +58,13 @@ if TYPE_CHECKING:
         Potential,
         Reaction,
     )
+    from dea_fenicsx.overall import (
+        OverallContraction,
+        OverallForce,
+        OverallStretch,
+        OverallTorque,
+        OverallTwist,
+    )
     from dea_fenicsx.reading import read_history, read_summary
     from dea_fenicsx.run import Run, solve
     from dea_fenicsx.scene import Scene
@@ -61,15 +72,17 @@ if TYPE_CHECKING:
     from dea_fenicsx.solver import NewtonOptions
     from dea_fenicsx.stepping import Ramp
     from dea_fenicsx.tracing import Trace
+    from dea_fenicsx.turns import per_turn
 
 _HOME = {
     "conditions": (
-        "ChargedElectrode", "Clamp", "DeadLoad", "DeadPressure", "Discretisation", "Displacement",
-        "Electrode", "Fix", "FollowerPressure", "FreeBody", "Ground", "Stretch",
+        "AxialForce", "AxialStretch", "ChargedElectrode", "Clamp", "DeadLoad", "DeadPressure",
+        "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure", "FreeBody",
+        "Ground", "Stretch", "Torque", "Twist",
     ),
     "errors": ("DeaError", "EquilibriumLost", "InputError", "SolverError"),
     "failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
-    "kinematics": ("Axisymmetric", "PlaneStrain", "ThreeD"),
+    "kinematics": ("Axisymmetric", "Helical", "PlaneStrain", "ThreeD"),
     "materials": (
         "ArrudaBoyce", "Breakdown", "Conductor", "Gent", "IdealDielectric", "Material",
         "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh",
@@ -79,6 +92,9 @@ _HOME = {
         "Capacitance", "Charge", "Contraction", "LargestDisplacement", "MeanDisplacement",
         "MeanStretch", "Potential", "Reaction",
     ),
+    "overall": (
+        "OverallContraction", "OverallForce", "OverallStretch", "OverallTorque", "OverallTwist",
+    ),
     "reading": ("read_history", "read_summary"),
     "run": ("Run", "solve"),
     "scene": ("Scene",),
@@ -86,6 +102,7 @@ _HOME = {
     "solver": ("NewtonOptions",),
     "stepping": ("Ramp",),
     "tracing": ("Trace",),
+    "turns": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}
 _MODULES = ("exact", "geometry", "materials", "pictures")

@@ -90,10 +90,11 @@ class Clamp:
 
 @dataclass(frozen=True)
 class FreeBody:
-    """Holds a free device at three vertices so that only its rigid motions are removed.
+    """Holds a free device at few vertices so that only its rigid motions are removed.
 
     Under loads that balance one another the reactions vanish and the device deforms as if free.
-    Three dimensions only.
+    In three dimensions at three vertices, in a helical cell (translation along the axis, rotation
+    about it) at one; not in plane strain and axisymmetry.
     """
 
 
@@ -125,6 +126,41 @@ class Displacement:
     axes: str
     metres: float
     ramp: str = "stretch"
+
+
+@dataclass(frozen=True)
+class AxialStretch:
+    """Prescribed axial stretch of a helical cell as a whole, reached at ramp factor 1."""
+
+    stretch: float
+    ramp: str = "stretch"
+
+
+@dataclass(frozen=True)
+class Twist:
+    """Prescribed twist of a helical cell: rotation per undeformed axial length, in rad/m."""
+
+    radians_per_metre: float
+    ramp: str = "stretch"
+
+
+@dataclass(frozen=True)
+class AxialForce:
+    """Force along the axis on a device of which a helical cell is a part, in N; tension is > 0.
+
+    The same force goes through every turn.
+    """
+
+    newtons: float
+    ramp: str = "load"
+
+
+@dataclass(frozen=True)
+class Torque:
+    """Torque about the axis on a device of which a helical cell is a part, in N m."""
+
+    newton_metres: float
+    ramp: str = "load"
 
 
 @dataclass(frozen=True)
@@ -190,8 +226,8 @@ class FollowerPressure:
 
 
 Support = Fix | Clamp | FreeBody
-Prescribed = Stretch | Displacement
-Load = DeadLoad | DeadPressure | FollowerPressure
+Prescribed = Stretch | Displacement | AxialStretch | Twist
+Load = DeadLoad | DeadPressure | FollowerPressure | AxialForce | Torque
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from mpi4py import MPI
 from dea_fenicsx import compat
 from dea_fenicsx.compat import dolfinx
 from dea_fenicsx.conditions import (
+    AxialStretch,
     ChargedElectrode,
     Clamp,
     Displacement,
@@ -23,6 +24,7 @@ from dea_fenicsx.conditions import (
     Fix,
     FreeBody,
     Stretch,
+    Twist,
 )
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.mesh import Device
@@ -99,7 +101,12 @@ def apply_supports(scene: Scene, parts: list[Component], constraints: Constraint
     fdim = device.dim - 1
     for item in [*scene.prescribed, *scene.supports]:
         if isinstance(item, FreeBody):
-            _hold_rigid_motions(device, parts, constraints)
+            if device.dim == 3:
+                _hold_rigid_motions(device, parts, constraints)
+            else:
+                _hold_screw_motions(device, parts, constraints)
+            continue
+        if isinstance(item, AxialStretch | Twist):
             continue
         named = axes if isinstance(item, Clamp) else item.axes
         facets = device.facets_of(item.where)
@@ -108,12 +115,25 @@ def apply_supports(scene: Scene, parts: list[Component], constraints: Constraint
             local = parts[a].on(fdim, facets)
             dofs = parts[a].dofs[local]
             if isinstance(item, Stretch):
-                X = parts[a].space.tabulate_dof_coordinates()[local, a]
+                along = scene.kinematics.coordinates.index(axis)
+                X = parts[a].space.tabulate_dof_coordinates()[local, along]
                 constraints.fix(dofs, (item.stretch - 1) * X, item.ramp)
             elif isinstance(item, Displacement):
                 constraints.fix(dofs, item.metres / device.length, item.ramp)
             elif isinstance(item, Fix | Clamp):
                 constraints.fix(dofs)
+
+
+def apply_overall(
+    scene: Scene, parts: dict[str, Component], constraints: Constraints
+) -> None:
+    """Fix the overall unknowns that the scene prescribes: elongation, and twist in 1/length."""
+    for item in scene.prescribed:
+        if isinstance(item, AxialStretch):
+            constraints.fix(parts["elongation"].dofs, item.stretch - 1, item.ramp)
+        elif isinstance(item, Twist):
+            turn = item.radians_per_metre * scene.device.length
+            constraints.fix(parts["twist"].dofs, turn, item.ramp)
 
 
 def apply_electrodes(
@@ -178,71 +198,17 @@ def _potential(electrode: Electrode | ChargedElectrode) -> tuple[float, str] | N
     return (electrode.volts, electrode.ramp) if isinstance(electrode, Electrode) else None
 
 
-@dataclass(frozen=True)
-class Floating:
-    """A charged electrode: all its degrees of freedom share the value of one, the master.
-
-    Attributes
-    ----------
-    dofs
-        Its owned local degrees of freedom in the mixed space, without the master.
-    master
-        Local number of the master on the rank that owns it, -1 on the others.
-    charge
-        Dimensionless charge at ramp factor 1.
-    ramp
-        The ramp that drives it.
-    """
-
-    dofs: np.ndarray
-    master: int
-    charge: float
-    ramp: str
-
-    @classmethod
-    def of(
-        cls, electrode: ChargedElectrode, dofs: np.ndarray, coulomb: float, owned: int,
-        start: int, comm: MPI.Comm,
-    ) -> Floating:  # fmt: skip
-        """Gather an electrode's degrees of freedom; the lowest global number is the master."""
-        mine = np.sort(dofs[dofs < owned])
-        lowest = int(mine[0]) + start if len(mine) else np.iinfo(np.int64).max
-        first = comm.allreduce(lowest, op=MPI.MIN)
-        here = len(mine) > 0 and lowest == first
-        return cls(
-            dofs=mine[1:] if here else mine,
-            master=int(mine[0]) if here else -1,
-            charge=electrode.coulombs / coulomb,
-            ramp=electrode.ramp,
-        )
-
-
 def _hold_rigid_motions(device: Device, parts: list[Component], constraints: Constraints) -> None:
     """Fix six displacement components at three vertices, so that only rigid motions are removed.
 
     The vertices are far apart: a is lowest along (1, 1, 1), b is farthest from a, c is farthest
-    from the line ab.  Each is agreed on by all ranks through its number in the mesh file.
+    from the line ab.
     """
-    comm = device.comm
-    mesh, x = device.mesh, device.mesh.geometry.x
-    corners = np.unique(_vertex_nodes(mesh)[0])
-    number = mesh.geometry.input_global_indices
-
-    def best(score: np.ndarray) -> tuple[int, np.ndarray]:
-        """Input number and coordinates of the corner with the highest score."""
-        mine = None
-        if len(corners):
-            ids = np.asarray([number[n] for n in corners])
-            k = np.lexsort((ids, -score))[0]
-            mine = (float(score[k]), -int(ids[k]), x[corners[k]].copy())
-        _, n, point = max((m for m in comm.allgather(mine) if m), key=lambda m: m[:2])
-        return -n, point
-
-    X = x[corners]
-    na, a = best(-X.sum(axis=1))
-    nb, b = best(np.linalg.norm(X - a, axis=1))
+    mesh, X = device.mesh, _corners(device)
+    na, a = _best_corner(device, -X.sum(axis=1))
+    nb, b = _best_corner(device, np.linalg.norm(X - a, axis=1))
     line = (b - a) / np.linalg.norm(b - a)
-    nc, c = best(np.linalg.norm(np.cross(X - a, line), axis=1))
+    nc, c = _best_corner(device, np.linalg.norm(np.cross(X - a, line), axis=1))
 
     def row(point: np.ndarray, axis: int) -> np.ndarray:
         """How a displacement component depends on rigid translation and rotation about a."""
@@ -260,6 +226,34 @@ def _hold_rigid_motions(device: Device, parts: list[Component], constraints: Con
     for node, axis in held:
         vertices = _vertices_of_node(mesh, node)
         constraints.fix(parts[axis].dofs[parts[axis].on(0, vertices)])
+
+
+def _hold_screw_motions(device: Device, parts: list[Component], constraints: Constraints) -> None:
+    """Fix hoop and axial displacement of a helical cell at one vertex, the lowest along (1, 1)."""
+    node, _ = _best_corner(device, -_corners(device).sum(axis=1))
+    vertices = _vertices_of_node(device.mesh, node)
+    for part in parts[1:]:
+        constraints.fix(part.dofs[part.on(0, vertices)])
+
+
+def _corners(device: Device) -> np.ndarray:
+    """Coordinates of the corners of all local cells."""
+    return device.mesh.geometry.x[np.unique(_vertex_nodes(device.mesh)[0])]
+
+
+def _best_corner(device: Device, score: np.ndarray) -> tuple[int, np.ndarray]:
+    """Number in the mesh file and coordinates of the corner with the highest score on any rank.
+
+    `score` has an entry for each of `_corners`; the number makes all ranks agree where two tie.
+    """
+    corners = np.unique(_vertex_nodes(device.mesh)[0])
+    mine = None
+    if len(corners):
+        ids = np.asarray([device.mesh.geometry.input_global_indices[n] for n in corners])
+        k = np.lexsort((ids, -score))[0]
+        mine = (float(score[k]), -int(ids[k]), _corners(device)[k])
+    _, n, point = max((m for m in device.comm.allgather(mine) if m), key=lambda m: m[:2])
+    return -n, point
 
 
 def _vertex_nodes(mesh: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ import numpy as np
 import ufl
 
 from dea_fenicsx import compat
+from dea_fenicsx.kinematics import Helical
 from dea_fenicsx.weakform import Problem
 
 # VTK's order of the nodes of quadratic cells, in terms of basix's
@@ -127,14 +128,21 @@ class FieldWriter:
         return u
 
     def node_fields(self) -> dict[str, np.ndarray] | None:
-        """Displacement (m) and potential (V) at the grid's nodes."""
+        """Displacement (m) and potential (V) at the grid's nodes.
+
+        Of a helical cell the displacement is that of the section Theta = 0, along (r, z, hoop).
+        """
         problem = self.problem
         u = self.vector(problem.w.x.array)
+        overall = problem.overall_values()
         potential = self._potential()
         if u is None:
             return None
         assert self.grid is not None
-        fields: dict[str, np.ndarray] = {"displacement_m": u * problem.scales.length}
+        u = u * problem.scales.length
+        if isinstance(problem.scene.kinematics, Helical):
+            u = problem.scene.kinematics.section(self.grid.points, u, overall)
+        fields: dict[str, np.ndarray] = {"displacement_m": u}
         if potential is not None:
             phi = np.zeros(len(self.grid.points))
             phi[self._connectivity.ravel()] = potential.ravel() * problem.scales.potential
@@ -167,7 +175,7 @@ class FieldWriter:
         for k, (i, j) in enumerate(_VOIGT):
             stress[:, i, j] = stress[:, j, i] = gathered[:, 4 + k]
         field = gathered[:, 1:4]
-        if problem.scene.kinematics.axes == "rz":
+        if problem.scene.kinematics.coordinates == "rz":
             # the picture's plane is (r, z); the hoop direction comes last there
             turn = [0, 2, 1]
             stress, field = stress[:, turn][:, :, turn], field[:, turn]

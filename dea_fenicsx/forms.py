@@ -25,7 +25,7 @@ import numpy as np
 import ufl
 
 from dea_fenicsx.compat import dolfinx
-from dea_fenicsx.kinematics import StrainOf, cofactor
+from dea_fenicsx.kinematics import Helix, StrainOf, cofactor
 from dea_fenicsx.materials import Elastic
 from dea_fenicsx.mesh import Device
 from dea_fenicsx.scene import Scene
@@ -183,11 +183,14 @@ class State:
     chain_margin: Any
 
 
-def state(scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any | None) -> State:
+def state(
+    scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any | None,
+    helix: Helix | None = None,
+) -> State:  # fmt: skip
     """Energy density of a kernel, dimensionless, and the measures of deformation and field."""
     x = ufl.SpatialCoordinate(scene.device.mesh)
     kin = scene.kinematics
-    F = ufl.variable(ufl.Identity(3) + kin.displacement_gradient(u, x))
+    F = ufl.variable(ufl.Identity(3) + kin.displacement_gradient(u, x, helix))
     cof, J = cofactor(F)
     per_mu = 1 / scales.stress
     # the scale enters as a constant of the form, not of the code
@@ -206,7 +209,7 @@ def state(scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any
         energy = unit * kernel.elastic.energy(strain) + p * (J - 1) - p**2 / (2 * kernel.kappa)
     true_field = ufl.zero(3)
     if kernel.eps is not None:
-        pulled = -ufl.dot(cof, kin.gradient(phi))
+        pulled = -ufl.dot(cof, kin.gradient(phi, x, helix))
         energy -= kernel.eps / 2 * ufl.dot(pulled, pulled) / J
         true_field = pulled / J
     margin = kernel.elastic.chain_margin(strain)

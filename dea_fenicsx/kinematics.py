@@ -1,29 +1,77 @@
 """Kinematics: how displacement and potential of a scene become 3 x 3 F and a 3-vector E.
 
-Materials are written once, in three dimensions.  Plane strain and axisymmetry differ from 3-D only
-in the embedding here, and in the weight of a volume or surface element.
+Materials are written once, in three dimensions.  Plane strain, axisymmetry and helical symmetry
+differ from 3-D only in the embedding here, and in the weight of a volume or surface element.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import ufl
 from ufl import as_matrix, as_vector, dot, grad
 
 
+class Helix(NamedTuple):
+    """What a helical deformation has beside its fields, symbolic and dimensionless.
+
+    Attributes
+    ----------
+    lead : pitch/(2 pi)
+    elongation : axial stretch - 1
+    twist : rotation per undeformed axial length
+    """
+
+    lead: Any
+    elongation: Any
+    twist: Any
+
+
+class _Flat:
+    """What all kinematics without overall unknowns share.
+
+    Attributes
+    ----------
+    dim
+        Dimension of the mesh.
+    axes
+        Names of the displacement components.
+    coordinates
+        Names of the mesh's coordinates.
+    overall
+        Names of unknowns that are one number for the whole device.
+    """
+
+    axes = "xyz"
+    overall: tuple[str, ...] = ()
+
+    @property
+    def coordinates(self) -> str:
+        return self.axes
+
+    def normal(self, n: Any, x: Any, helix: Helix | None = None) -> Any:
+        """Undeformed normal times the area per area of the mesh, in the components of u."""
+        return n
+
+    def motion(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
+        """Displacement on which a dead load does work, in the components of u."""
+        return u
+
+
 @dataclass(frozen=True)
-class ThreeD:
+class ThreeD(_Flat):
     """All three dimensions."""
 
     dim = 3
     axes = "xyz"
 
-    def displacement_gradient(self, u: Any, x: Any) -> Any:
+    def displacement_gradient(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
         return grad(u)
 
-    def gradient(self, phi: Any) -> Any:
+    def gradient(self, phi: Any, x: Any, helix: Helix | None = None) -> Any:
         return grad(phi)
 
     def embed(self, v: Any) -> Any:
@@ -39,7 +87,7 @@ class ThreeD:
 
 
 @dataclass(frozen=True)
-class PlaneStrain:
+class PlaneStrain(_Flat):
     """No displacement and no field along the third axis.
 
     Parameters
@@ -52,11 +100,11 @@ class PlaneStrain:
     dim = 2
     axes = "xy"
 
-    def displacement_gradient(self, u: Any, x: Any) -> Any:
+    def displacement_gradient(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
         g = grad(u)
         return as_matrix([[g[0, 0], g[0, 1], 0], [g[1, 0], g[1, 1], 0], [0, 0, 0]])
 
-    def gradient(self, phi: Any) -> Any:
+    def gradient(self, phi: Any, x: Any, helix: Helix | None = None) -> Any:
         g = grad(phi)
         return as_vector([g[0], g[1], 0])
 
@@ -71,7 +119,7 @@ class PlaneStrain:
 
 
 @dataclass(frozen=True)
-class Axisymmetric:
+class Axisymmetric(_Flat):
     """Rotationally symmetric about the second axis: mesh coordinates are (r, z).
 
     Components are ordered (r, hoop, z); forces, charges and volumes are for the full circle.
@@ -80,11 +128,11 @@ class Axisymmetric:
     dim = 2
     axes = "rz"
 
-    def displacement_gradient(self, u: Any, x: Any) -> Any:
+    def displacement_gradient(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
         g = grad(u)
         return as_matrix([[g[0, 0], 0, g[0, 1]], [0, u[0] / x[0], 0], [g[1, 0], 0, g[1, 1]]])
 
-    def gradient(self, phi: Any) -> Any:
+    def gradient(self, phi: Any, x: Any, helix: Helix | None = None) -> Any:
         g = grad(phi)
         return as_vector([g[0], 0, g[1]])
 
@@ -98,7 +146,105 @@ class Axisymmetric:
         return 1.0
 
 
-Kinematics = ThreeD | PlaneStrain | Axisymmetric
+@dataclass(frozen=True)
+class Helical(_Flat):
+    """One period of a body with helical symmetry, standing for any number of turns.
+
+    With (R, Theta, Z) undeformed, zeta = Z - c Theta and c = pitch/(2 pi), all fields depend on R
+    and zeta alone and repeat with the height of the mesh in zeta.  Mesh coordinates are (R, zeta).
+    The deformation is
+
+        x = Q(Theta + k Z) (R + u_r, u_theta, 0) + (lam Z + u_z) e_z,
+
+    Q(a) a rotation about the axis by a; axial stretch lam and twist k, rotation per undeformed
+    length, are one unknown each.  Components are ordered (r, hoop, z) in the frame turned by
+    Theta + k Z.  Forces, charges and volumes are for one period over one full turn.
+
+    Parameters
+    ----------
+    pitch
+        Rise of the helix per turn in metres, a whole multiple of the mesh's height (the number of
+        strands); negative for a left-handed helix.  0 makes it a stack of rings that can twist.
+    between
+        Names of the facet groups of the two ends of the period, lower and upper.  Their nodes lie
+        at the same radii.
+
+    Notes
+    -----
+    At lam = 1 + e the columns of F, for d/dR, (1/R) d/dTheta at fixed Z, and d/dZ, are
+
+        (1 + u_r,R ; u_t,R ; u_z,R)
+        ((-u_t - c u_r,z)/R ; (R + u_r - c u_t,z)/R ; -c u_z,z/R)
+        (u_r,z - k u_t ; u_t,z + k (R + u_r) ; lam + u_z,z)
+
+    with ,z = d/dzeta; Grad phi = (phi,R ; -c phi,z/R ; phi,z); dX = 2 pi R dR dzeta.
+
+    A dead load does work on u + Z (0, k R, lam - 1), and turns with the frame.
+    """
+
+    pitch: float
+    between: tuple[str, str] = ("bottom", "top")
+    dim = 2
+    axes = "rtz"
+    overall = ("elongation", "twist")
+
+    @property
+    def coordinates(self) -> str:
+        return "rz"
+
+    def lead(self, length: float) -> float:
+        """c = pitch/(2 pi) in units of `length`."""
+        return self.pitch / (2 * math.pi * length)
+
+    def displacement_gradient(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
+        assert helix is not None
+        c, e, k = helix
+        g, R = grad(u), x[0]
+        return as_matrix([
+            [g[0, 0], (-u[1] - c * g[0, 1]) / R, g[0, 1] - k * u[1]],
+            [g[1, 0], (u[0] - c * g[1, 1]) / R, g[1, 1] + k * (R + u[0])],
+            [g[2, 0], -c * g[2, 1] / R, e + g[2, 1]],
+        ])  # fmt: skip
+
+    def gradient(self, phi: Any, x: Any, helix: Helix | None = None) -> Any:
+        return self.normal(grad(phi), x, helix)
+
+    def normal(self, n: Any, x: Any, helix: Helix | None = None) -> Any:
+        assert helix is not None
+        return as_vector([n[0], -helix.lead * n[1] / x[0], n[1]])
+
+    def motion(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
+        assert helix is not None
+        return as_vector([u[0], u[1] + x[1] * helix.twist * x[0], u[2] + x[1] * helix.elongation])
+
+    def embed(self, v: Any) -> Any:
+        return v
+
+    def weight(self, x: Any) -> Any:
+        return 2 * ufl.pi * x[0]
+
+    def depth_factor(self, length: float) -> float:
+        return 1.0
+
+    def section(self, x: np.ndarray, u: np.ndarray, overall: np.ndarray) -> np.ndarray:
+        """Displacement of the section Theta = 0, shape (n, 3): along R, along Z, out of the plane.
+
+        Parameters
+        ----------
+        x
+            (R, zeta) of the nodes, shape (n, 2 or more).
+        u
+            Components (r, hoop, z), shape (n, 3), in the same unit of length.
+        overall
+            Elongation, and twist in rad per unit of length.
+        """
+        R, Z = x[:, 0], x[:, 1]
+        c, s = np.cos(overall[1] * Z), np.sin(overall[1] * Z)
+        r, t = R + u[:, 0], u[:, 1]
+        return np.column_stack([c * r - s * t - R, u[:, 2] + overall[0] * Z, s * r + c * t])
+
+
+Kinematics = ThreeD | PlaneStrain | Axisymmetric | Helical
 
 
 class StrainOf:

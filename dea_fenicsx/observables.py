@@ -245,8 +245,14 @@ def _surface_mean(
     ds = measure(device, [one_sided(device, where)], 4, "ds")(0)
     x = ufl.SpatialCoordinate(problem.mesh)
     weight = problem.scene.kinematics.weight(x)
+    kinematics = problem.scene.kinematics
+    if projected and axis not in kinematics.coordinates:
+        raise InputError(
+            f"The axis is {axis!r}, but must be one of {', '.join(kinematics.coordinates)}."
+        )
+    along = kinematics.coordinates.find(axis)  # -1 where the mesh does not go
     if projected:
-        weight = weight * ufl.FacetNormal(problem.mesh)[a]
+        weight = weight * ufl.FacetNormal(problem.mesh)[along]
     v = ufl.split(ufl.TestFunction(problem.W))[0]
 
     def total(integrand: Any) -> float:
@@ -259,7 +265,7 @@ def _surface_mean(
         raise InputError(
             f"Facet group {where!r} has no area facing {axis}; name a group that faces that axis."
         )
-    position = total(x[a] * weight) / area
+    position = total(x[along] * weight) / area if projected else 0.0
     vector = dolfinx.fem.assemble_vector(compat.compile_form(v[a] * weight * ds))
     vector.scatter_reverse(dolfinx.la.InsertMode.add)
     weights = vector.array[: problem.owned] / area

@@ -11,6 +11,8 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.conditions import (
+    AxialForce,
+    AxialStretch,
     ChargedElectrode,
     Clamp,
     DeadLoad,
@@ -25,9 +27,11 @@ from dea_fenicsx.conditions import (
     Prescribed,
     Stretch,
     Support,
+    Torque,
+    Twist,
 )
 from dea_fenicsx.errors import InputError
-from dea_fenicsx.kinematics import Kinematics, ThreeD
+from dea_fenicsx.kinematics import Helical, Kinematics, ThreeD
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh import Device
 
@@ -48,11 +52,11 @@ class Scene:
     supports
         `Fix`, `Clamp` or `FreeBody`.
     prescribed
-        Prescribed stretches and displacements.
+        Prescribed stretches and displacements; of a helical cell also `AxialStretch` and `Twist`.
     loads
-        Dead loads.
+        Dead loads; on a helical cell also `AxialForce` and `Torque`.
     kinematics
-        `ThreeD()`, `PlaneStrain()` or `Axisymmetric()`.
+        `ThreeD()`, `PlaneStrain()`, `Axisymmetric()` or `Helical(pitch)`.
     elements
         The finite elements, see `Discretisation`.
 
@@ -77,6 +81,7 @@ class Scene:
         _check_materials(self)
         _check_electrodes(self)
         _check_mechanics(self)
+        _check_overall(self)
         _check_elements(self)
 
     @property
@@ -133,15 +138,46 @@ def _check_kinematics(scene: Scene) -> None:
     depth = getattr(kinematics, "depth", 1.0)
     if not (math.isfinite(depth) and depth > 0):
         raise InputError(f"The depth of PlaneStrain is {depth!r}, but must be a length > 0 in m.")
-    if kind == "Axisymmetric":
-        low = device.comm.allreduce(
-            device.mesh.geometry.x[:, 0].min(initial=np.inf), op=MPI.MIN
-        )
+    if kind in ("Axisymmetric", "Helical"):
+        low = _extent(device, 0)[0]
         if low < -1e-12:
             raise InputError(
                 f"An axisymmetric mesh lies at radii r >= 0, but this one reaches r = "
                 f"{low * device.length:g} m; shift it so that the axis is at r = 0."
             )
+    if isinstance(kinematics, Helical):
+        _check_helix(scene, kinematics, low)
+
+
+def _extent(device: Device, a: int) -> tuple[float, float]:
+    """Least and largest coordinate `a` of the mesh, over all ranks."""
+    x = device.mesh.geometry.x[:, a]
+    low = device.comm.allreduce(float(x.min(initial=np.inf)), op=MPI.MIN)
+    return low, device.comm.allreduce(float(x.max(initial=-np.inf)), op=MPI.MAX)
+
+
+def period(scene: Scene) -> float:
+    """Height of a helical cell in m."""
+    low, high = _extent(scene.device, 1)
+    return (high - low) * scene.device.length
+
+
+def _check_helix(scene: Scene, kinematics: Helical, inner: float) -> None:
+    """Refuse a helical cell that has an axis, no two ends, or a height that does not fit."""
+    device = scene.device
+    if inner < 1e-9:
+        raise InputError("A helical cell needs a hole: its mesh must lie at radii r > 0.")
+    finite(kinematics.pitch, "The pitch of Helical")
+    for name in kinematics.between:
+        known(name, device.surfaces, "facet group")
+        if _count(device, name) == 0:
+            raise InputError(f"The end {name!r} of the helical cell has no facets in the mesh.")
+    strands = abs(kinematics.pitch) / period(scene)
+    if abs(strands - round(strands)) > 1e-6:
+        raise InputError(
+            f"The pitch {kinematics.pitch:g} m of Helical is {strands:g} times the height of the "
+            "cell, but must be a whole multiple of it, the number of strands; or 0 for rings."
+        )
 
 
 def _check_materials(scene: Scene) -> None:
@@ -218,9 +254,14 @@ def _check_mechanics(scene: Scene) -> None:
     for item in [*scene.supports, *scene.prescribed, *scene.loads]:
         what = type(item).__name__
         if isinstance(item, FreeBody):
-            if device.dim != 3:
-                raise InputError("FreeBody works in three dimensions only; use Fix in this scene.")
+            if device.dim != 3 and not isinstance(scene.kinematics, Helical):
+                raise InputError(
+                    "FreeBody works in three dimensions and in helical cells only; use Fix in "
+                    "this scene."
+                )
             continue
+        if isinstance(item, AxialStretch | Twist | AxialForce | Torque):
+            continue  # they act on the cell as a whole
         known(item.where, device.surfaces, "facet group")
         if _count(device, item.where) == 0:
             raise InputError(f"{what} on {item.where!r} finds no facets in the mesh.")
@@ -233,6 +274,11 @@ def _check_mechanics(scene: Scene) -> None:
                 f"{', '.join(axes)}."
             )
         if isinstance(item, Stretch):
+            if any(a not in scene.kinematics.coordinates for a in named):
+                raise InputError(
+                    f"The stretch on {item.where!r} is along {named!r}, but the mesh only has the "
+                    f"coordinates {', '.join(scene.kinematics.coordinates)}."
+                )
             finite(item.stretch, f"The stretch on {item.where!r}")
             if item.stretch <= 0:
                 raise InputError(f"The stretch on {item.where!r} is {item.stretch}, must be > 0.")
@@ -255,6 +301,39 @@ def _check_mechanics(scene: Scene) -> None:
             "The scene has no supports, so the device could drift away; add Clamp(...), Fix(...) "
             "or FreeBody()."
         )
+
+
+def _check_overall(scene: Scene) -> None:
+    """Stretch, twist, force and torque of a helical cell as a whole."""
+    seen: set[str] = set()
+    for item in [*scene.prescribed, *scene.loads]:
+        what = type(item).__name__
+        if isinstance(item, FollowerPressure) and isinstance(scene.kinematics, Helical):
+            raise InputError(
+                f"FollowerPressure on {item.where!r} is not available in a helical cell; use "
+                "DeadPressure."
+            )
+        if not isinstance(item, AxialStretch | Twist | AxialForce | Torque):
+            continue
+        if not isinstance(scene.kinematics, Helical):
+            raise InputError(f"{what} is for helical cells; take kinematics=Helical(pitch).")
+        if isinstance(item, AxialStretch):
+            finite(item.stretch, "The axial stretch")
+            if item.stretch <= 0:
+                raise InputError(f"The axial stretch is {item.stretch}, but must be > 0.")
+        elif isinstance(item, Twist):
+            finite(item.radians_per_metre, "The twist")
+        elif isinstance(item, AxialForce):
+            finite(item.newtons, "The axial force")
+        else:
+            finite(item.newton_metres, "The torque")
+        if isinstance(item, AxialStretch | Twist):
+            if what in seen:
+                raise InputError(f"{what} is prescribed twice; give it once.")
+            seen.add(what)
+        elif {"AxialForce": "AxialStretch", "Torque": "Twist"}[what] in seen:
+            raise InputError(f"{what} has no effect on a cell whose motion along it is prescribed; "
+                             "leave one of the two out.")  # fmt: skip
 
 
 def _check_elements(scene: Scene) -> None:

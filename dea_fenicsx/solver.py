@@ -135,7 +135,7 @@ class NewtonSolver:
         # a small load is not resolved below what rounding leaves of stresses of the modulus's size:
         # a hundredth of the nodal forces that a stress mu makes, cell area times sqrt(nodes)
         dim = problem.mesh.geometry.dim
-        nodes = max(problem.counts["u"] / dim, 1.0)
+        nodes = max(problem.counts["u"] / len(problem.displacement), 1.0)
         self._references["u"] = 1e-2 * (volume / nodes) ** (1 - 1 / dim) * np.sqrt(nodes)
 
     # --------------------------------------------------------------- residuals

@@ -2,7 +2,8 @@
 
 One mixed function w = (u, p, phi) holds everything, fixed values included.  Boundary values are
 put into w before anything is assembled, so increments vanish there and no lifting is needed; the
-linear systems are in the free unknowns only.
+linear systems are in the free unknowns only.  Overall unknowns (a helical cell's stretch and twist)
+are one constant a cell, all tied to one another.
 """
 
 from __future__ import annotations
@@ -18,19 +19,20 @@ from mpi4py import MPI
 
 from dea_fenicsx import compat
 from dea_fenicsx.compat import PETSc, dolfinx
-from dea_fenicsx.conditions import ChargedElectrode, DeadPressure, FollowerPressure
+from dea_fenicsx.conditions import AxialForce, ChargedElectrode, Torque
 from dea_fenicsx.constraints import (
     Component,
     Constraints,
-    Floating,
     apply_electrodes,
+    apply_overall,
     apply_supports,
 )
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import Scales, cauchy_stress, kernels, measure, state
-from dea_fenicsx.kinematics import cofactor
-from dea_fenicsx.mesh import one_sided
-from dea_fenicsx.scene import SIMPLICES, Scene
+from dea_fenicsx.kinematics import Helical, Helix
+from dea_fenicsx.loads import Loads
+from dea_fenicsx.scene import SIMPLICES, Scene, period
+from dea_fenicsx.ties import Group, Pairs, Rows, expansion, followers
 
 
 @dataclass(frozen=True)
@@ -69,20 +71,22 @@ class Problem:
     Attributes
     ----------
     w
-        The mixed function (u, p, phi), dimensionless.
+        The mixed function (u, p, phi, overall unknowns), dimensionless.
     scales
         SI value of each dimensionless unit.
     factors
         Current factor of each ramp.
     fields
-        For each field, ``"u"``, ``"p"`` and if there is one ``"phi"``, its owned local degrees of
-        freedom.
+        For each field, ``"u"`` (with the overall unknowns), ``"p"`` and if there is one ``"phi"``,
+        its owned local degrees of freedom.
     free
         Owned local degrees of freedom that are unknowns, sorted.
     points
         Quadrature points of the reference cell.
     electrode_dofs
-        Owned and ghost degrees of freedom of each electrode, by its label.
+        Degrees of freedom of each electrode, by its label: all owned ones, and ghosts.
+    overall
+        The overall unknowns by name; empty unless the kinematics has some.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -100,7 +104,7 @@ class Problem:
     def _build_space(self) -> None:
         scene, mesh = self.scene, self.mesh
         cell = mesh.topology.cell_name()
-        dim = mesh.geometry.dim
+        dim = len(scene.kinematics.axes)
         choice = scene.elements.pressure
         if choice == "auto":
             choice = "continuous" if cell in SIMPLICES else "discontinuous"
@@ -112,18 +116,27 @@ class Problem:
         elements = [vector, pressure]
         if scene.has_potential:
             elements.append(basix.ufl.element("Lagrange", cell, scene.elements.potential_degree))
+        overall = scene.kinematics.overall
+        if overall:
+            elements.append(basix.ufl.element("DG", cell, 0, shape=(len(overall),)))
         self.W = dolfinx.fem.functionspace(mesh, basix.ufl.mixed_element(elements))
         self.w = dolfinx.fem.Function(self.W, name="state")
         self.displacement = [Component.of(self.W.sub(0).sub(a)) for a in range(dim)]
         self.pressure = Component.of(self.W.sub(1))
         self.potential = Component.of(self.W.sub(2)) if scene.has_potential else None
+        last = len(elements) - 1
+        self.overall = {
+            name: Component.of(self.W.sub(last).sub(k)) for k, name in enumerate(overall)
+        }
 
         index_map = self.W.dofmap.index_map
         assert self.W.dofmap.index_map_bs == 1
         self.owned = index_map.size_local
         self.size = index_map.size_local + index_map.num_ghosts
+        self.rows = Rows(self.owned, index_map.local_range[0], self.comm)
+        motion = [*self.displacement, *self.overall.values()]
         self.fields = {
-            "u": self._owned(np.concatenate([c.dofs for c in self.displacement])),
+            "u": self._owned(np.concatenate([c.dofs for c in motion])),
             "p": self._owned(self.pressure.dofs),
         }
         if self.potential is not None:
@@ -135,6 +148,7 @@ class Problem:
     def _constrain(self) -> None:
         self.constraints = Constraints(self.size)
         apply_supports(self.scene, self.displacement, self.constraints)
+        apply_overall(self.scene, self.overall, self.constraints)
         self.electrode_dofs: dict[str, np.ndarray] = {}
         if self.potential is not None:
             self.electrode_dofs = apply_electrodes(
@@ -142,17 +156,10 @@ class Problem:
             )
         for ramp in self.factors:
             self.constraints.base.setdefault(ramp, np.zeros(self.size))
-        start = self.W.dofmap.index_map.local_range[0]
-        scene = self.scene
-        self.floating = [
-            Floating.of(e, self.electrode_dofs[e.label], self.scales.charge, self.owned, start,
-                        self.comm)
-            for e in scene.electrodes if isinstance(e, ChargedElectrode)
-        ]  # fmt: skip
+        pairs = self._tie_ends()
+        self.groups = self._tie_groups()
         fixed = self.constraints.fixed[: self.owned]
-        follower = np.zeros(self.owned, dtype=bool)
-        for electrode in self.floating:
-            follower[electrode.dofs] = True
+        follower = followers(self.groups, pairs, fixed)
         self.free = np.flatnonzero(~fixed & ~follower).astype(np.int32)
         self.fixed = np.flatnonzero(fixed).astype(np.int32)
         self.free_fields = {
@@ -164,27 +171,53 @@ class Problem:
             name: self.comm.allreduce(len(where), op=MPI.SUM)
             for name, where in self.free_fields.items()
         }
+        start = self.rows.start
         self._free_rows = PETSc.IS().createGeneral(self.free + start, comm=self.comm)
         self._fixed_rows = PETSc.IS().createGeneral(self.fixed + start, comm=self.comm)
         self._all_rows = PETSc.IS().createStride(self.owned, start, 1, comm=self.comm)
-        self._expansion = self._build_expansion() if self.floating else None
+        self._expansion: Any = None
+        if self.groups or pairs is not None:
+            self._expansion = expansion(self.free, self.groups, pairs, self.rows)
+            self._few, self._all = self._expansion.createVecs()
 
-    def _build_expansion(self) -> Any:
-        """Matrix from the free unknowns to all: a charged electrode's nodes follow its master."""
-        offset = self.comm.exscan(len(self.free)) or 0
-        P = PETSc.Mat().createAIJ(
-            ((self.owned, None), (len(self.free), None)), nnz=(1, 1), comm=self.comm
-        )
-        first = P.getOwnershipRange()[0]
-        column = np.full(self.owned, -1, dtype=np.int64)
-        column[self.free] = offset + np.arange(len(self.free))
-        for electrode in self.floating:
-            mine = int(column[electrode.master]) if electrode.master >= 0 else -1
-            column[electrode.dofs] = self.comm.allreduce(mine, op=MPI.MAX)
-        for row in np.flatnonzero(column >= 0):
-            P.setValue(first + int(row), int(column[row]), 1.0)
-        P.assemble()
-        return P
+    def _tie_ends(self) -> Pairs | None:
+        """Tie the upper end of a periodic cell to the lower one, fixed values included."""
+        kinematics = self.scene.kinematics
+        if not isinstance(kinematics, Helical):
+            return None
+        parts = list(self.displacement)
+        if self.pressure_kind == "continuous":
+            parts.append(self.pressure)
+        if self.potential is not None:
+            parts.append(self.potential)
+        pairs = Pairs.between(self.scene.device, kinematics.between, parts, self.rows)
+        pairs.share_fixed(self.constraints, self.W)
+        for label, dofs in self.electrode_dofs.items():
+            member = np.zeros(self.owned, dtype=bool)
+            member[self._owned(dofs)] = True
+            self.electrode_dofs[label] = np.union1d(dofs, np.flatnonzero(pairs.join(member)))
+        return pairs
+
+    def _tie_groups(self) -> list[Group]:
+        """Charged electrodes, with their charge, and free overall unknowns, with their force."""
+        scene, scales = self.scene, self.scales
+        groups = [
+            Group.of(self.electrode_dofs[e.label], self.rows,
+                     ((e.ramp, e.coulombs / scales.charge),))
+            for e in scene.electrodes if isinstance(e, ChargedElectrode)
+        ]  # fmt: skip
+        for name, part in self.overall.items():
+            if not np.all(self.constraints.fixed[part.dofs]):
+                height = period(scene) / scales.length
+                sources = [
+                    (load.ramp, -load.newtons / scales.force * height)
+                    if isinstance(load, AxialForce)
+                    else (load.ramp, -load.newton_metres / scales.force / scales.length * height)
+                    for load in scene.loads
+                    if isinstance(load, AxialForce if name == "elongation" else Torque)
+                ]
+                groups.append(Group.of(part.dofs, self.rows, tuple(sources)))
+        return groups
 
     @property
     def expected_negative_pivots(self) -> int:
@@ -199,13 +232,15 @@ class Problem:
         self.kernels = kernels(scene, scales)
         x = ufl.SpatialCoordinate(self.mesh)
         weight = scene.kinematics.weight(x)
-        u, p, phi = self._split(self.w)
-        self.states = [state(scene, k, scales, u, p, phi) for k in self.kernels]
+        u, p, phi, helix = self._split(self.w)
+        self.states = [state(scene, k, scales, u, p, phi, helix) for k in self.kernels]
         dx = measure(scene.device, [k.cells for k in self.kernels], degree)
         energy = sum(s.energy * weight * dx(k) for k, s in enumerate(self.states))
         test = ufl.TestFunction(self.W)
         residual = ufl.derivative(energy, self.w, test)
-        residual = residual - self._work_of_loads(u, self._split(test)[0], weight, degree)
+        v, _, _, virtual = self._split(test)
+        self.loads = Loads(scene, scales.stress, u, v, virtual)
+        residual = residual - self.loads.work
         tangent = ufl.derivative(residual, self.w, ufl.TrialFunction(self.W))
         self._load_vectors: dict[str, np.ndarray] = {}
         self._residual = compat.compile_form(residual)
@@ -235,73 +270,26 @@ class Problem:
         n = scene.device.owned_cells()
         self.cell_volumes = _cell_values(volumes)[:n]
         self.volume = self.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
+        if self.overall:
+            self._refuse_resultant()
 
-    def _split(self, w: Any) -> tuple[Any, Any, Any | None]:
+    def _split(self, w: Any) -> tuple[Any, Any, Any | None, Helix | None]:
+        """Displacement, pressure, potential and helix of a mixed function or test function."""
         parts = ufl.split(w)
-        return (*parts, None) if len(parts) == 2 else parts
-
-    def _work_of_loads(self, u: Any, v: Any, weight: Any, degree: int) -> Any:
-        """Virtual work of the loads; each ramp's factor is a constant of the form."""
-        scene, mesh = self.scene, self.mesh
-        self._load_factors = {
-            ramp: dolfinx.fem.Constant(mesh, 0.0)
-            for ramp in {load.ramp for load in scene.loads}
-        }
-        self._unit_work: dict[str, Any] = {}
-        self._following: set[str] = set()
-        if not scene.loads:
-            return 0
-        sides = [
-            self._pressed_side(load)
-            if isinstance(load, DeadPressure)
-            else one_sided(scene.device, load.where)
-            for load in scene.loads
-        ]
-        ds = measure(scene.device, sides, degree, "ds")
-        normal = ufl.FacetNormal(mesh)
-        work = 0
-        for k, load in enumerate(scene.loads):
-            if isinstance(load, DeadPressure):
-                pressure = dolfinx.fem.Constant(mesh, load.pascal / self.scales.stress)
-                unit_work = -pressure * ufl.dot(normal, v) * weight * ds(k)
-            elif isinstance(load, FollowerPressure):
-                # force on an area element: -p cof(F) N dA, undeformed area and normal
-                pressure = dolfinx.fem.Constant(mesh, load.pascal / self.scales.stress)
-                kin = scene.kinematics
-                gradient = kin.displacement_gradient(u, ufl.SpatialCoordinate(mesh))
-                area = ufl.dot(cofactor(ufl.Identity(3) + gradient)[0], kin.embed(normal))
-                unit_work = -pressure * ufl.dot(area, kin.embed(v)) * weight * ds(k)
-                self._following.add(load.ramp)
-            else:
-                traction = dolfinx.fem.Constant(mesh, np.array(load.pascal) / self.scales.stress)
-                unit_work = ufl.dot(traction, v) * weight * ds(k)
-            self._unit_work[load.ramp] = self._unit_work.get(load.ramp, 0) + unit_work
-            work += self._load_factors[load.ramp] * unit_work
-        return work
-
-    def _pressed_side(self, load: DeadPressure) -> np.ndarray:
-        """Facets of a pressure, seen from the material it presses on."""
-        device, materials = self.scene.device, self.scene.materials
-        pairs = {name: one_sided(device, load.where, frozenset([device.regions[name]]))
-                 for name in ([load.on] if load.on else materials)}  # fmt: skip
-        counts = {n: self.comm.allreduce(len(p), op=MPI.SUM) for n, p in pairs.items()}
-        total = self.comm.allreduce(len(one_sided(device, load.where)), op=MPI.SUM)
-        touching = [n for n, c in counts.items() if c]
-        if sum(counts.values()) > total:
-            touching = [n for n in touching if materials[n].is_dielectric]
-        if sum(counts[n] for n in touching) != total:
-            raise InputError(
-                f"It is not clear which side the pressure on {load.where!r} presses; name the "
-                f"region with DeadPressure(..., on=...), one of: {', '.join(sorted(materials))}."
-            )
-        return np.concatenate([pairs[n] for n in touching])
+        kinematics = self.scene.kinematics
+        helix = None
+        if isinstance(kinematics, Helical):
+            if not hasattr(self, "_lead"):
+                self._lead = dolfinx.fem.Constant(self.mesh, kinematics.lead(self.scales.length))
+            helix = Helix(self._lead, parts[-1][0], parts[-1][1])
+        return parts[0], parts[1], parts[2] if self.scene.has_potential else None, helix
 
     # ------------------------------------------------------------- evaluation
 
     def set_factors(self, factors: dict[str, float]) -> None:
         """Set the ramp factors: dead loads at once, fixed values at `insert_fixed`."""
         self.factors = dict(factors)
-        for ramp, constant in self._load_factors.items():
+        for ramp, constant in self.loads.factors.items():
             constant.value = factors[ramp]
 
     def insert_fixed(self) -> np.ndarray:
@@ -313,6 +301,14 @@ class Problem:
         array[fixed] = target[fixed]
         return change
 
+    def overall_values(self) -> np.ndarray:
+        """Elongation and twist (rad/m) of a helical cell; empty for others.  Collective."""
+        values = [
+            next(v for v in self.comm.allgather(self.w.x.array[part.dofs[:1]]) if len(v))[0]
+            for part in self.overall.values()
+        ]
+        return np.array(values) / np.array([1.0, self.scales.length][: len(values)])
+
     def get_state(self) -> np.ndarray:
         """Copy of all local values of w, ghosts included."""
         return self.w.x.array.copy()
@@ -322,10 +318,12 @@ class Problem:
 
     def add_free(self, increment: np.ndarray) -> None:
         """Add an increment to the free unknowns (owned) and update what follows them."""
-        self.w.x.array[self.free] += increment
-        for electrode in self.floating:
-            mine = self.w.x.array[electrode.master] if electrode.master >= 0 else 0.0
-            self.w.x.array[electrode.dofs] = self.comm.allreduce(mine, op=MPI.SUM)
+        if self._expansion is None:
+            self.w.x.array[self.free] += increment
+        else:
+            self._few.array[:] = increment
+            self._expansion.mult(self._few, self._all)
+            self.w.x.array[: self.owned] += self._all.array_r
         self.w.x.scatter_forward()
 
     def residual(self) -> np.ndarray:
@@ -341,23 +339,27 @@ class Problem:
     def restrict(self, residual: np.ndarray) -> np.ndarray:
         """A vector over all owned degrees of freedom in the rows of the free unknowns (owned).
 
-        The rows of a charged electrode add up in its master's.
+        Rows that are tied add up in their master's.
         """
-        rows = residual[self.free]
-        for electrode in self.floating:
-            total = self.comm.allreduce(float(residual[electrode.dofs].sum()), op=MPI.SUM)
-            if electrode.master >= 0:
-                rows[np.searchsorted(self.free, electrode.master)] += total
-        return rows
+        if self._expansion is None:
+            return residual[self.free]
+        self._all.array[:] = residual
+        self._expansion.multTranspose(self._all, self._few)
+        return self._few.array_r.copy()
 
     def unbalanced(self, residual: np.ndarray) -> np.ndarray:
-        """What is out of balance in each free row: the restricted residual and given charges."""
+        """What is out of balance in each free row: the restricted residual and the sources."""
         rows = self.restrict(residual)
-        for electrode in self.floating:
-            if electrode.master >= 0:
-                row = np.searchsorted(self.free, electrode.master)
-                rows[row] += electrode.charge * self.factors[electrode.ramp]
+        for ramp, factor in self.factors.items():
+            self._add_sources(rows, ramp, factor)
         return rows
+
+    def _add_sources(self, rows: np.ndarray, ramp: str, factor: float) -> None:
+        """Add a ramp's charges, forces and torques on groups to the free rows."""
+        for group in self.groups:
+            if group.master >= 0:
+                row = np.searchsorted(self.free, group.master)
+                rows[row] += factor * sum(amount for name, amount in group.sources if name == ramp)
 
     def tangent(self) -> Any:
         """Assemble the tangent; returns its block in the free unknowns (reused between calls)."""
@@ -371,7 +373,7 @@ class Problem:
             self._A_free = self._A.ptap(self._expansion, self._A_free)
         else:
             self._A_free = self._A.createSubMatrix(self._free_rows, self._free_rows, self._A_free)
-        self._A_free.setOption(PETSc.Mat.Option.SYMMETRIC, not self._following)
+        self._A_free.setOption(PETSc.Mat.Option.SYMMETRIC, not self.loads.following)
         return self._A_free
 
     def tangent_times_fixed(self, change: np.ndarray) -> np.ndarray:
@@ -379,7 +381,8 @@ class Problem:
 
         Uses the tangent of the latest call of `tangent`.
         """
-        rows = self._all_rows if self.floating else self._free_rows
+        tied = self._expansion is not None
+        rows = self._all_rows if tied else self._free_rows
         coupling = self._A.createSubMatrix(rows, self._fixed_rows)
         x, y = coupling.createVecs()
         x.array[:] = change
@@ -387,7 +390,7 @@ class Problem:
         product = y.array_r.copy()
         for thing in (coupling, x, y):
             thing.destroy()
-        return self.restrict(product) if self.floating else product
+        return self.restrict(product) if tied else product
 
     def load_derivative(self, ramp: str) -> np.ndarray:
         """Derivative of the residual by a ramp's factor at fixed free unknowns (owned, free rows).
@@ -395,20 +398,39 @@ class Problem:
         Exact: fixed values are linear in the factor and act through the tangent's columns (those of
         the latest call of `tangent`); loads and charges are linear themselves.
         """
-        if ramp not in self._load_vectors or ramp in self._following:
+        if ramp not in self._load_vectors or ramp in self.loads.following:
             vector = np.zeros(len(self.free))
-            if ramp in self._unit_work:
-                form = compat.compile_form(-self._unit_work[ramp])
-                assembled = dolfinx.fem.assemble_vector(form)
-                assembled.scatter_reverse(dolfinx.la.InsertMode.add)
-                vector = assembled.array[self.free].copy()
-            for electrode in self.floating:
-                if electrode.master >= 0 and electrode.ramp == ramp:
-                    vector[np.searchsorted(self.free, electrode.master)] += electrode.charge
+            if ramp in self.loads.unit_work:
+                vector = self.restrict(self._load_vector(ramp))
+            self._add_sources(vector, ramp, 1.0)
             self._load_vectors[ramp] = vector
         return self._load_vectors[ramp] + self.tangent_times_fixed(
             self.constraints.base[ramp][self.fixed]
         )
+
+    def _load_vector(self, ramp: str) -> np.ndarray:
+        """Minus the forces of a ramp's surface loads at factor 1, at all owned unknowns."""
+        form = compat.compile_form(-self.loads.unit_work[ramp])
+        assembled = dolfinx.fem.assemble_vector(form)
+        assembled.scatter_reverse(dolfinx.la.InsertMode.add)
+        return assembled.array[: self.owned]
+
+    def _refuse_resultant(self) -> None:
+        """In a periodic cell nothing can bear a resultant of surface loads.  Collective."""
+        _, hoop, axial = self.displacement
+        for ramp in self.loads.unit_work:
+            forces = self._load_vector(ramp)
+            for part, what in ((axial, "force"), (hoop, "torque")):
+                mine = part.dofs < self.owned
+                arm = part.space.tabulate_dof_coordinates()[mine, 0] if what == "torque" else 1.0
+                moments = forces[part.dofs[mine]] * arm
+                sums = self.comm.allreduce(np.array([moments.sum(), abs(moments).sum()]))
+                if abs(sums[0]) > 1e-8 * sums[1]:
+                    raise InputError(
+                        f"The surface loads of ramp {ramp!r} have an axial {what} as resultant, "
+                        "which nothing in a helical cell can bear; balance them, or apply "
+                        f"{'AxialForce' if what == 'force' else 'Torque'}(...) to the cell."
+                    )
 
     def probe(self) -> Probe:
         """Extremes of J, lock-up margin and field over the quadrature points.  Collective."""

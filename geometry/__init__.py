@@ -17,10 +17,16 @@ if TYPE_CHECKING:
     from .box_stack import BoxStack
     from .disk_stack import DiskStack
     from .hdea import HDEA
+    from .helical_cell import HelicalCell
 
-__all__ = ["BoxStack", "DiskStack", "Geometry", "HDEA", "Layer", "graded"]
+__all__ = ["BoxStack", "DiskStack", "Geometry", "HDEA", "HelicalCell", "Layer", "graded"]
 
-_HOME = {"BoxStack": "box_stack", "DiskStack": "disk_stack", "HDEA": "hdea"}
+_HOME = {
+    "BoxStack": "box_stack",
+    "DiskStack": "disk_stack",
+    "HDEA": "hdea",
+    "HelicalCell": "helical_cell",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -13,9 +13,9 @@ ORDER = [
     "errors", "geometry", "compat", "mesh",
     "materials", "kinematics", "conditions", "scene",
     "exact",
-    "forms", "constraints", "weakform",
+    "forms", "loads", "constraints", "ties", "weakform",
     "solver", "stability", "events", "arclength", "tracing", "predictor", "stepping",
-    "observables", "failures", "fields", "reading", "results",
+    "observables", "overall", "failures", "fields", "reading", "turns", "results",
     "run", "script", "pictures_curves", "pictures_fields", "pictures",
     "thesis",
 ]  # fmt: skip

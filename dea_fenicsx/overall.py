@@ -1,0 +1,90 @@
+"""What is measured on a helical cell as a whole: stretch and twist, axial force and torque."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.observables import Measurement
+from dea_fenicsx.scene import period
+from dea_fenicsx.weakform import Problem
+
+
+@dataclass(frozen=True)
+class OverallStretch:
+    """Axial stretch lam of a helical cell."""
+
+    unit = ""
+
+    def bind(self, problem: Problem) -> Measurement:
+        _refuse_others(problem, self)
+        return lambda: 1 + problem.overall_values()[0]
+
+
+@dataclass(frozen=True)
+class OverallContraction:
+    """Axial contraction 1 - lam of a helical cell."""
+
+    unit = ""
+
+    def bind(self, problem: Problem) -> Measurement:
+        _refuse_others(problem, self)
+        return lambda: 0.0 - problem.overall_values()[0]
+
+
+@dataclass(frozen=True)
+class OverallTwist:
+    """Twist k of a helical cell: rotation per undeformed axial length, in rad/m."""
+
+    unit = "rad_per_m"
+
+    def bind(self, problem: Problem) -> Measurement:
+        _refuse_others(problem, self)
+        return lambda: problem.overall_values()[1]
+
+
+@dataclass(frozen=True)
+class OverallForce:
+    """Axial force through the helical cell in N, held by a prescribed stretch or applied.
+
+    The derivative of the energy of one period by the stretch, over the height of the period.
+    """
+
+    unit = "N"
+
+    def bind(self, problem: Problem) -> Measurement:
+        return _bind_action(problem, self, "elongation")
+
+
+@dataclass(frozen=True)
+class OverallTorque:
+    """Torque through the helical cell in N m, held by a prescribed twist or applied."""
+
+    unit = "N_m"
+
+    def bind(self, problem: Problem) -> Measurement:
+        action = _bind_action(problem, self, "twist")
+        return lambda: action() * problem.scales.length
+
+
+def _bind_action(problem: Problem, observable: object, name: str) -> Measurement:
+    """What works on an overall unknown, from its residual, in N (times the length unit)."""
+    _refuse_others(problem, observable)
+    dofs = problem.overall[name].dofs
+    dofs = dofs[dofs < problem.owned]
+    unit = problem.scales.force * problem.scales.length / period(problem.scene)
+
+    def value() -> float:
+        total = float(problem.residual()[dofs].sum())
+        return problem.comm.allreduce(total, op=MPI.SUM) * unit
+
+    return value
+
+
+def _refuse_others(problem: Problem, observable: object) -> None:
+    if not problem.overall:
+        raise InputError(
+            f"{type(observable).__name__} is for helical cells; take kinematics=Helical(pitch)."
+        )

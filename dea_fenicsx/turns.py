@@ -1,0 +1,103 @@
+"""Stroke, twist and peak field of each turn of a helical device, from the fields of a run.
+
+This is how a three-dimensional run is compared with a helically periodic cell: in its middle turns
+the ends no longer tell.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.reading import read_frame
+
+FIELD = "field_strength_V_per_m"
+
+
+@dataclass(frozen=True)
+class Turns:
+    """What each turn does, from the bottom up.
+
+    Attributes
+    ----------
+    contraction : ndarray, shape (turns - 1,)
+        Loss of distance between places one pitch apart, over the pitch; entry k is the mean over
+        all pairs of nodes of which the lower one lies in turn k.
+    twist_rad : ndarray, shape (turns - 1,)
+        Rotation about the axis between places one pitch apart.
+    scatter : ndarray, shape (turns - 1,)
+        Standard deviation of the contraction over the pairs: 0 in a helically symmetric state.
+    peak_field_V_per_m : ndarray, shape (turns,)
+        Largest true field at the middle of a cell in each turn; empty without a field.
+    """
+
+    contraction: np.ndarray
+    twist_rad: np.ndarray
+    scatter: np.ndarray
+    peak_field_V_per_m: np.ndarray
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Contraction and twist (rad) of the middle turn."""
+        k = len(self.contraction) // 2
+        return float(self.contraction[k]), float(self.twist_rad[k])
+
+
+def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> Turns:
+    """Measure each turn of a device around the z axis, as `geometry.HDEA` makes it.
+
+    Parameters
+    ----------
+    folder
+        A run's results folder.
+    pitch
+        Rise per turn in metres; the lower end of the helix is at z = 0 where x > 0, y = 0.
+    step
+        Which step of the run; -1 is the last.
+
+    Raises
+    ------
+    InputError
+        If no two nodes lie a pitch apart along z.
+    """
+    grid = read_frame(Path(folder), step).grid
+    x = np.asarray(grid.points)
+    u = np.asarray(grid.point_data["displacement_m"])
+    distance, partner = cKDTree(x).query(x + [0, 0, pitch], distance_upper_bound=1e-4 * abs(pitch))
+    lower = np.flatnonzero(np.isfinite(distance))
+    if len(lower) == 0:
+        raise InputError(
+            f"No two nodes lie {pitch:g} m apart along z; give the pitch of a device of two turns "
+            "or more."
+        )
+    upper = partner[lower]
+    shorter = (u[lower, 2] - u[upper, 2]) / pitch
+    rotation = _angle(x + u) - _angle(x)
+    turned = (rotation[upper] - rotation[lower] + np.pi) % (2 * np.pi) - np.pi
+    turn = _turn(x[lower], pitch)
+    turn = np.minimum(turn, turn.max() - 1)  # the topmost face closes the turn below it
+    count = np.bincount(turn)
+    mean = np.bincount(turn, shorter) / count
+    square = np.bincount(turn, (shorter - mean[turn]) ** 2) / count
+
+    peak = np.empty(0)
+    if FIELD in grid.cell_data:
+        field = np.asarray(grid.cell_data[FIELD])
+        of = _turn(np.asarray(grid.cell_centers().points), pitch)
+        peak = np.array([field[of == k].max() for k in range(of.max() + 1)])
+    return Turns(mean, np.bincount(turn, turned) / count, np.sqrt(square), peak)
+
+
+def _angle(x: np.ndarray) -> np.ndarray:
+    return np.arctan2(x[:, 1], x[:, 0])
+
+
+def _turn(x: np.ndarray, pitch: float) -> np.ndarray:
+    """Number of the turn that holds each point; a common face belongs to the turn above it."""
+    share = np.mod(_angle(x) / (2 * np.pi) + 1e-9, 1.0)
+    return np.floor(x[:, 2] / pitch - share + 1e-6).astype(int)
