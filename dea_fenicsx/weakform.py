@@ -17,6 +17,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx import compat
+from dea_fenicsx.cells import check_cells
 from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.conditions import ChargedElectrode, DeadPressure, FollowerPressure
 from dea_fenicsx.constraints import (
@@ -30,6 +31,7 @@ from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import Scales, cauchy_stress, kernels, measure, state
 from dea_fenicsx.kinematics import cofactor
 from dea_fenicsx.mesh import one_sided
+from dea_fenicsx.rigid import check_rigid
 from dea_fenicsx.scene import SIMPLICES, Scene
 
 
@@ -77,6 +79,7 @@ class Problem:
     """
 
     def __init__(self, scene: Scene) -> None:
+        check_cells(scene.device, scene.elements.quadrature_degree)
         self.scene = scene
         self.mesh = scene.device.mesh
         self.comm: MPI.Comm = scene.device.comm
@@ -126,6 +129,7 @@ class Problem:
     def _constrain(self) -> None:
         self.constraints = Constraints(self.size)
         apply_supports(self.scene, self.displacement, self.constraints)
+        check_rigid(self.scene, self.displacement, self.constraints.fixed)
         self.electrode_dofs: dict[str, np.ndarray] = {}
         if self.potential is not None:
             self.electrode_dofs = apply_electrodes(

@@ -10,10 +10,10 @@ PACKAGE = ROOT / "dea_fenicsx"
 
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
-    "errors", "geometry", "compat", "mesh",
+    "errors", "geometry", "compat", "mesh", "cells",
     "materials", "kinematics", "conditions", "scene",
     "exact",
-    "forms", "constraints", "weakform",
+    "forms", "constraints", "rigid", "weakform",
     "solver", "tracing", "stepping",
     "observables", "fields", "reading", "results",
     "run", "script", "pictures_curves", "pictures_fields", "pictures",
