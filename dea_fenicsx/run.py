@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.checks import check_step
 from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
 from dea_fenicsx.fields import FieldWriter
@@ -207,9 +208,7 @@ class _Session:
 
     def _accept(self, step: Step) -> None:
         """Measure and write an accepted step."""
-        problem, solver, probe = self.problem, self.solver, step.attempt.probe
-        assert probe is not None
-        before = self.counts
+        problem, solver, before = self.problem, self.solver, self.counts
         if self.stability == "every" or (self.stability == "last" and step.last):
             solver.refresh_inertia()
         counters = solver.counters
@@ -229,21 +228,26 @@ class _Session:
             volts = self.scene.reference_voltage(name)
             key = f"{name}_V" if volts else f"{name}_factor"
             row[key] = cursor.factors[name] * (volts or 1.0)
-        row.update({name: measure() for name, measure in self.measurements.items()})
+        measured = {name: measure() for name, measure in self.measurements.items()}
+        row |= measured
+        checked = check_step(solver, cursor.step, self._must_be_finite(measured))
+        probe = checked.probe
         if problem.potential is not None:
             row["max_field_V_per_m"] = probe.max_field * scales.field
             for axis, x in zip("xyz", probe.place, strict=True):
                 row[f"max_field_{axis}_m"] = float(x) * length
         row |= {
             "min_J": probe.min_J,
-            "volume_error": problem.volume_error(),
-            "residual": step.attempt.residual,
+            "volume_error": checked.volume_error,
+            "residual": checked.residual,
             "newton_iterations": work[0],
             "krylov_iterations": work[1],
             "factorisations": work[2],
             "retries": step.retries,
             "inertia": solver.inertia.excess,
-            "inertia_is_of_this_step": int(solver.inertia.factors == cursor.factors),
+            "inertia_is_of_this_step": int(
+                solver.inertia.settled and solver.inertia.factors == cursor.factors
+            ),
             "wall_s": self.earlier_s + now - self.started,
         }
         self.history.append(row)
@@ -252,6 +256,7 @@ class _Session:
                 "cursor": asdict(cursor),
                 "history": self.history,
                 "fingerprint": self._fingerprint(),
+                "references": solver.references,
                 "wall_s": row["wall_s"],
             }
             self.folder.write_step(
@@ -260,6 +265,15 @@ class _Session:
             )  # fmt: skip
         self._report(row, now - self._step_started)
         self._step_started = time.perf_counter()
+
+    def _must_be_finite(self, measured: dict[str, float]) -> dict[str, float]:
+        """The observables without those that are not defined at zero voltage, as they tell."""
+        undefined = (getattr(o, "may_be_undefined", False) for o in self.record.values())
+        return {
+            name: value
+            for (name, value), may in zip(measured.items(), undefined, strict=True)
+            if not (may and np.isnan(value))
+        }
 
     def _report(self, row: dict[str, Any], seconds: float) -> None:
         loads = "  ".join(
@@ -284,11 +298,16 @@ class _Session:
         device = self.scene.device
         facts = {
             "cells": self.comm.allreduce(device.owned_cells(), op=MPI.SUM),
-            "unknowns": self.problem.unknowns,
             "ramps": list(self.scene.ramps),
             "materials": {k: _described(m) for k, m in self.scene.materials.items()},
-            "electrodes": [_described(e) for e in self.scene.electrodes],
+            **{
+                what: [_described(item) for item in getattr(self.scene, what)]
+                for what in ("electrodes", "supports", "prescribed", "loads")
+            },
+            "kinematics": _described(self.scene.kinematics),
+            "elements": _described(self.scene.elements),
             "path": [_described(r) for r in self.path],
+            "unknowns": self.problem.unknowns,
         }
         return json.loads(json.dumps(facts))
 
@@ -310,7 +329,17 @@ class _Session:
         self.history = told["history"]
         self.earlier_s = float(told["wall_s"])
         self.writer.scatter_state(state)
-        return Cursor(**told["cursor"])
+        self.solver.references |= told.get("references", {})
+        cursor = Cursor(**told["cursor"])
+        self.problem.set_factors(cursor.factors)
+        try:
+            check_step(self.solver, cursor.step, {})
+        except SolverError as error:
+            raise InputError(
+                f"The run in {self.folder.path} cannot be resumed: its last state is no "
+                "equilibrium of this scene; start anew without resume, or in another folder."
+            ) from error
+        return cursor
 
     # ----------------------------------------------------------------- summary
 

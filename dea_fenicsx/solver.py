@@ -84,11 +84,13 @@ class Inertia:
     """Negative pivots of the latest factor beyond those of a stable state.
 
     Zero on a stable path.  It belongs to the tangent that was factorised, at the ramp factors
-    given; `None` before the first factorisation.
+    given; `None` before the first factorisation.  `settled` tells the tangent of an equilibrium,
+    factorised on purpose, from that of one of Newton's iterates on the way to it.
     """
 
     excess: int | None = None
     factors: dict[str, float] = field(default_factory=dict)
+    settled: bool = False
 
 
 class NewtonSolver:
@@ -107,7 +109,7 @@ class NewtonSolver:
         self.options = options or NewtonOptions()
         self.counters = Counters()
         self.inertia = Inertia()
-        self._references: dict[str, float] = {}
+        self.references: dict[str, float] = {}
         self._ksp: Any = None
         self._kept: Any = None
         self._stale = True
@@ -118,39 +120,56 @@ class NewtonSolver:
         # a hundredth of the nodal forces that a stress mu makes, cell area times sqrt(nodes)
         dim = problem.mesh.geometry.dim
         nodes = max(problem.counts["u"] / dim, 1.0)
-        self._references["u"] = 1e-2 * (volume / nodes) ** (1 - 1 / dim) * np.sqrt(nodes)
+        self.references["u"] = 1e-2 * (volume / nodes) ** (1 - 1 / dim) * np.sqrt(nodes)
 
     # --------------------------------------------------------------- residuals
 
     def norms(self, residual: np.ndarray) -> dict[str, float]:
         """Residual of each field relative to its reference.
 
-        The references are what the same vector holds at the fixed unknowns and what it has held
-        before: reactions and loads for u, electrode charges for phi, a volume for p.  They only
-        grow during a run, so that a small step is not held to a stricter test than a large one.
+        The references are what the same vector holds at the fixed unknowns and what it held there
+        in accepted states (`remember`): reactions and loads for u, electrode charges for phi, a
+        volume for p.  A small step is so not held to a stricter test than a large one, and the
+        huge reactions of a failed trial do not loosen the test of later steps.
         u's starts at a hundredth of the nodal forces that a stress of the modulus's size makes.
         """
+        out = {}
+        for name, (everything, mine) in self._sizes(residual).items():
+            reference = self._pressure_reference
+            if name != "p":
+                reference = max(self.references.get(name, 0.0), everything)
+            out[name] = mine / reference if reference > 0 else np.inf if mine else 0.0
+        return out
+
+    def remember(self, residual: np.ndarray) -> None:
+        """Keep an accepted state's reactions and charges as references of later residuals."""
+        for name, (everything, _) in self._sizes(residual).items():
+            if name != "p":
+                self.references[name] = max(self.references.get(name, 0.0), everything)
+
+    def _sizes(self, residual: np.ndarray) -> dict[str, tuple[float, float]]:
+        """For each field the size of the whole residual and of what is unbalanced.  Collective."""
         problem = self.problem
         free = problem.unbalanced(residual)
         sums = []
         for name, dofs in problem.fields.items():
             sums += [np.sum(residual[dofs] ** 2), np.sum(free[problem.free_fields[name]] ** 2)]
         total = np.sqrt(problem.comm.allreduce(np.array(sums), op=MPI.SUM))
-        out = {}
-        for k, name in enumerate(problem.fields):
-            everything, mine = total[2 * k], total[2 * k + 1]
-            if name == "p":
-                reference = self._pressure_reference
-            else:
-                reference = max(self._references.get(name, 0.0), float(everything))
-                self._references[name] = reference
-            out[name] = mine / reference if reference > 0 else 0.0
-        return out
+        return {
+            name: (float(total[2 * k]), float(total[2 * k + 1]))
+            for k, name in enumerate(problem.fields)
+        }
 
     def residual_of(self, residual: np.ndarray) -> float:
         """Largest scaled residual of a field (inf if it is not finite)."""
-        worst = max(self.norms(residual).values())
-        return worst if np.isfinite(worst) else np.inf
+        norms = list(self.norms(residual).values())
+        # Python's max would pass over a NaN that is not the first
+        return max(norms) if np.all(np.isfinite(norms)) else np.inf
+
+    @property
+    def volume_tolerance(self) -> float:
+        """Largest 2-norm of the p rows of an accepted state's residual, a volume."""
+        return self.options.tolerance * self._pressure_reference
 
     # ------------------------------------------------------------------ solve
 
@@ -313,7 +332,10 @@ class NewtonSolver:
 
     def refresh_inertia(self) -> None:
         """Factorise the tangent at the problem's present state, to know its inertia."""
-        self._factorise(self.assemble())
+        if self._factorise(self.assemble()):
+            self.inertia.settled = True
+        else:
+            self.inertia = Inertia()
 
     def _krylov(
         self, tangent: Any, rhs: np.ndarray, rtol: float

@@ -76,6 +76,8 @@ class Problem:
         Owned local degrees of freedom that are unknowns, sorted.
     electrode_dofs
         Owned and ghost degrees of freedom of each electrode, by its label.
+    incompressible_cells
+        Owned cells of exactly incompressible regions, sorted.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -230,6 +232,10 @@ class Problem:
         n = scene.device.owned_cells()
         self.cell_volumes = _cell_values(volumes)[:n]
         self.volume = self.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
+        self.incompressible_cells = np.sort(
+            np.concatenate([np.empty(0, dtype=np.int32),
+                            *(k.cells for k in self.kernels if k.kappa is None)])
+        )  # fmt: skip
 
     def _split(self, w: Any) -> tuple[Any, Any, Any | None]:
         parts = ufl.split(w)
@@ -429,11 +435,15 @@ class Problem:
         winner = max(everyone, key=lambda e: (e[1], *e[2]))
         return Probe(float(low[0]), float(low[1]), max(winner[1], 0.0), winner[2])
 
+    def swelling(self) -> np.ndarray:
+        """Change of volume int (J - 1) dX of each owned cell, dimensionless."""
+        return _cell_values(self._swelling)[: len(self.cell_volumes)]
+
     def volume_error(self) -> float:
-        """Largest relative change of volume of any cell, max |int (J - 1) dX| / int dX."""
-        change = np.abs(_cell_values(self._swelling)[: len(self.cell_volumes)])
-        worst = float(np.max(change / self.cell_volumes, initial=0.0))
-        return self.comm.allreduce(worst, op=MPI.MAX)
+        """Largest relative change of volume of any incompressible cell.  Collective."""
+        cells = self.incompressible_cells
+        change = np.abs(self.swelling()[cells]) / self.cell_volumes[cells]
+        return self.comm.allreduce(float(np.max(change, initial=0.0)), op=MPI.MAX)
 
     def stress(self, k: int) -> Any:
         """Symbolic Cauchy stress of kernel k, dimensionless."""

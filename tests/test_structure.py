@@ -15,7 +15,7 @@ ORDER = [
     "exact",
     "forms", "constraints", "rigid", "weakform",
     "solver", "tracing", "stepping",
-    "observables", "fields", "reading", "results",
+    "checks", "observables", "fields", "reading", "results",
     "run", "script", "pictures_curves", "pictures_fields", "pictures",
     "thesis",
 ]  # fmt: skip
