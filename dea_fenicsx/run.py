@@ -131,6 +131,7 @@ def solve(
     check_path(scene, path)
     if stability not in STABILITY:
         raise InputError(f"stability is {stability!r}, but must be one of {', '.join(STABILITY)}.")
+    (options or NewtonOptions()).check()
     return _Session(
         scene, path, dict(record or {}), out, resume, quiet, stability, options, settings
     ).run()

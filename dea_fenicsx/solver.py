@@ -15,6 +15,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.compat import PETSc
+from dea_fenicsx.errors import InputError
 from dea_fenicsx.weakform import Probe, Problem
 
 
@@ -39,6 +40,27 @@ class NewtonOptions:
     krylov_limit: int = 30
     keep_factor: bool = True
 
+    def check(self) -> None:
+        """Raise InputError for settings with which no step could converge."""
+        if not 1e-14 <= self.tolerance <= 1e-3:
+            raise InputError(
+                f"Newton's tolerance is {self.tolerance!r}, but must lie between 1e-14, what "
+                "rounding allows, and 1e-3."
+            )
+        for name, least in (("max_iterations", 4), ("krylov_limit", 5)):
+            value = getattr(self, name)
+            if not isinstance(value, int | np.integer) or value < least:
+                raise InputError(
+                    f"Newton's {name} is {value!r}, but must be a whole number of at least {least}."
+                )
+
+
+STAGNANT = 1e3
+"""How far above the tolerance a residual may come to rest and still count as rounding.
+
+Beyond a limit point it rests far higher, at the share of the load that finds no equilibrium.
+"""
+
 
 @dataclass
 class Counters:
@@ -60,7 +82,8 @@ class Attempt:
     ----------
     reason
         Empty if it converged; otherwise ``"diverged"``, ``"slow"``, ``"inadmissible"`` (det F <= 0
-        or a locked chain in every trial step), ``"linear solver"`` or ``"jumped"``.
+        or a locked chain in every trial step), ``"linear solver"``, ``"jumped"``, or ``"rounding"``
+        (at rest a little above the tolerance).
     iterations
         Newton iterations.
     residual
@@ -116,36 +139,41 @@ class NewtonSolver:
         # pressure rows hold int q (J - 1) dX: measured against the size of int |q| dX
         volume = problem.volume
         self._pressure_reference = volume / np.sqrt(max(problem.counts["p"], 1))
-        # a small load is not resolved below what rounding leaves of stresses of the modulus's size:
-        # a hundredth of the nodal forces that a stress mu makes, cell area times sqrt(nodes)
-        dim = problem.mesh.geometry.dim
-        nodes = max(problem.counts["u"] / dim, 1.0)
-        self.references["u"] = 1e-2 * (volume / nodes) ** (1 - 1 / dim) * np.sqrt(nodes)
+        self.references["u"] = problem.force_of_moduli()
 
     # --------------------------------------------------------------- residuals
 
     def norms(self, residual: np.ndarray) -> dict[str, float]:
         """Residual of each field relative to its reference.
 
-        The references are what the same vector holds at the fixed unknowns and what it held there
-        in accepted states (`remember`): reactions and loads for u, electrode charges for phi, a
-        volume for p.  A small step is so not held to a stricter test than a large one, and the
+        The references are what the same vector holds at the fixed unknowns, the loads, and what both
+        were in accepted states (`remember`): reactions and loads for u, electrode charges for phi,
+        a volume for p.  A small step is so not held to a stricter test than a large one, and the
         huge reactions of a failed trial do not loosen the test of later steps.
-        u's starts at a hundredth of the nodal forces that a stress of the modulus's size makes.
+        u's starts at a share of the nodal forces that stresses of the moduli's size make: a small
+        load is not resolved below what rounding leaves of those.
         """
         out = {}
         for name, (everything, mine) in self._sizes(residual).items():
             reference = self._pressure_reference
             if name != "p":
                 reference = max(self.references.get(name, 0.0), everything)
+            if name == "u":
+                reference = max(reference, self.problem.load_size())
             out[name] = mine / reference if reference > 0 else np.inf if mine else 0.0
         return out
 
     def remember(self, residual: np.ndarray) -> None:
-        """Keep an accepted state's reactions and charges as references of later residuals."""
+        """Keep an accepted state's forces and charges as references of later residuals.
+
+        Forces are the reactions, the loads, and those of pressure and field: in a film that is free
+        all around, these are what balances.
+        """
+        loads = max(self.problem.load_size(anew=True), self.problem.pressing_forces(residual))
         for name, (everything, _) in self._sizes(residual).items():
             if name != "p":
-                self.references[name] = max(self.references.get(name, 0.0), everything)
+                size = max(everything, loads) if name == "u" else everything
+                self.references[name] = max(self.references.get(name, 0.0), size)
 
     def _sizes(self, residual: np.ndarray) -> dict[str, tuple[float, float]]:
         """For each field the size of the whole residual and of what is unbalanced.  Collective."""
@@ -197,7 +225,7 @@ class NewtonSolver:
         iteration = 0
         while change is not None or norm > options.tolerance:
             if iteration == options.max_iterations:
-                return Attempt("slow", iteration, norm)
+                return Attempt(self._slowness(history), iteration, norm)
             tangent = self.assemble()
             rhs = -problem.unbalanced(residual)
             if change is not None:
@@ -221,6 +249,15 @@ class NewtonSolver:
         if not probe.admissible:
             return Attempt("inadmissible", iteration, norm)
         return Attempt("", iteration, norm, probe)
+
+    def _slowness(self, history: list[float]) -> str:
+        """Why Newton has not converged: rounding if the residual is at rest near the tolerance.
+
+        On a limit point it would fall on and on, to a quarter in each iteration.
+        """
+        before, late = min(history[:-4], default=np.inf), min(history[-4:])
+        near = late <= STAGNANT * self.options.tolerance
+        return "rounding" if near and late > before / 4 else "slow"
 
     def _advance(
         self, increment: np.ndarray, history: list[float]

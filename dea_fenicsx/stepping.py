@@ -301,6 +301,12 @@ def _verdict(
             f"The linear solver failed between {low} and {high} of the {label} ramp; check "
             "supports and material constants."
         )
+    if attempt.reason == "rounding":
+        return SolverError(
+            f"Newton's residual came to rest at {attempt.residual:.2g} between {low} and {high} of "
+            f"the {label} ramp, just above its tolerance; it is rounding, so loosen "
+            "NewtonOptions(tolerance=...) or use cells that are less thin."
+        )
     error = EquilibriumLost(
         f"Equilibrium was lost between {low} and {high} of the {label} ramp "
         f"(last trial: {attempt.reason}); a pull-in or another limit point lies there, and all "
@@ -330,7 +336,9 @@ class Predictor:
 
     def add(self, factor: float) -> None:
         """Remember the problem's state as that of a factor."""
-        self.known = [*self.known[-2:], (factor, self.problem.get_state())]
+        # a ramp to the present value comes by the same factor twice: no polynomial takes both
+        others = [known for known in self.known if known[0] != factor]
+        self.known = [*others[-2:], (factor, self.problem.get_state())]
 
     def _speed(self, factor: float, since: tuple[float, np.ndarray], now: np.ndarray) -> float:
         """Largest change of displacement since a state, per change of the load's coordinate."""
