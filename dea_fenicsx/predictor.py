@@ -37,7 +37,9 @@ class Predictor:
 
     def add(self, factor: float) -> None:
         """Remember the problem's state as that of a factor."""
-        self.known = [*self.known[-2:], (factor, self.problem.get_state())]
+        # a ramp to the present value comes by the same factor twice: no polynomial takes both
+        others = [known for known in self.known if known[0] != factor]
+        self.known = [*others[-2:], (factor, self.problem.get_state())]
 
     def _speed(self, factor: float, since: tuple[float, np.ndarray], now: np.ndarray) -> float:
         """Largest change of displacement since a state, per change of the load's coordinate."""
@@ -104,8 +106,6 @@ class Predictor:
     def _extrapolate(self, factor: float) -> None:
         """Polynomial through the known states, at a factor."""
         at = np.array([f for f, _ in self.known])
-        if len(np.unique(at)) < len(at):
-            return  # the load rests: start from the last state
         states = [s for _, s in self.known]
         by_factor = _lagrange(at, factor)
         guess = sum(c * s for c, s in zip(by_factor, states, strict=True))

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.checks import check_step
 from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
 from dea_fenicsx.events import Alarm, Sentinel
@@ -139,6 +140,7 @@ def solve(
     check_path(scene, path)
     if stability not in STABILITY:
         raise InputError(f"stability is {stability!r}, but must be one of {', '.join(STABILITY)}.")
+    (options or NewtonOptions()).check()
     watched = default_failures(scene) if failures is None else tuple(failures)
     for failure in watched:
         failure.check(scene)
@@ -236,11 +238,10 @@ class _Session:
 
     def _accept(self, step: Step) -> None:
         """Measure and write an accepted step."""
-        problem, solver, probe = self.problem, self.solver, step.attempt.probe
-        assert probe is not None
-        before = self.counts
-        fresh = solver.inertia.factors == step.cursor.factors and self.stability == "every"
-        if not fresh and (self.stability == "every" or (self.stability == "last" and step.last)):
+        problem, solver, before = self.problem, self.solver, self.counts
+        known = solver.inertia.settled and solver.inertia.factors == step.cursor.factors
+        wanted = self.stability == "every" or (self.stability == "last" and step.last)
+        if wanted and not known:
             solver.refresh_inertia()
         counters = solver.counters
         self.counts = (counters.newton, counters.krylov, counters.factorisations)
@@ -259,7 +260,10 @@ class _Session:
             volts = self.scene.reference_voltage(name)
             key = f"{name}_V" if volts else f"{name}_factor"
             row[key] = cursor.factors[name] * (volts or 1.0)
-        row.update({name: measure() for name, measure in self.measurements.items()})
+        measured = {name: measure() for name, measure in self.measurements.items()}
+        row |= measured
+        checked = check_step(solver, cursor.step, self._must_be_finite(measured))
+        probe = checked.probe
         if problem.potential is not None:
             row["max_field_V_per_m"] = probe.max_field * scales.field
             for axis, x in zip("xyz", probe.place, strict=True):
@@ -268,14 +272,16 @@ class _Session:
         row |= {g.failure.column: worst[g.failure.name].value for g in self.gauges}
         row |= {
             "min_J": probe.min_J,
-            "volume_error": problem.volume_error(),
-            "residual": step.attempt.residual,
+            "volume_error": checked.volume_error,
+            "residual": checked.residual,
             "newton_iterations": work[0],
             "krylov_iterations": work[1],
             "factorisations": work[2],
             "retries": step.retries,
             "inertia": solver.inertia.excess,
-            "inertia_is_of_this_step": int(solver.inertia.factors == cursor.factors),
+            "inertia_is_of_this_step": int(
+                solver.inertia.settled and solver.inertia.factors == cursor.factors
+            ),
             "wall_s": self.earlier_s + now - self.started,
         }
         self.history.append(row)
@@ -295,6 +301,7 @@ class _Session:
             "cursor": asdict(step.cursor),
             "history": self.history,
             "fingerprint": self._fingerprint(),
+            "references": self.solver.references,
             "failures": self.found,
             "wall_s": row["wall_s"],
         }  # fmt: skip
@@ -321,6 +328,15 @@ class _Session:
             entry |= {"region": worst.region, "place_m": [float(x) for x in worst.place]}
         self.found.append(entry)
 
+    def _must_be_finite(self, measured: dict[str, float]) -> dict[str, float]:
+        """The observables without those that are not defined at zero voltage, as they tell."""
+        undefined = (getattr(o, "may_be_undefined", False) for o in self.record.values())
+        return {
+            name: value
+            for (name, value), may in zip(measured.items(), undefined, strict=True)
+            if not (may and np.isnan(value))
+        }
+
     def _report(self, row: dict[str, Any], seconds: float) -> None:
         loads = "  ".join(
             f"{k.removesuffix('_V')} {v:.6g}{' V' * k.endswith('_V')}"
@@ -344,11 +360,16 @@ class _Session:
         device = self.scene.device
         facts = {
             "cells": self.comm.allreduce(device.owned_cells(), op=MPI.SUM),
-            "unknowns": self.problem.unknowns,
             "ramps": list(self.scene.ramps),
             "materials": {k: _described(m) for k, m in self.scene.materials.items()},
-            "electrodes": [_described(e) for e in self.scene.electrodes],
+            **{
+                what: [_described(item) for item in getattr(self.scene, what)]
+                for what in ("electrodes", "supports", "prescribed", "loads")
+            },
+            "kinematics": _described(self.scene.kinematics),
+            "elements": _described(self.scene.elements),
             "path": [_described(r) for r in self.path],
+            "unknowns": self.problem.unknowns,
         }
         return json.loads(json.dumps(facts))
 
@@ -371,7 +392,17 @@ class _Session:
         self.found = told.get("failures", [])
         self.earlier_s = float(told["wall_s"])
         self.writer.scatter_state(state)
-        return Cursor(**told["cursor"])
+        self.solver.references |= told.get("references", {})
+        cursor = Cursor(**told["cursor"])
+        self.problem.set_factors(cursor.factors)
+        try:
+            check_step(self.solver, cursor.step, {})
+        except SolverError as error:
+            raise InputError(
+                f"The run in {self.folder.path} cannot be resumed: its last state is no "
+                "equilibrium of this scene; start anew without resume, or in another folder."
+            ) from error
+        return cursor
 
     # ----------------------------------------------------------------- summary
 

@@ -15,6 +15,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.compat import PETSc
+from dea_fenicsx.errors import InputError
 from dea_fenicsx.weakform import Probe, Problem
 
 WORKSPACE = (60, 200, 600)
@@ -45,6 +46,27 @@ class NewtonOptions:
     krylov_limit: int = 30
     keep_factor: bool = True
 
+    def check(self) -> None:
+        """Raise InputError for settings with which no step could converge."""
+        if not 1e-14 <= self.tolerance <= 1e-3:
+            raise InputError(
+                f"Newton's tolerance is {self.tolerance!r}, but must lie between 1e-14, what "
+                "rounding allows, and 1e-3."
+            )
+        for name, least in (("max_iterations", 4), ("krylov_limit", 5)):
+            value = getattr(self, name)
+            if not isinstance(value, int | np.integer) or value < least:
+                raise InputError(
+                    f"Newton's {name} is {value!r}, but must be a whole number of at least {least}."
+                )
+
+
+STAGNANT = 1e3
+"""How far above the tolerance a residual may come to rest and still count as rounding.
+
+Beyond a limit point it rests far higher, at the share of the load that finds no equilibrium.
+"""
+
 
 @dataclass
 class Counters:
@@ -65,6 +87,7 @@ REASONS = {
     "locked chain": "every trial state lay past a chain's lock-up",
     "factorisation": "MUMPS could not factorise the tangent",
     "stagnation": "GMRES did not converge even on a new factor",
+    "rounding": "the residual came to rest a little above the tolerance",
     "jumped": "the state found lies on another branch",
 }
 """Why a solve may fail."""
@@ -101,11 +124,13 @@ class Inertia:
     """Negative pivots of the latest factor beyond those of a stable state.
 
     Zero on a stable path.  It belongs to the tangent that was factorised, at the ramp factors
-    given; `None` before the first factorisation.
+    given; `None` before the first factorisation.  `settled` tells the tangent of an equilibrium,
+    factorised on purpose, from that of one of Newton's iterates on the way to it.
     """
 
     excess: int | None = None
     factors: dict[str, float] = field(default_factory=dict)
+    settled: bool = False
 
 
 class NewtonSolver:
@@ -124,7 +149,7 @@ class NewtonSolver:
         self.options = options or NewtonOptions()
         self.counters = Counters()
         self.inertia = Inertia()
-        self._references: dict[str, float] = {}
+        self.references: dict[str, float] = {}
         self.trouble = ""
         self._ksp: Any = None
         self._kept: Any = None
@@ -132,43 +157,65 @@ class NewtonSolver:
         # pressure rows hold int q (J - 1) dX: measured against the size of int |q| dX
         volume = problem.volume
         self._pressure_reference = volume / np.sqrt(max(problem.counts["p"], 1))
-        # a small load is not resolved below what rounding leaves of stresses of the modulus's size:
-        # a hundredth of the nodal forces that a stress mu makes, cell area times sqrt(nodes)
-        dim = problem.mesh.geometry.dim
-        nodes = max(problem.counts["u"] / len(problem.displacement), 1.0)
-        self._references["u"] = 1e-2 * (volume / nodes) ** (1 - 1 / dim) * np.sqrt(nodes)
+        self.references["u"] = problem.force_of_moduli()
 
     # --------------------------------------------------------------- residuals
 
     def norms(self, residual: np.ndarray) -> dict[str, float]:
         """Residual of each field relative to its reference.
 
-        The references are what the same vector holds at the fixed unknowns and what it has held
-        before: reactions and loads for u, electrode charges for phi, a volume for p.  They only
-        grow during a run, so that a small step is not held to a stricter test than a large one.
-        u's starts at a hundredth of the nodal forces that a stress of the modulus's size makes.
+        The references are what the same vector holds at the fixed unknowns, the loads, and what both
+        were in accepted states (`remember`): reactions and loads for u, electrode charges for phi,
+        a volume for p.  A small step is so not held to a stricter test than a large one, and the
+        huge reactions of a failed trial do not loosen the test of later steps.
+        u's starts at a share of the nodal forces that stresses of the moduli's size make: a small
+        load is not resolved below what rounding leaves of those.
         """
+        out = {}
+        for name, (everything, mine) in self._sizes(residual).items():
+            reference = self._pressure_reference
+            if name != "p":
+                reference = max(self.references.get(name, 0.0), everything)
+            if name == "u":
+                reference = max(reference, self.problem.load_size())
+            out[name] = mine / reference if reference > 0 else np.inf if mine else 0.0
+        return out
+
+    def remember(self, residual: np.ndarray) -> None:
+        """Keep an accepted state's forces and charges as references of later residuals.
+
+        Forces are the reactions, the loads, and those of pressure and field: in a film that is free
+        all around, these are what balances.
+        """
+        loads = max(self.problem.load_size(anew=True), self.problem.pressing_forces(residual))
+        for name, (everything, _) in self._sizes(residual).items():
+            if name != "p":
+                size = max(everything, loads) if name == "u" else everything
+                self.references[name] = max(self.references.get(name, 0.0), size)
+
+    def _sizes(self, residual: np.ndarray) -> dict[str, tuple[float, float]]:
+        """For each field the size of the whole residual and of what is unbalanced.  Collective."""
         problem = self.problem
         free = problem.unbalanced(residual)
         sums = []
         for name, dofs in problem.fields.items():
             sums += [np.sum(residual[dofs] ** 2), np.sum(free[problem.free_fields[name]] ** 2)]
         total = np.sqrt(problem.comm.allreduce(np.array(sums), op=MPI.SUM))
-        out = {}
-        for k, name in enumerate(problem.fields):
-            everything, mine = total[2 * k], total[2 * k + 1]
-            if name == "p":
-                reference = self._pressure_reference
-            else:
-                reference = max(self._references.get(name, 0.0), float(everything))
-                self._references[name] = reference
-            out[name] = mine / reference if reference > 0 else 0.0
-        return out
+        return {
+            name: (float(total[2 * k]), float(total[2 * k + 1]))
+            for k, name in enumerate(problem.fields)
+        }
 
     def residual_of(self, residual: np.ndarray) -> float:
         """Largest scaled residual of a field (inf if it is not finite)."""
-        worst = max(self.norms(residual).values())
-        return worst if np.isfinite(worst) else np.inf
+        norms = list(self.norms(residual).values())
+        # Python's max would pass over a NaN that is not the first
+        return max(norms) if np.all(np.isfinite(norms)) else np.inf
+
+    @property
+    def volume_tolerance(self) -> float:
+        """Largest 2-norm of the p rows of an accepted state's residual, a volume."""
+        return self.options.tolerance * self._pressure_reference
 
     # ------------------------------------------------------------------ solve
 
@@ -196,7 +243,7 @@ class NewtonSolver:
         iteration = 0
         while change is not None or norm > options.tolerance:
             if iteration == options.max_iterations:
-                return Attempt("slow", iteration, norm)
+                return Attempt(self._slowness(history), iteration, norm)
             tangent = self.assemble()
             rhs = -problem.unbalanced(residual)
             if change is not None:
@@ -218,6 +265,15 @@ class NewtonSolver:
                 return Attempt("diverged", iteration, norm)
         probe = problem.probe()
         return Attempt(probe.fault, iteration, norm, probe)
+
+    def _slowness(self, history: list[float]) -> str:
+        """Why Newton has not converged: rounding if the residual is at rest near the tolerance.
+
+        On a limit point it would fall on and on, to a quarter in each iteration.
+        """
+        before, late = min(history[:-4], default=np.inf), min(history[-4:])
+        near = late <= STAGNANT * self.options.tolerance
+        return "rounding" if near and late > before / 4 else "slow"
 
     def _advance(
         self, increment: np.ndarray, history: list[float]
@@ -350,7 +406,10 @@ class NewtonSolver:
         Returns the tangent, for `linear_solve`.
         """
         tangent = self.assemble()
-        self._factorise(tangent)
+        if self._factorise(tangent):
+            self.inertia.settled = True
+        else:
+            self.inertia = Inertia()
         return tangent
 
     def forget_factor(self) -> None:

@@ -383,6 +383,12 @@ def _verdict(
             f"The linear solver failed between {low} and {high} of the {label} ramp "
             f"({REASONS[attempt.reason]}); check supports and material constants."
         )
+    if attempt.reason == "rounding":
+        return SolverError(
+            f"Newton's residual came to rest at {attempt.residual:.2g} between {low} and {high} of "
+            f"the {label} ramp, just above its tolerance; it is rounding, so loosen "
+            "NewtonOptions(tolerance=...) or use cells that are less thin."
+        )
     error = EquilibriumLost(
         f"Equilibrium was lost between {low} and {high} of the {label} ramp "
         f"(last trial: {REASONS.get(attempt.reason, attempt.reason)}); a pull-in or another limit "

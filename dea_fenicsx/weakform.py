@@ -18,6 +18,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx import compat
+from dea_fenicsx.cells import check_cells
 from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.conditions import AxialForce, ChargedElectrode, Torque
 from dea_fenicsx.constraints import (
@@ -31,6 +32,7 @@ from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import Scales, cauchy_stress, kernels, measure, state
 from dea_fenicsx.kinematics import Helical, Helix
 from dea_fenicsx.loads import Loads
+from dea_fenicsx.rigid import check_rigid
 from dea_fenicsx.scene import SIMPLICES, Scene, period
 from dea_fenicsx.ties import Group, Pairs, Rows, expansion, followers
 
@@ -87,9 +89,12 @@ class Problem:
         Degrees of freedom of each electrode, by its label: all owned ones, and ghosts.
     overall
         The overall unknowns by name; empty unless the kinematics has some.
+    incompressible_cells
+        Owned cells of exactly incompressible regions, sorted.
     """
 
     def __init__(self, scene: Scene) -> None:
+        check_cells(scene.device, scene.elements.quadrature_degree)
         self.scene = scene
         self.mesh = scene.device.mesh
         self.comm: MPI.Comm = scene.device.comm
@@ -149,6 +154,8 @@ class Problem:
         self.constraints = Constraints(self.size)
         apply_supports(self.scene, self.displacement, self.constraints)
         apply_overall(self.scene, self.overall, self.constraints)
+        if not self.overall:
+            check_rigid(self.scene, self.displacement, self.constraints.fixed)
         self.electrode_dofs: dict[str, np.ndarray] = {}
         if self.potential is not None:
             self.electrode_dofs = apply_electrodes(
@@ -239,6 +246,7 @@ class Problem:
         test = ufl.TestFunction(self.W)
         residual = ufl.derivative(energy, self.w, test)
         v, _, _, virtual = self._split(test)
+        self._load_size: tuple[dict[str, float], float] = ({}, 0.0)
         self.loads = Loads(scene, scales.stress, u, v, virtual)
         residual = residual - self.loads.work
         tangent = ufl.derivative(residual, self.w, ufl.TrialFunction(self.W))
@@ -272,6 +280,10 @@ class Problem:
         self.volume = self.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
         if self.overall:
             self._refuse_resultant()
+        self.incompressible_cells = np.sort(
+            np.concatenate([np.empty(0, dtype=np.int32),
+                            *(k.cells for k in self.kernels if k.kappa is None)])
+        )  # fmt: skip
 
     def _split(self, w: Any) -> tuple[Any, Any, Any | None, Helix | None]:
         """Displacement, pressure, potential and helix of a mixed function or test function."""
@@ -291,6 +303,69 @@ class Problem:
         self.factors = dict(factors)
         for ramp, constant in self.loads.factors.items():
             constant.value = factors[ramp]
+
+    def load_size(self, anew: bool = False) -> float:
+        """2-norm of the nodal forces of the loads at the present factors.  Collective.
+
+        Kept while the factors stay, unless `anew` asks for the present state's: a follower
+        pressure's forces go with the state.
+        """
+        now = {ramp: self.factors[ramp] for ramp in self.loads.factors}
+        if not any(now.values()):
+            return 0.0
+        if anew or self._load_size[0] != now:
+            forces = self.residual()
+            for constant in self.loads.factors.values():
+                constant.value = 0.0
+            forces = self.residual() - forces
+            for ramp, constant in self.loads.factors.items():
+                constant.value = now[ramp]
+            size = self._size_u(forces)
+            self._load_size = (now, size if np.isfinite(size) else 0.0)
+        return self._load_size[1]
+
+    def force_of_moduli(self) -> float:
+        """2-norm of the nodal forces of stresses that count as small, dimensionless.  Collective.
+
+        A hundredth of those of a pressure of the softest dielectric's modulus; where more, 1e-4 of
+        those of a pressure of each region's own modulus with its augmentation.
+        """
+        scene, table = self.scene, self.pressure.space.dofmap.list
+        gamma = scene.elements.augmentation
+        moduli = np.zeros(len(self.pressure.dofs))
+        for name, material in scene.materials.items():
+            stiff = 1 if material.bulk_modulus is not None else 1 + gamma
+            value = stiff * material.elastic.shear_modulus() / self.scales.stress
+            on = table[scene.device.cells_of(name)].ravel()
+            moduli[on] = np.maximum(moduli[on], value)
+        keep, sizes = self.get_state(), []
+        for pressure in (np.full(len(moduli), 1e-2), 1e-4 * moduli):
+            state = np.zeros(self.size)
+            state[self.pressure.dofs] = pressure
+            self.set_state(state)
+            self.w.x.scatter_forward()
+            sizes.append(self._size_u(self.residual()))
+        self.set_state(keep)
+        return max(sizes)
+
+    def pressing_forces(self, residual: np.ndarray) -> float:
+        """2-norm of the nodal forces of pressure and field in the present state.  Collective.
+
+        `residual` is that of the present state.
+        """
+        keep = self.get_state()
+        state = keep.copy()
+        for part in (self.pressure, self.potential):
+            if part is not None:
+                state[part.dofs] = 0.0
+        self.set_state(state)
+        without = self.residual()
+        self.set_state(keep)
+        return self._size_u(residual - without)
+
+    def _size_u(self, forces: np.ndarray) -> float:
+        mine = float(np.sum(forces[self.fields["u"]] ** 2))
+        return float(np.sqrt(self.comm.allreduce(mine, op=MPI.SUM)))
 
     def insert_fixed(self) -> np.ndarray:
         """Put the fixed values of the current factors into w; returns their change (owned)."""
@@ -459,12 +534,15 @@ class Problem:
     def place_of(self, cell: int, point: int) -> np.ndarray:
         """Undeformed position of a quadrature point of a local cell, dimensionless."""
         return self._place(self.mesh, np.array([cell], dtype=np.int32))[0, point]
+    def swelling(self) -> np.ndarray:
+        """Change of volume int (J - 1) dX of each owned cell, dimensionless."""
+        return _cell_values(self._swelling)[: len(self.cell_volumes)]
 
     def volume_error(self) -> float:
-        """Largest relative change of volume of any cell, max |int (J - 1) dX| / int dX."""
-        change = np.abs(_cell_values(self._swelling)[: len(self.cell_volumes)])
-        worst = float(np.max(change / self.cell_volumes, initial=0.0))
-        return self.comm.allreduce(worst, op=MPI.MAX)
+        """Largest relative change of volume of any incompressible cell.  Collective."""
+        cells = self.incompressible_cells
+        change = np.abs(self.swelling()[cells]) / self.cell_volumes[cells]
+        return self.comm.allreduce(float(np.max(change, initial=0.0)), op=MPI.MAX)
 
     def stress(self, k: int) -> Any:
         """Symbolic Cauchy stress of kernel k, dimensionless."""

@@ -10,12 +10,12 @@ PACKAGE = ROOT / "dea_fenicsx"
 
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
-    "errors", "geometry", "compat", "mesh",
+    "errors", "geometry", "compat", "mesh", "cells",
     "materials", "kinematics", "conditions", "scene",
     "exact",
-    "forms", "loads", "constraints", "ties", "weakform",
+    "forms", "loads", "constraints", "rigid", "ties", "weakform",
     "solver", "stability", "events", "arclength", "tracing", "predictor", "stepping",
-    "observables", "overall", "failures", "fields", "reading", "turns", "results",
+    "checks", "observables", "overall", "failures", "fields", "reading", "turns", "results",
     "run", "script", "pictures_curves", "pictures_fields", "pictures",
     "thesis",
 ]  # fmt: skip
