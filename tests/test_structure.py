@@ -10,14 +10,14 @@ PACKAGE = ROOT / "dea_fenicsx"
 
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
-    "errors", "geometry", "compat", "mesh",
+    "errors", "units", "geometry", "compat", "mesh",
     "materials", "kinematics", "conditions", "scene",
     "exact",
     "forms", "constraints", "weakform",
     "solver", "tracing", "stepping",
-    "observables", "fields", "reading", "results",
-    "run", "script", "pictures_curves", "pictures_fields", "pictures",
-    "thesis",
+    "observables", "fields", "reading", "provenance", "results",
+    "run", "script", "pictures_curves", "pictures_fields", "pictures_movie", "pictures_paraview",
+    "pictures", "thesis", "cli", "__main__",
 ]  # fmt: skip
 
 
