@@ -79,8 +79,11 @@ def _view_of_all(folder: Path, field: str, warp: float, count: int) -> View:
 
 
 def _gif(images: list[Any], rate: float, path: Path) -> None:
-    # one palette, that of the last step, lest colours flicker
-    palette = images[-1].quantize(255)
+    from PIL.Image import Quantize
+
+    # One palette, that of the last step, lest colours flicker; spread evenly over its colours,
+    # since by their number white and the largest cell would take all of it.
+    palette = images[-1].quantize(255, Quantize.MAXCOVERAGE)
     frames = [image.quantize(palette=palette, dither=0) for image in images]
     each = round(1000 / rate)
     durations = [each] * (len(frames) - 1) + [each + round(1000 * _HOLD_S)]
