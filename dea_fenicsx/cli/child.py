@@ -25,10 +25,12 @@ class Done:
     ----------
     facts : what it told, by the first key of each line
     reason : why it ended early, in a few words
+    errors : all that it wrote to standard error
     """
 
     facts: dict[str, dict[str, Any]]
     reason: str
+    errors: str = ""
 
 
 def start(what: str, seconds: float, before: Sequence[str] = ()) -> Done:
@@ -68,9 +70,9 @@ def start(what: str, seconds: float, before: Sequence[str] = ()) -> Done:
             if isinstance(told, dict) and told:
                 facts[next(iter(told))] = told
     if late:
-        return Done(facts, f"no answer within {seconds:g} s")
+        return Done(facts, f"no answer within {seconds:g} s", errors)
     said = [line.strip() for line in errors.splitlines() if line.strip(" -*=")]
     reason = said[-1][:200] if said else "no message"
     if process.returncode < 0:
         reason = f"ended by signal {signal.Signals(-process.returncode).name} ({reason})"
-    return Done(facts, reason)
+    return Done(facts, reason, errors)

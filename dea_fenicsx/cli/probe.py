@@ -6,6 +6,7 @@ soon as it is known.
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import re
@@ -87,7 +88,17 @@ def _blas(PETSc: Any, n: int = 700) -> dict[str, Any]:
     with suppress(OSError):
         files = {line.split()[-1] for line in open("/proc/self/maps") if "/" in line}
         libraries = sorted(f for f in files if re.search(r"blas|libmkl|blis", Path(f).name))
-    return {"gigaflops": best, "threads": threads, "libraries": libraries}
+    plain = [f for f in libraries if Path(f).name.startswith("libblas") and _is_reference(f)]
+    return {"gigaflops": best, "threads": threads, "libraries": libraries, "plain": plain}
+
+
+def _is_reference(library: str) -> bool:
+    """Whether a BLAS is none of the optimised ones, going by the functions that these add."""
+    marks = ("openblas_get_config", "MKL_Get_Version", "bli_info_get_version_str", "ATL_buildinfo")
+    with suppress(OSError):
+        loaded = ctypes.CDLL(library)
+        return not any(hasattr(loaded, mark) for mark in marks)
+    return False
 
 
 def _inertia(PETSc: Any) -> list[int]:
