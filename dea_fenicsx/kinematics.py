@@ -12,6 +12,8 @@ from typing import Any
 import ufl
 from ufl import as_matrix, as_vector, dot, grad
 
+from dea_fenicsx.units import in_si
+
 
 @dataclass(frozen=True)
 class ThreeD:
@@ -39,6 +41,7 @@ class ThreeD:
 
 
 @dataclass(frozen=True)
+@in_si(depth="m")
 class PlaneStrain:
     """No displacement and no field along the third axis.
 

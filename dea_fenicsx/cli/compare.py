@@ -107,10 +107,8 @@ def flat(thing: Any, name: str = "") -> dict[str, Any]:
 def settings(a: dict[str, Any], b: dict[str, Any]) -> list[tuple[str, Any, Any]]:
     """Settings and versions in which two summaries differ: name, value in A, value in B."""
     none = "(none)"
-    one, other = (
-        flat({"settings": s.get("settings"), "versions": s.get("versions"), "ranks": s.get("ranks")})
-        for s in (a, b)
-    )
+    kept = ("settings", "versions", "ranks")
+    one, other = (flat({key: s.get(key) for key in kept}) for s in (a, b))
     return [
         (name, one.get(name, none), other.get(name, none))
         for name in dict.fromkeys([*one, *other])
@@ -147,8 +145,8 @@ def run(options: argparse.Namespace) -> int:
     if worst is None or worst.difference <= options.rtol:
         print(f"\nthe same within {options.rtol:g}")
         return 0
-    print(f"\nnot the same: {worst.name} differs by {worst.difference:.3g} at time {worst.time:.6g}, "
-          f"more than {options.rtol:g}")  # fmt: skip
+    print(f"\nnot the same: {worst.name} differs by {worst.difference:.3g} at time "
+          f"{worst.time:.6g}, more than {options.rtol:g}")  # fmt: skip
     return 1
 
 

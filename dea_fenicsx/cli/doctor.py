@@ -198,7 +198,8 @@ def solver(seconds: float) -> Iterator[Finding]:
                       "Set XDG_CACHE_HOME to a folder that can.")
     form = facts.get("form", {"form": None, "failed": done.reason})
     if form["form"] is not None and abs(form["form"] - 1) < 1e-12:
-        yield Finding(OK, "form compiler", f"{_compiler()}, a small form in {form['seconds']:.1f} s")
+        text = f"{_compiler()}, a small form in {form['seconds']:.1f} s"
+        yield Finding(OK, "form compiler", text)
     else:
         yield Finding(BAD, "form compiler", f"fails ({_compiler()}): {form.get('failed', 'wrong')}",
                       "Debian: sudo apt install gcc libc6-dev python3-dev.")  # fmt: skip

@@ -85,8 +85,8 @@ def _blas(PETSc: Any, n: int = 700) -> dict[str, Any]:
         if 2e-9 * n**3 / wall > best:
             best, threads = 2e-9 * n**3 / wall, cpu / wall
     libraries: list[str] = []
-    with suppress(OSError):
-        files = {line.split()[-1] for line in open("/proc/self/maps") if "/" in line}
+    with suppress(OSError), open("/proc/self/maps") as maps:
+        files = {line.split()[-1] for line in maps if "/" in line}
         libraries = sorted(f for f in files if re.search(r"blas|libmkl|blis", Path(f).name))
     plain = [f for f in libraries if Path(f).name.startswith("libblas") and _is_reference(f)]
     return {"gigaflops": best, "threads": threads, "libraries": libraries, "plain": plain}
