@@ -47,7 +47,8 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     for name in COMMANDS:
         module = import_module(f"dea_fenicsx.cli.{name}")
-        sub = commands.add_parser(name, help=module.HELP, description=module.__doc__.split("\n")[0])
+        words = (module.__doc__ or "").split("\n")[0]
+        sub = commands.add_parser(name, help=module.HELP, description=words)
         module.add(sub)
         sub.set_defaults(run=module.run)
     return parser

@@ -98,7 +98,7 @@ def flat(thing: Any, name: str = "") -> dict[str, Any]:
         pairs = [(str(k), v) for k, v in enumerate(thing)]
     else:
         return {name: thing}
-    found = {}
+    found: dict[str, Any] = {}
     for key, value in pairs:
         found |= flat(value, f"{name}.{key}" if name else key)
     return found

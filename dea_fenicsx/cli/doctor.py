@@ -152,8 +152,8 @@ def ranks(seconds: float) -> Iterator[Finding]:
                       "Install that of this MPI (Debian: openmpi-bin), or `make env`.")  # fmt: skip
         return
     done = start("ranks", seconds, before=[mpirun, "-n", "2"])
-    facts = done.facts.get("size")
-    size, total = (facts["size"], facts["total"]) if facts else (None, None)
+    facts = done.facts.get("size", {"size": None, "total": None})
+    size, total = facts["size"], facts["total"]
     if (size, total) == (2, 3):
         yield Finding(OK, "mpi", f"{facts['library']}, 2 ranks by {mpirun}")
     elif size == 1:
