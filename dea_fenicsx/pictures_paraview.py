@@ -93,7 +93,7 @@ else:
     camera.Azimuth(35)
     camera.Elevation(30)
 view.ResetCamera()
-view.CameraParallelScale = 0.7 * view.CameraParallelScale
+view.CameraParallelScale = 0.8 * view.CameraParallelScale
 Render()
 if len(sys.argv) > 1 and sys.argv[-1].endswith(".png"):
     SaveScreenshot(sys.argv[-1], view, ImageResolution=[1600, 900])
