@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -36,6 +37,7 @@ _WORDS = {
     "cap": "capacitance",
 }
 _COLUMN = 85 / 25.4  # inch: one column of a journal
+_SAVE: dict[str, dict] = {"png": {"dpi": 300}, "svg": {"metadata": {"Date": None}}}
 
 
 def axis_label(name: str, largest: float) -> tuple[str, float]:
@@ -70,6 +72,14 @@ def axis_label(name: str, largest: float) -> tuple[str, float]:
     return f"{words} ({_PREFIX[power]}{unit})", 10.0**power
 
 
+def spoken(name: str, value: float) -> tuple[str, str]:
+    """A column's name without its unit, and its value with a fitting one: ("voltage", "6 kV")."""
+    text, divisor = axis_label(name, abs(value))
+    unit = text.rsplit("(", 1)[1].rstrip(")")
+    number = f"{value / divisor:.4g}"
+    return bare(name).replace("_", " "), number if unit == "-" else f"{number} {unit}"
+
+
 def curve(
     folders: str | os.PathLike | Sequence[str | os.PathLike],
     x: str,
@@ -78,6 +88,7 @@ def curve(
     labels: Sequence[str] | None = None,
     markers: Sequence[str] | str = "os^Dv",
     lines: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
+    formats: Sequence[str] = ("png", "svg"),
 ) -> list[Path]:
     """Draw one column of the history against another, for one run or several.
 
@@ -97,11 +108,13 @@ def curve(
     lines
         Curves to compare with, as thin lines: label to abscissae and ordinates, in the columns'
         (SI) units.
+    formats
+        ``"png"`` (300 dpi), ``"svg"``, or both.
 
     Returns
     -------
     list of Path
-        The PNG (300 dpi) and the SVG.
+        A file for each format.
 
     Raises
     ------
@@ -123,6 +136,9 @@ def curve(
         labels = [p.resolve().name for p in places] if len(places) > 1 else [""]
     if len(labels) != len(places):
         raise InputError(f"There are {len(places)} runs but {len(labels)} labels; give one each.")
+    for kind in formats:
+        if kind not in _SAVE:
+            raise InputError(f"A curve is drawn as png or svg, not as {kind!r}.")
     runs = [(_numbers(p, x), _numbers(p, y)) for p in places]
     others = [(np.asarray(a, float), np.asarray(b, float)) for a, b in (lines or {}).values()]
     biggest = [
@@ -152,8 +168,8 @@ def curve(
         stem = Path(path) if path is not None else places[0] / f"{bare(y)}_{bare(x)}"
         stem = stem.with_suffix("") if stem.suffix in (".png", ".svg") else stem
         paths = []
-        for kind, extra in (("png", {"dpi": 300}), ("svg", {"metadata": {"Date": None}})):
-            save = partial(figure.savefig, format=kind, **extra)
+        for kind in formats:
+            save = partial(figure.savefig, format=kind, **_SAVE[kind])
             paths.append(write_whole(stem.with_name(f"{stem.name}.{kind}"), save))
         return paths
 
@@ -184,5 +200,6 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> Path:
     except OSError as error:
         raise InputError(f"The picture {path} cannot be written ({error.strerror}).") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink()
     return path

@@ -6,6 +6,8 @@
     summary.json    settings, versions, sizes, final observables
     checkpoint.npz  the last accepted state, to resume from
     modes/          the null vector of each critical point, on its deformed state
+    script.py       the script that made it
+    previous/       an earlier run's files; those of later ones in previous_2/ and so on
 
 Each file is written under another name and then renamed, so that at any moment every file on disk
 is whole.  Rank 0 writes.
@@ -26,6 +28,7 @@ import h5py
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx import provenance
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.fields import Grid
 from dea_fenicsx.reading import read_history, read_summary
@@ -70,6 +73,7 @@ class Folder:
     def __init__(self, path: str | os.PathLike, comm: MPI.Comm) -> None:
         self.path = Path(path)
         self.comm = comm
+        self.origin: dict[str, Any] = {}
         self._together(self._check_writable)
 
     def _together(self, action: Callable[[], Any]) -> Any:
@@ -97,19 +101,37 @@ class Folder:
             ) from error
 
     def start(self) -> None:
-        """Make room for a new run: an earlier run's files move into previous/.  Collective."""
+        """Make room for a new run: an earlier run's files move into a folder previous...
+
+        Nothing is deleted: the first one's go to previous/, the next one's to previous_2/.
+        Collective.
+        """
 
         def action() -> None:
             found = [n for n in RUN_FILES if (self.path / n).exists()]
             if found:
                 old = self.path / "previous"
-                shutil.rmtree(old, ignore_errors=True)
+                number = 1
+                while old.exists():
+                    number += 1
+                    old = self.path / f"previous_{number}"
                 old.mkdir()
-                for name in found:
+                copies = [
+                    name
+                    for name in (provenance.COPY, provenance.RESUMED)
+                    if (self.path / name).exists() and not provenance.is_script(self.path / name)
+                ]
+                for name in [*found, *copies]:
                     os.replace(self.path / name, old / name)
             (self.path / "parts").mkdir(exist_ok=True)
 
         self._together(action)
+
+    def keep_origin(self) -> None:
+        """Copy the script into the folder, and find out its state in git (rank 0)."""
+        if self.comm.rank == 0:
+            provenance.keep_script(self.path)
+            self.origin = provenance.origin()
 
     # -------------------------------------------------------------- checkpoint
 

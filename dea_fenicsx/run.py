@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-import platform
 import resource
 import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, is_dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +21,7 @@ from dea_fenicsx.events import Alarm, Sentinel
 from dea_fenicsx.failures import Failure, Gauge, Worst, default_failures
 from dea_fenicsx.fields import FieldWriter
 from dea_fenicsx.observables import Measurement, Observable
+from dea_fenicsx.provenance import package_versions
 from dea_fenicsx.results import Folder
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import NewtonOptions, NewtonSolver
@@ -105,7 +104,8 @@ def solve(
     record
         Observables by name; the column in history.csv is the name with the unit appended.
     out
-        Results folder; None writes nothing.  An earlier run's files in it move to ``previous/``.
+        Results folder; None writes nothing.  An earlier run's files in it move to ``previous/``,
+        ``previous_2/`` and so on; none is ever deleted.
     resume
         Carry on from the last step in `out`, if there is one.
     quiet
@@ -191,6 +191,7 @@ class _Session:
         if folder and self.writer and cursor is None:
             folder.start()
         if folder and self.writer:
+            folder.keep_origin()
             folder.write_grid(self.writer.grid)
         self._say(
             f"{self.scene.device.source or 'device'}: {self.problem.unknowns} unknowns, "
@@ -458,6 +459,7 @@ class _Session:
                 "scales": _described(problem.scales),
             },
             "versions": versions(),
+            "origin": self.folder.origin if self.folder else {},
             "command": " ".join(sys.argv),
         }
         result.summary.clear()
@@ -506,15 +508,9 @@ def _described(thing: Any) -> Any:
 
 def versions() -> dict[str, str]:
     """Versions of everything that shapes a result."""
-    try:
-        own = version("dea_fenicsx")
-    except PackageNotFoundError:
-        own = "unknown"
     return {
-        "dea_fenicsx": own,
         "dolfinx": dolfinx.__version__,
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
         "mpi": MPI.Get_library_version().split("\n")[0].split("\x00")[0].strip(),
-        "numpy": np.__version__,
-        "python": platform.python_version(),
+        **package_versions(),
     }
