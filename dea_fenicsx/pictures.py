@@ -26,7 +26,7 @@ import numpy as np
 
 from dea_fenicsx.errors import InputError, install_hook
 from dea_fenicsx.pictures_curves import axis_label, bare, curve, spoken, write_whole
-from dea_fenicsx.reading import frame_times, read_history, read_summary
+from dea_fenicsx.reading import check_field, frame_times, read_history, read_summary
 
 __all__ = ["animated", "axis_label", "bare", "curve", "deformed", "main", "spoken"]
 
@@ -75,6 +75,7 @@ def deformed(
     """
     place = Path(folder)
     target = Path(path) if path is not None else place / f"{bare(field)}.png"
+    check_field(place, field, step)
     options = [f"--field={field}", f"--step={step}", f"--warp={warp!r}", f"--out={target}"]
     return target if _drawn("render", place, options, _TIMEOUT_S, say) else None
 
@@ -109,6 +110,7 @@ def animated(
 
     place, target = Path(folder), Path(path)
     check_target(target)
+    check_field(place, field)
     seconds = _TIMEOUT_S + 10.0 * len(frame_times(place))
     options = [f"--field={field}", f"--warp={warp!r}", f"--out={target}"]
     return target if _drawn("movie", place, options, seconds, say) else None
@@ -122,8 +124,6 @@ def _drawn(
     say: Callable[[str], object] | None,
 ) -> bool:
     """Whether a child process could draw; if not, `say` is told why."""
-    if not (place / "fields.xdmf").is_file():
-        raise InputError(f"There is no fields.xdmf in {place}; give the folder of a run.")
     command = [
         sys.executable, "-m", "dea_fenicsx.pictures", what, str(place), "--here", *options,
     ]  # fmt: skip

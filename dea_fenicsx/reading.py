@@ -86,6 +86,26 @@ def _grids(folder: Path) -> list[ET.Element]:
         raise InputError(f"{file} is not valid XML ({error}).") from error
 
 
+def _grid(folder: Path, step: int) -> ET.Element:
+    """One of the steps in fields.xdmf."""
+    grids = _grids(folder)
+    if not -len(grids) <= step < len(grids):
+        raise InputError(
+            f"Step {step} is not in {folder / 'fields.xdmf'}; it holds steps 0 to "
+            f"{len(grids) - 1} (-1 is the last one)."
+        )
+    return grids[step]
+
+
+def check_field(folder: Path, field: str, step: int = -1) -> None:
+    """Raise InputError unless fields.xdmf has that field at that step."""
+    names = [a.attrib["Name"] for a in _grid(folder, step).findall("Attribute")]
+    if field not in names:
+        raise InputError(
+            f"There is no field {field!r} in the results; there are: {', '.join(sorted(names))}."
+        )
+
+
 def frame_times(folder: str | os.PathLike) -> list[float]:
     """Path parameter of each step in fields.xdmf."""
     times = [grid.find("Time") for grid in _grids(Path(folder))]
@@ -116,14 +136,7 @@ def read_frame(folder: Path, step: int = -1) -> Frame:
     import h5py
     import pyvista
 
-    file = folder / "fields.xdmf"
-    grids = _grids(folder)
-    if not -len(grids) <= step < len(grids):
-        raise InputError(
-            f"Step {step} is not in {file}; it holds steps 0 to {len(grids) - 1} "
-            "(-1 is the last one)."
-        )
-    xml = grids[step]
+    xml = _grid(folder, step)
 
     def data(element: ET.Element | None) -> np.ndarray:
         assert element is not None

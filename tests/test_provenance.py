@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -76,6 +77,7 @@ def test_a_script_that_writes_beside_itself_stays(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "previous" / "summary.json").read_text()) == {"a": 1}
 
 
+@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
 def test_state_in_git(script):
     assert provenance.git_state(script) is None
     git(script.parent, "init", "-q")
