@@ -78,7 +78,8 @@ def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> Turns:
 def measure_turns(x: np.ndarray, u: np.ndarray, pitch: float) -> Turns:
     """The same from nodes and their displacements, each (n, 3), in metres; without a field."""
     u = np.asarray(u)
-    distance, partner = cKDTree(x).query(x + [0, 0, pitch], distance_upper_bound=1e-4 * abs(pitch))
+    above = x + np.array([0, 0, pitch])
+    distance, partner = cKDTree(x).query(above, distance_upper_bound=1e-4 * abs(pitch))
     height = _height(x, pitch)
     turns = round(np.ptp(x[:, 2]) / abs(pitch)) - 1
     # at the seam alone the body is one pitch higher than elsewhere: its last pairs are left out
