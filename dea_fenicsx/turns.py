@@ -7,7 +7,7 @@ the ends no longer tell.
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -66,10 +66,24 @@ def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> Turns:
         If no two nodes lie a pitch apart along z.
     """
     grid = read_frame(Path(folder), step).grid
-    x = np.asarray(grid.points)
-    u = np.asarray(grid.point_data["displacement_m"])
-    distance, partner = cKDTree(x).query(x + [0, 0, pitch], distance_upper_bound=1e-4 * abs(pitch))
-    lower = np.flatnonzero(np.isfinite(distance))
+    found = measure_turns(np.asarray(grid.points), grid.point_data["displacement_m"], pitch)
+    if FIELD in grid.cell_data:
+        field = np.asarray(grid.cell_data[FIELD])
+        of = np.floor(_height(np.asarray(grid.cell_centers().points), pitch)).astype(int)
+        peak = np.array([field[of == k].max() for k in range(of.max() + 1)])
+        found = replace(found, peak_field_V_per_m=peak)
+    return found
+
+
+def measure_turns(x: np.ndarray, u: np.ndarray, pitch: float) -> Turns:
+    """The same from nodes and their displacements, each (n, 3), in metres; without a field."""
+    u = np.asarray(u)
+    above = x + np.array([0, 0, pitch])
+    distance, partner = cKDTree(x).query(above, distance_upper_bound=1e-4 * abs(pitch))
+    height = _height(x, pitch)
+    turns = round(np.ptp(x[:, 2]) / abs(pitch)) - 1
+    # at the seam alone the body is one pitch higher than elsewhere: its last pairs are left out
+    lower = np.flatnonzero(np.isfinite(distance) & (height < turns - 1 + 1e-6))
     if len(lower) == 0:
         raise InputError(
             f"No two nodes lie {pitch:g} m apart along z; give the pitch of a device of two turns "
@@ -79,25 +93,19 @@ def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> Turns:
     shorter = (u[lower, 2] - u[upper, 2]) / pitch
     rotation = _angle(x + u) - _angle(x)
     turned = (rotation[upper] - rotation[lower] + np.pi) % (2 * np.pi) - np.pi
-    turn = _turn(x[lower], pitch)
-    turn = np.minimum(turn, turn.max() - 1)  # the topmost face closes the turn below it
+    # a common face belongs to the turn above it, the topmost to the last one
+    turn = np.minimum(np.floor(height[lower] + 1e-6).astype(int), turns - 2)
     count = np.bincount(turn)
     mean = np.bincount(turn, shorter) / count
     square = np.bincount(turn, (shorter - mean[turn]) ** 2) / count
-
-    peak = np.empty(0)
-    if FIELD in grid.cell_data:
-        field = np.asarray(grid.cell_data[FIELD])
-        of = _turn(np.asarray(grid.cell_centers().points), pitch)
-        peak = np.array([field[of == k].max() for k in range(of.max() + 1)])
-    return Turns(mean, np.bincount(turn, turned) / count, np.sqrt(square), peak)
+    return Turns(mean, np.bincount(turn, turned) / count, np.sqrt(square), np.empty(0))
 
 
 def _angle(x: np.ndarray) -> np.ndarray:
     return np.arctan2(x[:, 1], x[:, 0])
 
 
-def _turn(x: np.ndarray, pitch: float) -> np.ndarray:
-    """Number of the turn that holds each point; a common face belongs to the turn above it."""
+def _height(x: np.ndarray, pitch: float) -> np.ndarray:
+    """Height above the lowest turn's underside in pitches."""
     share = np.mod(_angle(x) / (2 * np.pi) + 1e-9, 1.0)
-    return np.floor(x[:, 2] / pitch - share + 1e-6).astype(int)
+    return x[:, 2] / pitch - share + 1e-9

@@ -115,8 +115,8 @@ def report(args, run, geometry, lost, say):
     if unstable:
         before = rows[rows.index(unstable) - 1]
         say(f"stable up to {before['voltage_V']:.1f} V; at {unstable['voltage_V']:.1f} V "
-            f"{unstable['inertia']} negative eigenvalues (at sharp electrode edges, so this voltage "
-            "depends on the mesh)")
+            f"{unstable['inertia']} negative eigenvalues (at sharp electrode edges, so this "
+            "voltage depends on the mesh)")
         run.add(stable_up_to_V=before["voltage_V"], unstable_from_V=unstable["voltage_V"])
     if lost:
         say(f"the branch ends: {lost}")

@@ -58,6 +58,7 @@ class HelicalCell(Geometry):
     grading: float = 8.0
     grading_rim: float = 2.0
     grading_through: float = 2.0
+    order = 1  # all edges are straight
 
     def __post_init__(self) -> None:
         self.device(1)  # checks what both share

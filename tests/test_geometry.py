@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from dea_fenicsx.errors import InputError
-from dea_fenicsx.geometry import HDEA, BoxStack, DiskStack, Layer, graded
+from dea_fenicsx.geometry import HDEA, BoxStack, DiskStack, HelicalCell, Layer, graded
 from dea_fenicsx.geometry import _gmsh as to_gmsh
 
 gmsh = pytest.importorskip("gmsh")
@@ -45,6 +45,11 @@ DEVICES = {
     "hdea steep": HDEA(outer_radius=5e-3, inner_radius=1e-3, elastomer=2e-3, electrode=0.2e-3),
 }
 STRAIGHT = {f"{name}, order 1": replace(device, order=1) for name, device in DEVICES.items()}
+DEVICES |= {
+    "cell": HelicalCell(through_electrode=3),
+    "cell full": HelicalCell(inset=0.0),
+    "cell ideal": HelicalCell(electrode=0.0),
+}
 OUTER = {
     "box": {"x_min", "x_max", "y_min", "y_max", "bottom", "top"},
     "strip": {"x_min", "x_max", "bottom", "top"},
@@ -55,6 +60,7 @@ OUTER = {
     "hdea": {"bottom", "top", "inner", "outer", "seam"},
     "hdea ideal": {"bottom", "top", "electrode_b_top", "inner", "outer", "seam"},
 }
+OUTER["cell"] = OUTER["cell full"] = OUTER["cell ideal"] = {"bottom", "top", "inner", "outer"}
 OUTER["hdea one turn"] = OUTER["hdea three turns"] = OUTER["hdea full"] = OUTER["hdea"]
 
 
