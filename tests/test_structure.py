@@ -17,6 +17,7 @@ ORDER = [
     "solver", "tracing", "stepping",
     "observables", "fields", "reading", "results",
     "run", "script", "pictures_curves", "pictures_fields", "pictures",
+    "design",
     "thesis",
 ]  # fmt: skip
 
