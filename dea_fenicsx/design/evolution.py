@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from scipy.stats.qmc import LatinHypercube
 
 from dea_fenicsx.design.front import Front, first_front
 from dea_fenicsx.design.variables import Limit, Range, signs, violations
@@ -209,6 +208,7 @@ class _Herd:
         from pymoo.algorithms.moo.nsga2 import NSGA2
         from pymoo.core.problem import Problem
         from pymoo.termination.max_gen import MaximumGenerationTermination
+        from scipy.stats.qmc import LatinHypercube
 
         self.low, self.high = low, high
         self.problem = Problem(n_var=len(low), n_obj=objectives, n_ieq_constr=1, xl=0.0, xu=1.0)

@@ -144,7 +144,7 @@ class Helicoid:
         return self.layers * flat * (1 + self.pitch_correction)
 
     def field(self, voltage: Any, radius: Any = None, contraction: Any = 0.0) -> Any:
-        """True field in V/m: V/(t cos beta), t = T (1 - k); without a radius that of a flat ring."""
+        """True field in V/m: V/(t cos beta), t = T (1 - k); of a flat ring without a radius."""
         flat = np.asarray(voltage) / (self.elastomer * (1 - np.asarray(contraction)))
         return flat if radius is None else flat / np.cos(self.lead_angle(radius))
 
