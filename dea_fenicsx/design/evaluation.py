@@ -160,8 +160,11 @@ class Evaluator:
             for part in [*parts, about]:
                 if part.exists():
                     os.replace(part, old / part.name)
-        text = json.dumps(facts, indent=2) + "\n"
-        replace_file(about, lambda target: target.write_text(text, "utf-8"))
+
+        def write(target: Path) -> None:
+            target.write_text(json.dumps(facts, indent=2) + "\n", "utf-8")
+
+        replace_file(about, write)
         return known
 
     def _append(self, record: Record) -> None:

@@ -93,8 +93,8 @@ def evolve(
             _check_start(len(first), good, missed, F)
         tried, failed = tried + len(X), failed + int(np.isnan(F).any(axis=1).sum())
         feasible += int(good.sum())
-        for what, size in missed.items():
-            nearest[what] = min(nearest.get(what, np.inf), float(np.nanmin(size, initial=np.inf)))
+        for what, miss in missed.items():
+            nearest[what] = min(nearest.get(what, np.inf), float(np.nanmin(miss, initial=np.inf)))
         if good.any():
             new = {name: np.asarray(values, dtype=float)[good] for name, values in columns.items()}
             kept = {n: np.concatenate([kept[n], v]) for n, v in new.items()} if kept else new

@@ -20,11 +20,11 @@ def rows() -> list[Row]:
     n, o = "nsga2", "hdea_optimised"
     model = HelicalModel(Material(NeoHookean(EFFECTIVE_MU), IdealDielectric(1.0)))
     optimum = model(**TABLE_4_2)
-    ring = [TABLE_4_2[name] for name in ("outer_radius", "inner_radius", "elastomer")]
     k = TABLE_4_2["contraction"]
     best = model.front()
     at_k = float(np.interp(k, best["strain"], best["voltage"]))
-    stiffer = [bonded_modulus(1.0, *ring, faces) / 3 for faces in (1, 2)]
+    ro, ri, T = (TABLE_4_2[name] for name in ("outer_radius", "inner_radius", "elastomer"))
+    stiffer = [bonded_modulus(1.0, ro, ri, T, faces) / 3 for faces in (1, 2)]
     tied = (2 * (ENVELOPE["elastomer"][0] + 50e-6)) / (2 * np.pi * np.tan(np.radians(1.0)))
     return [
         answer(n, "fitness", "(N-rank+1)/sum", REPRODUCED,
