@@ -38,6 +38,13 @@ _WORDS = {
 }
 _COLUMN = 85 / 25.4  # inch: one column of a journal
 _SAVE: dict[str, dict] = {"png": {"dpi": 300}, "svg": {"metadata": {"Date": None}}}
+STYLE = {
+    "font.size": 8, "axes.linewidth": 0.6, "lines.linewidth": 1.0, "lines.markersize": 3.0,
+    "xtick.direction": "in", "ytick.direction": "in", "xtick.top": True, "ytick.right": True,
+    "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False,
+    "svg.fonttype": "none", "svg.hashsalt": "dea_fenicsx",
+}  # fmt: skip
+"""Settings of matplotlib that all curves share."""
 
 
 def axis_label(name: str, largest: float) -> tuple[str, float]:
@@ -147,13 +154,7 @@ def curve(
     ]
     (x_text, x_unit), (y_text, y_unit) = axis_label(x, biggest[0]), axis_label(y, biggest[1])
 
-    style = {
-        "font.size": 8, "axes.linewidth": 0.6, "lines.linewidth": 1.0, "lines.markersize": 3.0,
-        "xtick.direction": "in", "ytick.direction": "in", "xtick.top": True, "ytick.right": True,
-        "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False,
-        "svg.fonttype": "none", "svg.hashsalt": "dea_fenicsx",
-    }  # fmt: skip
-    with matplotlib.rc_context(style):
+    with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(_COLUMN, 0.75 * _COLUMN), layout="constrained")
         axes = figure.subplots()
         for k, ((a, b), label) in enumerate(zip(runs, labels, strict=True)):

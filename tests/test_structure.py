@@ -18,7 +18,7 @@ ORDER = [
     "checks", "observables", "overall", "failures", "fields", "reading", "turns",
     "provenance", "results", "run", "script",
     "pictures_curves", "pictures_fields", "pictures_movie", "pictures_paraview", "pictures",
-    "thesis", "cli", "__main__",
+    "design", "thesis", "cli", "__main__",
 ]  # fmt: skip
 
 
