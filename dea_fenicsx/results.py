@@ -17,9 +17,11 @@ import json
 import os
 import shutil
 import tempfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import h5py
 import numpy as np
@@ -102,7 +104,8 @@ class Folder:
                 old = self.path / "previous"
                 shutil.rmtree(old, ignore_errors=True)
                 old.mkdir()
-                for name in found:
+                # the checkpoint first: a run killed in here is not taken for one to resume
+                for name in sorted(found, key=lambda n: n != "checkpoint.npz"):
                     os.replace(self.path / name, old / name)
             (self.path / "parts").mkdir(exist_ok=True)
 
@@ -127,7 +130,7 @@ class Folder:
                 with np.load(file, allow_pickle=False) as data:
                     state = data["state"]
                     return json.loads(str(data["told"]))
-            except (ValueError, KeyError, EOFError) as error:
+            except (ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
                 raise InputError(f"{file} is no checkpoint of this package ({error}).") from error
 
         told = self._together(action)

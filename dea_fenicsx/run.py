@@ -257,7 +257,7 @@ class _Session:
                 "cursor": asdict(cursor),
                 "history": self.history,
                 "fingerprint": self._fingerprint(),
-                "references": solver.references,
+                "references": solver.references.sizes,
                 "wall_s": row["wall_s"],
             }
             self.folder.write_step(
@@ -330,7 +330,7 @@ class _Session:
         self.history = told["history"]
         self.earlier_s = float(told["wall_s"])
         self.writer.scatter_state(state)
-        self.solver.references |= told.get("references", {})
+        self.solver.references.sizes |= told.get("references", {})
         cursor = Cursor(**told["cursor"])
         self.problem.set_factors(cursor.factors)
         try:

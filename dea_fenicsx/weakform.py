@@ -76,6 +76,8 @@ class Problem:
         Owned local degrees of freedom that are unknowns, sorted.
     electrode_dofs
         Owned and ghost degrees of freedom of each electrode, by its label.
+    load_factors
+        Factor of each ramp that carries loads, as a constant of the form.
     incompressible_cells
         Owned cells of exactly incompressible regions, sorted.
     """
@@ -244,11 +246,10 @@ class Problem:
     def _work_of_loads(self, u: Any, v: Any, weight: Any, degree: int) -> Any:
         """Virtual work of the loads; each ramp's factor is a constant of the form."""
         scene, mesh = self.scene, self.mesh
-        self._load_factors = {
+        self.load_factors = {
             ramp: dolfinx.fem.Constant(mesh, 0.0)
             for ramp in {load.ramp for load in scene.loads}
         }
-        self._load_size: tuple[dict[str, float], float] = ({}, 0.0)
         self._unit_work: dict[str, Any] = {}
         self._following: set[str] = set()
         if not scene.loads:
@@ -278,7 +279,7 @@ class Problem:
                 traction = dolfinx.fem.Constant(mesh, np.array(load.pascal) / self.scales.stress)
                 unit_work = ufl.dot(traction, v) * weight * ds(k)
             self._unit_work[load.ramp] = self._unit_work.get(load.ramp, 0) + unit_work
-            work += self._load_factors[load.ramp] * unit_work
+            work += self.load_factors[load.ramp] * unit_work
         return work
 
     def _pressed_side(self, load: DeadPressure) -> np.ndarray:
@@ -303,71 +304,8 @@ class Problem:
     def set_factors(self, factors: dict[str, float]) -> None:
         """Set the ramp factors: dead loads at once, fixed values at `insert_fixed`."""
         self.factors = dict(factors)
-        for ramp, constant in self._load_factors.items():
+        for ramp, constant in self.load_factors.items():
             constant.value = factors[ramp]
-
-    def load_size(self, anew: bool = False) -> float:
-        """2-norm of the nodal forces of the loads at the present factors.  Collective.
-
-        Kept while the factors stay, unless `anew` asks for the present state's: a follower
-        pressure's forces go with the state.
-        """
-        now = {ramp: self.factors[ramp] for ramp in self._load_factors}
-        if not any(now.values()):
-            return 0.0
-        if anew or self._load_size[0] != now:
-            forces = self.residual()
-            for constant in self._load_factors.values():
-                constant.value = 0.0
-            forces = self.residual() - forces
-            for ramp, constant in self._load_factors.items():
-                constant.value = now[ramp]
-            size = self._size_u(forces)
-            self._load_size = (now, size if np.isfinite(size) else 0.0)
-        return self._load_size[1]
-
-    def force_of_moduli(self) -> float:
-        """2-norm of the nodal forces of stresses that count as small, dimensionless.  Collective.
-
-        A hundredth of those of a pressure of the softest dielectric's modulus; where more, 1e-4 of
-        those of a pressure of each region's own modulus with its augmentation.
-        """
-        scene, table = self.scene, self.pressure.space.dofmap.list
-        gamma = scene.elements.augmentation
-        moduli = np.zeros(len(self.pressure.dofs))
-        for name, material in scene.materials.items():
-            stiff = 1 if material.bulk_modulus is not None else 1 + gamma
-            value = stiff * material.elastic.shear_modulus() / self.scales.stress
-            on = table[scene.device.cells_of(name)].ravel()
-            moduli[on] = np.maximum(moduli[on], value)
-        keep, sizes = self.get_state(), []
-        for pressure in (np.full(len(moduli), 1e-2), 1e-4 * moduli):
-            state = np.zeros(self.size)
-            state[self.pressure.dofs] = pressure
-            self.set_state(state)
-            self.w.x.scatter_forward()
-            sizes.append(self._size_u(self.residual()))
-        self.set_state(keep)
-        return max(sizes)
-
-    def pressing_forces(self, residual: np.ndarray) -> float:
-        """2-norm of the nodal forces of pressure and field in the present state.  Collective.
-
-        `residual` is that of the present state.
-        """
-        keep = self.get_state()
-        state = keep.copy()
-        for part in (self.pressure, self.potential):
-            if part is not None:
-                state[part.dofs] = 0.0
-        self.set_state(state)
-        without = self.residual()
-        self.set_state(keep)
-        return self._size_u(residual - without)
-
-    def _size_u(self, forces: np.ndarray) -> float:
-        mine = float(np.sum(forces[self.fields["u"]] ** 2))
-        return float(np.sqrt(self.comm.allreduce(mine, op=MPI.SUM)))
 
     def insert_fixed(self) -> np.ndarray:
         """Put the fixed values of the current factors into w; returns their change (owned)."""

@@ -14,7 +14,7 @@ ORDER = [
     "materials", "kinematics", "conditions", "scene",
     "exact",
     "forms", "constraints", "rigid", "weakform",
-    "solver", "tracing", "stepping",
+    "references", "solver", "tracing", "stepping",
     "checks", "observables", "fields", "reading", "results",
     "run", "script", "pictures_curves", "pictures_fields", "pictures",
     "thesis",
