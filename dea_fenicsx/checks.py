@@ -61,7 +61,7 @@ def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -
     residual = problem.residual()
     norm = solver.residual_of(residual)
     probe = problem.probe()
-    worst, bounded, bound = volume(problem, solver.volume_tolerance)
+    worst, bounded, bound = volume(problem, solver.options.tolerance * solver.references.volume)
     faults = []
     if not norm <= SUMS * solver.options.tolerance:
         faults.append(f"its residual {norm:.3g} is above {solver.options.tolerance:g}")
@@ -78,7 +78,7 @@ def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -
         raise SolverError(
             f"Step {step} is not accepted: {faults[0]}; all steps before it are kept."
         )
-    solver.remember(residual)
+    solver.references.remember(residual)
     return Checked(norm, probe, worst)
 
 

@@ -20,9 +20,11 @@ import json
 import os
 import shutil
 import tempfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import h5py
 import numpy as np
@@ -121,7 +123,8 @@ class Folder:
                     for name in (provenance.COPY, provenance.RESUMED)
                     if (self.path / name).exists() and not provenance.is_script(self.path / name)
                 ]
-                for name in [*found, *copies]:
+                # the checkpoint first: a run killed in here is not taken for one to resume
+                for name in sorted([*found, *copies], key=lambda n: n != "checkpoint.npz"):
                     os.replace(self.path / name, old / name)
             (self.path / "parts").mkdir(exist_ok=True)
 
@@ -152,7 +155,7 @@ class Folder:
                 with np.load(file, allow_pickle=False) as data:
                     state = data["state"]
                     return json.loads(str(data["told"]))
-            except (ValueError, KeyError, EOFError) as error:
+            except (ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
                 raise InputError(f"{file} is no checkpoint of this package ({error}).") from error
 
         told = self._together(action)

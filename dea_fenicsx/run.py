@@ -302,7 +302,7 @@ class _Session:
             "cursor": asdict(step.cursor),
             "history": self.history,
             "fingerprint": self._fingerprint(),
-            "references": self.solver.references,
+            "references": self.solver.references.sizes,
             "failures": self.found,
             "wall_s": row["wall_s"],
         }  # fmt: skip
@@ -393,7 +393,7 @@ class _Session:
         self.found = told.get("failures", [])
         self.earlier_s = float(told["wall_s"])
         self.writer.scatter_state(state)
-        self.solver.references |= told.get("references", {})
+        self.solver.references.sizes |= told.get("references", {})
         cursor = Cursor(**told["cursor"])
         self.problem.set_factors(cursor.factors)
         try:

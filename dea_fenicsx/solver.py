@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.compat import PETSc
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.references import References
 from dea_fenicsx.weakform import Probe, Problem
 
 WORKSPACE = (60, 200, 600)
@@ -32,7 +33,7 @@ class NewtonOptions:
     Attributes
     ----------
     tolerance
-        Each field's residual, relative to its own reference (see `NewtonSolver.norms`).
+        Each field's residual, relative to its own reference (see `References`).
     max_iterations
         Newton iterations before a step counts as failed.
     krylov_limit
@@ -62,10 +63,10 @@ class NewtonOptions:
 
 
 STAGNANT = 1e3
-"""How far above the tolerance a residual may come to rest and still count as rounding.
+"""How far above the tolerance a residual may come to rest and still count as rounding."""
 
-Beyond a limit point it rests far higher, at the share of the load that finds no equilibrium.
-"""
+AT_REST = 1e-6
+"""Largest displacement of an increment, as a share of the device's size, that is none."""
 
 
 @dataclass
@@ -149,73 +150,19 @@ class NewtonSolver:
         self.options = options or NewtonOptions()
         self.counters = Counters()
         self.inertia = Inertia()
-        self.references: dict[str, float] = {}
+        self.references = References(problem)
         self.trouble = ""
         self._ksp: Any = None
         self._kept: Any = None
         self._stale = True
-        # pressure rows hold int q (J - 1) dX: measured against the size of int |q| dX
-        volume = problem.volume
-        self._pressure_reference = volume / np.sqrt(max(problem.counts["p"], 1))
-        self.references["u"] = problem.force_of_moduli()
 
     # --------------------------------------------------------------- residuals
 
-    def norms(self, residual: np.ndarray) -> dict[str, float]:
-        """Residual of each field relative to its reference.
-
-        The references are what the same vector holds at the fixed unknowns, the loads, and what both
-        were in accepted states (`remember`): reactions and loads for u, electrode charges for phi,
-        a volume for p.  A small step is so not held to a stricter test than a large one, and the
-        huge reactions of a failed trial do not loosen the test of later steps.
-        u's starts at a share of the nodal forces that stresses of the moduli's size make: a small
-        load is not resolved below what rounding leaves of those.
-        """
-        out = {}
-        for name, (everything, mine) in self._sizes(residual).items():
-            reference = self._pressure_reference
-            if name != "p":
-                reference = max(self.references.get(name, 0.0), everything)
-            if name == "u":
-                reference = max(reference, self.problem.load_size())
-            out[name] = mine / reference if reference > 0 else np.inf if mine else 0.0
-        return out
-
-    def remember(self, residual: np.ndarray) -> None:
-        """Keep an accepted state's forces and charges as references of later residuals.
-
-        Forces are the reactions, the loads, and those of pressure and field: in a film that is free
-        all around, these are what balances.
-        """
-        loads = max(self.problem.load_size(anew=True), self.problem.pressing_forces(residual))
-        for name, (everything, _) in self._sizes(residual).items():
-            if name != "p":
-                size = max(everything, loads) if name == "u" else everything
-                self.references[name] = max(self.references.get(name, 0.0), size)
-
-    def _sizes(self, residual: np.ndarray) -> dict[str, tuple[float, float]]:
-        """For each field the size of the whole residual and of what is unbalanced.  Collective."""
-        problem = self.problem
-        free = problem.unbalanced(residual)
-        sums = []
-        for name, dofs in problem.fields.items():
-            sums += [np.sum(residual[dofs] ** 2), np.sum(free[problem.free_fields[name]] ** 2)]
-        total = np.sqrt(problem.comm.allreduce(np.array(sums), op=MPI.SUM))
-        return {
-            name: (float(total[2 * k]), float(total[2 * k + 1]))
-            for k, name in enumerate(problem.fields)
-        }
-
     def residual_of(self, residual: np.ndarray) -> float:
         """Largest scaled residual of a field (inf if it is not finite)."""
-        norms = list(self.norms(residual).values())
+        norms = list(self.references.norms(residual).values())
         # Python's max would pass over a NaN that is not the first
         return max(norms) if np.all(np.isfinite(norms)) else np.inf
-
-    @property
-    def volume_tolerance(self) -> float:
-        """Largest 2-norm of the p rows of an accepted state's residual, a volume."""
-        return self.options.tolerance * self._pressure_reference
 
     # ------------------------------------------------------------------ solve
 
@@ -240,10 +187,10 @@ class NewtonSolver:
         norm = self.residual_of(residual)
         # with the loads lifted, the first residual is that of the old load and says nothing
         history = [] if lift else [norm]
-        iteration = 0
+        iteration, increment = 0, None
         while change is not None or norm > options.tolerance:
-            if iteration == options.max_iterations:
-                return Attempt(self._slowness(history), iteration, norm)
+            if iteration == options.max_iterations and increment is not None:
+                return Attempt(self._slowness(history, increment), iteration, norm)
             tangent = self.assemble()
             rhs = -problem.unbalanced(residual)
             if change is not None:
@@ -266,14 +213,16 @@ class NewtonSolver:
         probe = problem.probe()
         return Attempt(probe.fault, iteration, norm, probe)
 
-    def _slowness(self, history: list[float]) -> str:
-        """Why Newton has not converged: rounding if the residual is at rest near the tolerance.
+    def _slowness(self, history: list[float], increment: np.ndarray) -> str:
+        """Why Newton has not converged: rounding if all is at rest near the tolerance.
 
-        On a limit point it would fall on and on, to a quarter in each iteration.
+        At a load just beyond a limit point the residual comes to rest as well, but the state does
+        not: there Newton's increments stay at about the root of the residual.
         """
-        before, late = min(history[:-4], default=np.inf), min(history[-4:])
-        near = late <= STAGNANT * self.options.tolerance
-        return "rounding" if near and late > before / 4 else "slow"
+        moved = float(np.max(np.abs(increment[self.problem.free_fields["u"]]), initial=0.0))
+        at_rest = self.problem.comm.allreduce(moved, op=MPI.MAX) < AT_REST
+        near = min(history) <= STAGNANT * self.options.tolerance
+        return "rounding" if near and at_rest else "slow"
 
     def _advance(
         self, increment: np.ndarray, history: list[float]

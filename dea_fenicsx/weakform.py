@@ -246,7 +246,6 @@ class Problem:
         test = ufl.TestFunction(self.W)
         residual = ufl.derivative(energy, self.w, test)
         v, _, _, virtual = self._split(test)
-        self._load_size: tuple[dict[str, float], float] = ({}, 0.0)
         self.loads = Loads(scene, scales.stress, u, v, virtual)
         residual = residual - self.loads.work
         tangent = ufl.derivative(residual, self.w, ufl.TrialFunction(self.W))
@@ -303,69 +302,6 @@ class Problem:
         self.factors = dict(factors)
         for ramp, constant in self.loads.factors.items():
             constant.value = factors[ramp]
-
-    def load_size(self, anew: bool = False) -> float:
-        """2-norm of the nodal forces of the loads at the present factors.  Collective.
-
-        Kept while the factors stay, unless `anew` asks for the present state's: a follower
-        pressure's forces go with the state.
-        """
-        now = {ramp: self.factors[ramp] for ramp in self.loads.factors}
-        if not any(now.values()):
-            return 0.0
-        if anew or self._load_size[0] != now:
-            forces = self.residual()
-            for constant in self.loads.factors.values():
-                constant.value = 0.0
-            forces = self.residual() - forces
-            for ramp, constant in self.loads.factors.items():
-                constant.value = now[ramp]
-            size = self._size_u(forces)
-            self._load_size = (now, size if np.isfinite(size) else 0.0)
-        return self._load_size[1]
-
-    def force_of_moduli(self) -> float:
-        """2-norm of the nodal forces of stresses that count as small, dimensionless.  Collective.
-
-        A hundredth of those of a pressure of the softest dielectric's modulus; where more, 1e-4 of
-        those of a pressure of each region's own modulus with its augmentation.
-        """
-        scene, table = self.scene, self.pressure.space.dofmap.list
-        gamma = scene.elements.augmentation
-        moduli = np.zeros(len(self.pressure.dofs))
-        for name, material in scene.materials.items():
-            stiff = 1 if material.bulk_modulus is not None else 1 + gamma
-            value = stiff * material.elastic.shear_modulus() / self.scales.stress
-            on = table[scene.device.cells_of(name)].ravel()
-            moduli[on] = np.maximum(moduli[on], value)
-        keep, sizes = self.get_state(), []
-        for pressure in (np.full(len(moduli), 1e-2), 1e-4 * moduli):
-            state = np.zeros(self.size)
-            state[self.pressure.dofs] = pressure
-            self.set_state(state)
-            self.w.x.scatter_forward()
-            sizes.append(self._size_u(self.residual()))
-        self.set_state(keep)
-        return max(sizes)
-
-    def pressing_forces(self, residual: np.ndarray) -> float:
-        """2-norm of the nodal forces of pressure and field in the present state.  Collective.
-
-        `residual` is that of the present state.
-        """
-        keep = self.get_state()
-        state = keep.copy()
-        for part in (self.pressure, self.potential):
-            if part is not None:
-                state[part.dofs] = 0.0
-        self.set_state(state)
-        without = self.residual()
-        self.set_state(keep)
-        return self._size_u(residual - without)
-
-    def _size_u(self, forces: np.ndarray) -> float:
-        mine = float(np.sum(forces[self.fields["u"]] ** 2))
-        return float(np.sqrt(self.comm.allreduce(mine, op=MPI.SUM)))
 
     def insert_fixed(self) -> np.ndarray:
         """Put the fixed values of the current factors into w; returns their change (owned)."""

@@ -14,7 +14,7 @@ ORDER = [
     "materials", "kinematics", "conditions", "scene",
     "exact",
     "forms", "loads", "constraints", "rigid", "ties", "weakform",
-    "solver", "stability", "events", "arclength", "tracing", "predictor", "stepping",
+    "references", "solver", "stability", "events", "arclength", "tracing", "predictor", "stepping",
     "checks", "observables", "overall", "failures", "fields", "reading", "turns",
     "provenance", "results", "run", "script",
     "pictures_curves", "pictures_fields", "pictures_movie", "pictures_paraview", "pictures",
