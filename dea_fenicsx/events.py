@@ -48,8 +48,6 @@ class Passed:
         How it was found.
     mode
         The null vector of a bifurcation, laid out like the state.
-    after
-        Inertia behind a bifurcation.
     """
 
     name: str
@@ -58,7 +56,6 @@ class Passed:
     factors: dict[str, float]
     attempt: Attempt
     mode: np.ndarray | None = None
-    after: int | None = None
 
 
 class Sentinel:
@@ -185,11 +182,9 @@ class Sentinel:
             if critical is None:
                 break
             if critical.is_bifurcation:
-                self.problem.set_state(critical.state)
                 found.append(
-                    Passed("bifurcation", critical.share, critical.state,
-                           dict(self.problem.factors), critical.attempt, critical.mode,
-                           critical.after)
+                    Passed("bifurcation", critical.share, critical.state, critical.factors,
+                           critical.attempt, critical.mode)
                 )  # fmt: skip
             before, low = critical.after, min(1.0, critical.share + 10 * critical.width + 1e-7)
             if before == after or low >= 1.0:

@@ -43,8 +43,8 @@ class Critical:
         Its place between the two states of the search, 0 to 1.
     width
         Width of the last bracket, in the same measure.
-    state
-        All local values of the mixed function.
+    state, factors
+        All local values of the mixed function, and the factors of the ramps.
     mode
         The null vector, in the same layout; its largest displacement is 1.
     is_bifurcation
@@ -58,6 +58,7 @@ class Critical:
     share: float
     width: float
     state: np.ndarray
+    factors: dict[str, float]
     mode: np.ndarray
     is_bifurcation: bool
     after: int
@@ -184,8 +185,8 @@ class Spectrum:
         )
         cosine = abs(total[0]) / np.sqrt(total[1] * total[2]) if total[2] > 0 else 0.0
         return Critical(
-            share, width, problem.get_state(), self.as_state(vector), cosine < ORTHOGONAL, after,
-            attempt,
+            share, width, problem.get_state(), dict(problem.factors), self.as_state(vector),
+            cosine < ORTHOGONAL, after, attempt,
         )  # fmt: skip
 
     def as_state(self, vector: np.ndarray) -> np.ndarray:

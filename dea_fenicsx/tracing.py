@@ -248,6 +248,8 @@ def over_the_limit(
             if landing.converged and solver.inertia.excess == 0:
                 return limit, landing
             branch.restore(there)
+        # forces grow by orders of magnitude towards lock-up, and rounding with them
+        solver.references.remember(solver.problem.residual())
         arc = min(arc * (1.5 if attempt.iterations <= 3 else 1.0), 4.0)
         here = there
     if limit is None:

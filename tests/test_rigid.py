@@ -30,7 +30,7 @@ def check(device, supports, kinematics=SPACE, prescribed=()):
         kinematics=kinematics,
     )  # fmt: skip
     problem = object.__new__(Problem)
-    problem.scene, problem.mesh = scene, device.mesh
+    problem.scene, problem.mesh, problem.comm = scene, device.mesh, device.comm
     problem._build_space()
     constraints = Constraints(problem.size)
     apply_supports(scene, problem.displacement, constraints)
