@@ -104,6 +104,8 @@ LINES = {
     "no such material": ("materials vhb", "the nearest is"),
     "no such system": ("table --system cub", "did you mean 'cube'"),
     "table onto a file": ("table --system cube --out {run}/history.csv", "exists"),
+    "whole table onto a file": ("table --out {run}/history.csv", "exists"),
+    "table below a file": ("table --out {run}/history.csv/x", "Not a directory"),
     "doctor with time as text": ("doctor --seconds long", "invalid float value"),
 }
 
