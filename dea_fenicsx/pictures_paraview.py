@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.pictures_curves import axis_label, spoken, write_whole
-from dea_fenicsx.reading import field_names, frame_times, read_history, read_summary
+from dea_fenicsx.reading import field_names, frame_times, load_columns, read_history, read_summary
 
 FIELD = "field_strength_V_per_m"
 DISPLACEMENT = "displacement_m"
@@ -106,16 +107,15 @@ def loads(folder: Path) -> list[str]:
     texts = [f"time {t:.4g}" for t in times]
     with suppress(InputError, KeyError, TypeError, ValueError):
         history = read_history(folder)
-        columns = [c for c in history if c.endswith("_factor") or c == "voltage_V"]
-        with suppress(InputError, KeyError, TypeError):
-            for ramp in read_summary(folder)["settings"]["path"]:
-                names = [ramp["what"]] if isinstance(ramp["what"], str) else ramp["what"]
-                columns += [f"{n}_V" for n in names if f"{n}_V" in history]
+        summary: dict[str, Any] = {}
+        with suppress(InputError):
+            summary = read_summary(folder)
+        columns = load_columns(history, summary)[::-1]
         for k, time in enumerate(times):
             row = int(np.argmin(np.abs(history["time"] - time)))
             parts = [
                 " ".join(spoken(name.removesuffix("_factor"), float(history[name][row])))
-                for name in dict.fromkeys(columns)
+                for name in columns
             ]
             texts[k] = ", ".join([f"step {int(history['step'][row])}", *parts])
     return texts

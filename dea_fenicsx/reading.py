@@ -59,6 +59,23 @@ def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
     raise InputError(f"{file} is not valid JSON.")
 
 
+def load_columns(history: dict[str, np.ndarray], summary: dict[str, Any]) -> list[str]:
+    """Columns of a history that hold the loads, those of the last ramp first.
+
+    A ramp that moves electrodes of given potential has a column in V, any other one its factor.
+    Without a summary only ``voltage_V`` and the factors are known for loads.
+    """
+    names: list[str] = []
+    with suppress(KeyError, TypeError, AttributeError):
+        for ramp in reversed(summary["settings"]["path"]):
+            what = ramp["what"] or []
+            names += [what] if isinstance(what, str) else list(what)
+    known = [f"{name}_{end}" for name in names for end in ("V", "factor")]
+    found = [name for name in known if name in history]
+    others = [name for name in history if name.endswith("_factor") or name == "voltage_V"]
+    return list(dict.fromkeys([*found, *others]))
+
+
 @dataclass(frozen=True)
 class Frame:
     """One step of a run.

@@ -131,10 +131,13 @@ class Folder:
         self._together(action)
 
     def keep_origin(self) -> None:
-        """Copy the script into the folder, and find out its state in git (rank 0)."""
-        if self.comm.rank == 0:
+        """Copy the script into the folder, and find out its state in git.  Collective."""
+
+        def action() -> dict[str, Any]:
             provenance.keep_script(self.path)
-            self.origin = provenance.origin()
+            return provenance.origin()
+
+        self.origin = self._together(action)
 
     # -------------------------------------------------------------- checkpoint
 

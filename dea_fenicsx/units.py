@@ -19,6 +19,10 @@ DIMENSIONS = {
     "V": "a voltage in V",
     "C": "a charge in C",
     "m": "a length in m",
+    "rad": "an angle in rad",
+    "rad/m": "a twist in rad/m",
+    "N": "a force in N",
+    "N*m": "a torque in N m",
     "Pa": "a pressure or stress in Pa",
     "V/m": "an electric field in V/m",
 }

@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from test_pictures import VOLTS, write_run
 
 from dea_fenicsx import cli, pictures
-from dea_fenicsx.cli import child, doctor
 from dea_fenicsx.materials import names, preset
 from dea_fenicsx.thesis.table import collect
 
@@ -105,6 +104,8 @@ LINES = {
     "no such material": ("materials vhb", "the nearest is"),
     "no such system": ("table --system cub", "did you mean 'cube'"),
     "table onto a file": ("table --system cube --out {run}/history.csv", "exists"),
+    "whole table onto a file": ("table --out {run}/history.csv", "exists"),
+    "table below a file": ("table --out {run}/history.csv/x", "Not a directory"),
     "doctor with time as text": ("doctor --seconds long", "invalid float value"),
 }
 
@@ -360,95 +361,3 @@ def test_table(dea, rows, tmp_path, monkeypatch):
     assert "thesis 1763 V, here 1763.106 V" in out
     assert (tmp_path / "thesis.csv").read_text().count("\ncube,") > 3
     assert (tmp_path / "thesis.md").exists()
-
-
-# ------------------------------------------------------------------------------ doctor
-
-SOLVER = {
-    "dolfinx": {"dolfinx": "0.11.0", "petsc": "3.25", "scalar": "float64"},
-    "blas": {"blas": {"gigaflops": 40.0, "threads": 1.0, "libraries": [], "plain": []}},
-    "inertia": {"inertia": [2, 2]}, "cache": {"cache": "/home/x"},
-    "form": {"form": 1.0, "seconds": 0.5},
-}  # fmt: skip
-FAULTS = {
-    "wrong DOLFINx": ({"dolfinx": {"dolfinx": "0.8.0", "failed": "no module"}}, "bad", "0.8.0"),
-    "newer DOLFINx": ({"dolfinx": SOLVER["dolfinx"] | {"dolfinx": "0.12.0"}}, "bad", "0.12.0"),
-    "complex numbers": (
-        {"dolfinx": SOLVER["dolfinx"] | {"scalar": "complex128"}}, "bad", "complex128"),
-    "reference BLAS": (
-        {"blas": {"blas": SOLVER["blas"]["blas"] | {"plain": ["/x/libblas.so.3"]}}},
-        "warn", "reference BLAS"),
-    "slow BLAS": (
-        {"blas": {"blas": SOLVER["blas"]["blas"] | {"gigaflops": 2.0}}}, "warn", "slow BLAS"),
-    "threads": ({"blas": {"blas": SOLVER["blas"]["blas"] | {"threads": 3.9}}}, "warn", "4 in each"),
-    "no MUMPS": ({"inertia": {"inertia": None, "failed": "no package mumps"}}, "bad", "no package"),
-    "wrong inertia": ({"inertia": {"inertia": [1, 2]}}, "bad", "1 negative pivots instead of 2"),
-    "no cache": (
-        {"cache": {"cache": None, "folder": "/x", "failed": "read-only"}}, "bad", "read-only"),
-    "no compiler": ({"form": {"form": None, "failed": "no gcc"}}, "bad", "no gcc"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", FAULTS)
-def test_doctor_names(monkeypatch, case):
-    change, level, words = FAULTS[case]
-    done = child.Done(SOLVER | change, "no message")
-    monkeypatch.setattr(doctor, "start", lambda *a, **k: done)
-    found = [f for f in doctor.solver(1.0) if f.level != "ok"]
-    assert [(f.level, words in f.text) for f in found] == [(level, True)]
-    assert found[0].mend
-
-
-@pytest.mark.parametrize(
-    ("facts", "errors", "words"),
-    [
-        ({"size": {"size": 1, "total": 1, "library": "MPICH 5"}}, "", "of another MPI"),
-        ({}, "attempt to run as root.", "does not run for root"),
-        ({}, "there are not enough slots", "fewer than 2 cores"),
-        ({}, "", "no answer within 1 s"),
-    ],
-)
-def test_doctor_names_what_is_wrong_with_mpirun(monkeypatch, facts, errors, words):
-    done = child.Done(facts, "no answer within 1 s", errors)
-    monkeypatch.setattr(doctor, "start", lambda *a, **k: done)
-    monkeypatch.setattr(shutil, "which", lambda name: f"/bin/{name}")
-    (found,) = doctor.ranks(1.0)
-    assert found.level == "bad"
-    assert words in found.text
-
-
-def test_doctor_judges_threads(monkeypatch):
-    for name in doctor.THREADS:
-        monkeypatch.delenv(name, raising=False)
-    assert [f.level for f in doctor.threads()] == ["warn"]
-    monkeypatch.setenv("OMP_NUM_THREADS", "1")
-    assert [f.level for f in doctor.threads()] == ["ok"]
-    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "4")
-    assert [f.level for f in doctor.threads()] == ["warn"]
-
-
-@pytest.mark.mpi
-def test_doctor_here(monkeypatch, capsys):
-    """On this machine, as it is: the tests run, so nothing can be bad but what is left out."""
-    for name, value in clean_environment().items():
-        monkeypatch.setenv(name, value)
-    status = cli.main(["doctor"])
-    out = capsys.readouterr().out
-    levels = {line.split()[1]: line.split()[0] for line in out.splitlines()
-              if line.startswith(("ok", "warn", "bad"))}  # fmt: skip
-    assert status == 0, out
-    assert {"python", "mpi", "dolfinx", "petsc", "blas", "mumps", "form"} <= set(levels)
-
-
-def test_a_trial_that_hangs_or_dies_is_told(monkeypatch, tmp_path):
-    monkeypatch.setattr(child.sys, "executable", "/bin/sh")
-    hangs, dies = tmp_path / "hangs", tmp_path / "dies"
-    hangs.write_text("#!/bin/sh\necho '{\"a\": 1}'\nsleep 30\n")
-    dies.write_text("#!/bin/sh\necho why >&2\nkill -ABRT $$\n")
-    for script in (hangs, dies):
-        script.chmod(0o755)
-    done = child.start("x", 0.5, [str(hangs)])
-    assert done.facts == {"a": {"a": 1}}
-    assert done.reason == "no answer within 0.5 s"
-    assert child.start("x", 5, [str(dies)]).reason == "ended by signal SIGABRT (why)"
-    assert "No such file" in child.start("x", 5, [str(tmp_path / "none")]).reason

@@ -106,6 +106,17 @@ def test_lists_and_arrays_of_quantities():
         dea.Ogden((Q("1 mm"),), (2.0,))
 
 
+@pytest.mark.parametrize(
+    ("text", "unit", "number"),
+    [("90 degree", "rad", 1.5707963267948966), ("180 degree/m", "rad/m", 3.141592653589793),
+     ("2 mN", "N", 2e-3), ("3 N*mm", "N*m", 3e-3)],
+)  # fmt: skip
+def test_angles_forces_torques(text, unit, number):
+    assert units.si(Q(text), unit, "x") == pytest.approx(number, rel=1e-14)
+    with pytest.raises(dea.InputError, match="x is 1 kelvin"):
+        units.si(Q("1 K"), unit, "x")
+
+
 def test_functions_take_quantities():
     assert bulk_modulus_of(Q("10 kPa"), 0.45) == pytest.approx(bulk_modulus_of(1e4, 0.45))
     volts = exact.activation_voltage(RUBBER, Q("1 mm"), 0.1)

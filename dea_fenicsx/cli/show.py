@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.errors import InputError
-from dea_fenicsx.reading import field_names, read_history, read_summary
+from dea_fenicsx.reading import field_names, load_columns, read_history, read_summary
 
 HELP = "summary, curves and pictures of a run"
 
@@ -68,9 +68,10 @@ def run(options: argparse.Namespace) -> int:
     by_default = not (curve_asked or field_asked or options.animate or options.paraview)
     missed: list[str] = []
     if curve_asked or by_default:
-        x = options.x or load_column(histories[0], _summary_of(first))
+        told = _summary_of(first)
+        x = options.x or load_column(histories[0], told)
         formats = tuple(dict.fromkeys(options.format or ("png", "svg")))
-        for y in options.y or [ordinate(histories[0])]:
+        for y in options.y or [ordinate(histories[0], told)]:
             stem = out / f"{pictures.bare(y)}_{pictures.bare(x)}"
             for path in pictures.curve(options.results, x, y, stem, formats=formats):
                 print(path)
@@ -115,27 +116,14 @@ def recorded(history: dict[str, np.ndarray]) -> list[str]:
     return [n for n, v in history.items() if n not in _COMMON and v.dtype.kind == "f"]
 
 
-def load_columns(history: dict[str, np.ndarray], told: dict[str, Any]) -> list[str]:
-    """Columns that hold the loads, those of the last ramp first."""
-    names: list[str] = []
-    with suppress(KeyError, TypeError, AttributeError):
-        for ramp in reversed(told["settings"]["path"]):
-            what = ramp["what"] or []
-            names += [what] if isinstance(what, str) else list(what)
-    known = [f"{n}_{end}" for n in dict.fromkeys(names) for end in ("V", "factor")]
-    found = [n for n in known if n in history]
-    others = [n for n in recorded(history) if n.endswith("_factor") or n == "voltage_V"]
-    return list(dict.fromkeys([*found, *others]))
-
-
 def load_column(history: dict[str, np.ndarray], told: dict[str, Any]) -> str:
     """The column to draw against: the last ramp's load, else the time of the path."""
     return next(iter(load_columns(history, told)), "time")
 
 
-def ordinate(history: dict[str, np.ndarray]) -> str:
+def ordinate(history: dict[str, np.ndarray], told: dict[str, Any]) -> str:
     """The first recorded column that is no load, else the largest field or the smallest J."""
-    loads = load_columns(history, {})
+    loads = load_columns(history, told)
     free = [n for n in recorded(history) if n not in loads]
     names = [*free, "max_field_V_per_m", "min_J"]
     return next((n for n in names if n in history), "time")
@@ -146,7 +134,7 @@ def summary(folder: Path, history: dict[str, np.ndarray]) -> str:
     from dea_fenicsx.pictures import spoken
 
     told = _summary_of(folder)
-    columns = [*load_columns(history, told)]
+    columns = load_columns(history, told)
     columns += [n for n in recorded(history) if n not in columns]
     columns += [n for n in ("max_field_V_per_m",) if n in history]
     status = told.get("status", "no summary.json")

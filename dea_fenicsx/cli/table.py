@@ -22,6 +22,8 @@ def run(options: argparse.Namespace) -> int:
     from dea_fenicsx.thesis import __main__ as thesis
     from dea_fenicsx.thesis.table import COLUMNS, STATUSES, Row, collect
 
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)  # before anything is computed
     if options.out is not None and options.system is None:
         return thesis.main(["--out", str(options.out)])
     rows: list[Row] = collect()
@@ -37,7 +39,6 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         from dea_fenicsx.thesis.table import write_csv, write_markdown
 
-        options.out.mkdir(parents=True, exist_ok=True)
         write_csv(rows, options.out / "thesis.csv")
         write_markdown(rows, options.out / "thesis.md")
     for system in dict.fromkeys(row.system for row in rows):
