@@ -29,6 +29,8 @@ if TYPE_CHECKING:
         FreeBody,
         Ground,
         Stretch,
+        Taper,
+        ThinFilm,
         Torque,
         Twist,
     )
@@ -78,7 +80,7 @@ _HOME = {
     "conditions": (
         "AxialForce", "AxialStretch", "ChargedElectrode", "Clamp", "DeadLoad", "DeadPressure",
         "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure", "FreeBody",
-        "Ground", "Stretch", "Torque", "Twist",
+        "Ground", "Stretch", "Taper", "ThinFilm", "Torque", "Twist",
     ),
     "errors": ("DeaError", "EquilibriumLost", "InputError", "SolverError"),
     "failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),

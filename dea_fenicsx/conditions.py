@@ -29,6 +29,25 @@ class _Conducting:
 
 
 @dataclass(frozen=True)
+@in_si(start="m", end="m")
+class Taper:
+    """A smooth fall from 1 to 0 along a coordinate: (1 + cos(pi t))/2, t from 0 to 1.
+
+    Parameters
+    ----------
+    start, end
+        Undeformed coordinates in m between which it falls; it is 1 before and 0 behind.
+    along
+        ``"x"``, ``"y"``, ``"z"``, or ``"r"``, the distance from the z axis (in an axisymmetric
+        section its first coordinate).
+    """
+
+    start: float
+    end: float
+    along: str = "r"
+
+
+@dataclass(frozen=True)
 @in_si(volts="V")
 class Electrode(_Conducting):
     """An equipotential: a surface (ideal electrode) or a conducting region of finite thickness.
@@ -41,10 +60,41 @@ class Electrode(_Conducting):
         Potential in V at ramp factor 1.
     ramp
         Name of the ramp that drives it.
+    taper
+        Lets the potential fall off over a ring or strip at the electrode's edge, as a
+        field-grading layer does.  At the sharp edge of an ideal electrode the field is singular: on
+        a fine mesh the edge fails by itself, at a voltage that goes to zero with the cell.  A taper
+        gives the edge a length, and results that converge.
     """
 
     volts: float
     ramp: str = "voltage"
+    taper: Taper | None = None
+
+
+@dataclass(frozen=True)
+@in_si(start="m", end="m")
+class ThinFilm(Electrode):
+    """The field of a film that is thin against all else: V/T through a dielectric region.
+
+    The potential in the region is linear along one axis; it is no unknown, and there is no fringe.
+    Regions beside it should be no dielectrics.
+
+    Parameters
+    ----------
+    where
+        Name of a dielectric region, or several names.
+    volts
+        Potential in V at ramp factor 1, at `end`.
+    start, end
+        Undeformed coordinates in m of the faces at zero and at full potential.
+    along
+        The axis through the film.
+    """
+
+    start: float = 0.0
+    end: float = 0.0
+    along: str = "z"
 
 
 @dataclass(frozen=True)

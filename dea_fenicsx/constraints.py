@@ -24,6 +24,7 @@ from dea_fenicsx.conditions import (
     Fix,
     FreeBody,
     Stretch,
+    ThinFilm,
     Twist,
 )
 from dea_fenicsx.errors import InputError
@@ -165,6 +166,8 @@ def apply_electrodes(
     constraints.fix(potential.dofs[~alive])
 
     owner = np.full(len(potential.dofs), -1)
+    values = np.zeros(len(potential.dofs))
+    X = potential.space.tabulate_dof_coordinates() * device.length
     found: dict[str, np.ndarray] = {}
     for k, electrode in enumerate(scene.electrodes):
         on = np.zeros(len(potential.dofs), dtype=bool)
@@ -173,29 +176,66 @@ def apply_electrodes(
                 on[potential.on(device.dim, device.cells_of(name))] = True
             else:
                 on[potential.on(device.dim - 1, device.facets_of(name))] = True
+        mine = potential_at(scene, electrode, X)
         for j in range(k):
             other = scene.electrodes[j]
-            same = _potential(electrode) == _potential(other) is not None
-            touch = bool(np.any(on & (owner == j))) and not same
+            shared = on & (owner == j)
+            small = 1e-9 * abs(_volts(electrode)) + 1e-300
+            same = _driven_alike(electrode, other) and np.allclose(
+                mine[shared], values[shared], rtol=0, atol=small
+            )
+            touch = bool(np.any(shared)) and not same
             if device.comm.allreduce(touch, op=MPI.LOR):
                 raise InputError(
                     f"Electrodes {other.label!r} and {electrode.label!r} touch, but have different "
                     "potentials; leave dielectric between them."
                 )
         owner[on] = k
+        values[on] = mine[on]
         dofs = potential.dofs[on]
         if isinstance(electrode, ChargedElectrode):
             constraints.fixed[dofs] = False
         else:
             ramp = electrode.ramp if electrode.volts else None
-            constraints.fix(dofs, electrode.volts / volt, ramp)
+            constraints.fix(dofs, mine[on] / volt, ramp)
         found[electrode.label] = dofs
     return found
 
 
-def _potential(electrode: Electrode | ChargedElectrode) -> tuple[float, str] | None:
-    """What an electrode's potential is set to, and None if it floats."""
-    return (electrode.volts, electrode.ramp) if isinstance(electrode, Electrode) else None
+def potential_at(
+    scene: Scene, electrode: Electrode | ChargedElectrode, X: np.ndarray
+) -> np.ndarray:
+    """Given potential in V at undeformed positions X in m, shape (n, 3); 0 where it floats."""
+    values = np.full(len(X), _volts(electrode))
+    if isinstance(electrode, ThinFilm):
+        share = (coordinate(scene, electrode.along, X) - electrode.start) / (
+            electrode.end - electrode.start
+        )
+        values *= share
+    taper = getattr(electrode, "taper", None)
+    if taper is not None:
+        t = (coordinate(scene, taper.along, X) - taper.start) / (taper.end - taper.start)
+        values *= (1 + np.cos(np.pi * np.clip(t, 0, 1))) / 2
+    return values
+
+
+def coordinate(scene: Scene, name: str, X: np.ndarray) -> np.ndarray:
+    """An undeformed coordinate, or ``"r"``, the distance from the z axis in space."""
+    names = scene.kinematics.coordinates
+    if name in tuple(names):
+        return X[:, names.index(name)]
+    return np.hypot(X[:, 0], X[:, 1])
+
+
+def _volts(electrode: Electrode | ChargedElectrode) -> float:
+    return electrode.volts if isinstance(electrode, Electrode) else 0.0
+
+
+def _driven_alike(a: Electrode | ChargedElectrode, b: Electrode | ChargedElectrode) -> bool:
+    """Whether two electrodes are given potentials by the same ramp, or by none."""
+    if isinstance(a, ChargedElectrode) or isinstance(b, ChargedElectrode):
+        return False
+    return a.ramp == b.ramp or not (a.volts or b.volts)
 
 
 def _hold_rigid_motions(device: Device, parts: list[Component], constraints: Constraints) -> None:

@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from dea_fenicsx import compat
 from dea_fenicsx.compat import dolfinx
-from dea_fenicsx.conditions import Ground
+from dea_fenicsx.conditions import Ground, ThinFilm
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import measure
 from dea_fenicsx.mesh import one_sided
@@ -152,9 +152,15 @@ class Charge:
 
     def bind(self, problem: Problem) -> Measurement:
         dofs = _electrode(problem, self.electrode)
+        weights: np.ndarray | float = 1.0
+        named = [e for e in problem.scene.electrodes if self.electrode in (e.label, *e.names)]
+        if isinstance(named[0], ThinFilm) and named[0].volts:
+            # work-conjugate to the voltage: -dPi/dV
+            volt = named[0].volts / problem.scales.potential
+            weights = problem.constraints.base[named[0].ramp][dofs] / volt
 
         def value() -> float:
-            total = -float(problem.residual()[dofs].sum())
+            total = -float((weights * problem.residual()[dofs]).sum())
             return problem.comm.allreduce(total, op=MPI.SUM) * problem.scales.charge
 
         return value

@@ -27,6 +27,8 @@ from dea_fenicsx.conditions import (
     Prescribed,
     Stretch,
     Support,
+    Taper,
+    ThinFilm,
     Torque,
     Twist,
 )
@@ -210,13 +212,17 @@ def _check_electrodes(scene: Scene) -> None:
             finite(electrode.coulombs, f"The charge of electrode {electrode.label!r}")
         else:
             finite(electrode.volts, f"The voltage of electrode {electrode.label!r}")
+            if electrode.taper is not None:
+                _check_taper(scene, electrode.taper, electrode.label)
         for name in electrode.names:
             known(name, [*device.surfaces, *device.regions], "facet group or region")
             if name in seen:
                 raise InputError(f"{name!r} is an electrode twice; name each group once.")
             seen[name] = electrode
             is_region = name in device.regions
-            if is_region and not scene.materials[name].is_conductor:
+            if isinstance(electrode, ThinFilm):
+                _check_thin_film(scene, electrode, name)
+            elif is_region and not scene.materials[name].is_conductor:
                 raise InputError(
                     f"Region {name!r} is an electrode, but its material does not conduct; give it "
                     "Material(..., electric=Conductor())."
@@ -240,6 +246,36 @@ def _check_electrodes(scene: Scene) -> None:
         raise InputError(
             "There are electrodes but no dielectric; give at least one region "
             "Material(..., electric=IdealDielectric(eps_r))."
+        )
+
+
+def _check_thin_film(scene: Scene, film: ThinFilm, name: str) -> None:
+    if name not in scene.device.regions or not scene.materials[name].is_dielectric:
+        raise InputError(
+            f"ThinFilm {name!r} must be a dielectric region; name one with "
+            "Material(..., electric=IdealDielectric(eps_r))."
+        )
+    finite(film.start, f"The start of ThinFilm {name!r}")
+    finite(film.end, f"The end of ThinFilm {name!r}")
+    if film.start == film.end or film.along not in tuple(scene.kinematics.coordinates):
+        raise InputError(
+            f"ThinFilm {name!r} lies between {film.along!r} = {film.start:g} m and {film.end:g} m; "
+            "give two different coordinates along one of the axes "
+            f"{', '.join(scene.kinematics.coordinates)}."
+        )
+
+
+def _check_taper(scene: Scene, taper: Taper, label: str) -> None:
+    names = {*scene.kinematics.coordinates, "r"} if scene.kinematics.dim == 3 else set(
+        scene.kinematics.coordinates
+    )  # fmt: skip
+    finite(taper.start, f"The start of the taper of electrode {label!r}")
+    finite(taper.end, f"The end of the taper of electrode {label!r}")
+    if taper.start == taper.end or taper.along not in names:
+        raise InputError(
+            f"The taper of electrode {label!r} runs along {taper.along!r} from {taper.start:g} m "
+            f"to {taper.end:g} m; give two different coordinates along one of "
+            f"{', '.join(sorted(names))}."
         )
 
 
