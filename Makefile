@@ -1,6 +1,7 @@
 # make env    set up .venv (once; PYTHON=... names an interpreter)
 # make demo   the two-turn helical actuator on 2 ranks
 # make test   the test suite
+# make hard   the table of hard cases and the random kills, into hard_cases.csv
 # make lint   ruff and mypy
 # make docker the container image (docker/README.md)
 # make clean  remove what the targets above made, except results/
@@ -12,7 +13,7 @@ SHELL := /bin/bash
 READY := .venv/ready-$(firstword $(shell pwd | cksum))
 RUN := PATH="$(CURDIR)/.venv/bin:$$PATH" OMP_NUM_THREADS=1
 
-.PHONY: env demo test lint docker clean
+.PHONY: env demo test hard lint docker clean
 
 env: $(READY)
 
@@ -27,6 +28,9 @@ demo: env
 test: env
 	$(RUN) .venv/bin/python -m pytest
 
+hard: env
+	$(RUN) .venv/bin/python tests/hard/run.py
+
 lint: env
 	$(RUN) .ci/lint
 
@@ -34,5 +38,5 @@ docker:
 	docker/build
 
 clean:
-	rm -rf .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf hard_cases.csv .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find dea_fenicsx geometry demos tests -name __pycache__ -type d -prune -exec rm -rf {} +

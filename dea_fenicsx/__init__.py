@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from dea_fenicsx.errors import install_hook
 
 if TYPE_CHECKING:
-    from dea_fenicsx import exact, materials, pictures
+    from dea_fenicsx import design, exact, materials, pictures
     from dea_fenicsx.conditions import (
         AxialForce,
         AxialStretch,
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         Twist,
     )
     from dea_fenicsx.errors import DeaError, EquilibriumLost, InputError, SolverError
+    from dea_fenicsx.failures import ElectricalBreakdown, LossOfTension, StretchLimit
     from dea_fenicsx.kinematics import Axisymmetric, Helical, PlaneStrain, ThreeD
     from dea_fenicsx.materials import (
         ArrudaBoyce,
@@ -80,6 +81,7 @@ _HOME = {
         "Ground", "Stretch", "Torque", "Twist",
     ),
     "errors": ("DeaError", "EquilibriumLost", "InputError", "SolverError"),
+    "failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
     "kinematics": ("Axisymmetric", "Helical", "PlaneStrain", "ThreeD"),
     "materials": (
         "ArrudaBoyce", "Breakdown", "Conductor", "Gent", "IdealDielectric", "Material",
@@ -103,7 +105,7 @@ _HOME = {
     "turns": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}
-_MODULES = ("exact", "geometry", "materials", "pictures")
+_MODULES = ("design", "exact", "geometry", "materials", "pictures")
 __all__ = sorted([*_WHERE, *_MODULES])
 
 install_hook()

@@ -17,6 +17,7 @@ from typing import Any
 with suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (loads the wheel's libraries)
 
+import basix
 import dolfinx
 import dolfinx.fem.petsc
 import numpy as np
@@ -26,8 +27,8 @@ from ufl.algorithms import expand_derivatives
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 
-__all__ = ["PETSc", "collapse", "compile_form", "create_vector", "dolfinx", "expression",
-           "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
+__all__ = ["PETSc", "collapse", "compile_form", "coordinate_element", "create_vector", "dolfinx",
+           "expression", "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 
@@ -141,3 +142,12 @@ def create_vector(form: Any) -> Any:
     if VERSION >= (0, 10):
         return dolfinx.fem.petsc.create_vector(form.function_spaces[0])
     return dolfinx.fem.petsc.create_vector(form)
+
+
+def coordinate_element(mesh: Any) -> Any:
+    """The scalar basix element in which a mesh's coordinates are given."""
+    cmap = mesh.geometry.cmap if VERSION < (0, 11) else mesh.geometry.cmaps[0]
+    variants = basix.LagrangeVariant
+    variant = variants(cmap.variant) if cmap.degree > 2 else variants.gll_warped
+    kind = getattr(basix.CellType, mesh.topology.cell_name())
+    return basix.create_element(basix.ElementFamily.P, kind, cmap.degree, variant)

@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from dea_fenicsx.units import in_si
+
 
 @dataclass(frozen=True)
 class _Conducting:
@@ -27,6 +29,7 @@ class _Conducting:
 
 
 @dataclass(frozen=True)
+@in_si(volts="V")
 class Electrode(_Conducting):
     """An equipotential: a surface (ideal electrode) or a conducting region of finite thickness.
 
@@ -45,6 +48,7 @@ class Electrode(_Conducting):
 
 
 @dataclass(frozen=True)
+@in_si(coulombs="C")
 class ChargedElectrode(_Conducting):
     """An equipotential of given charge, whose potential floats: one unknown for all of it.
 
@@ -99,6 +103,7 @@ class FreeBody:
 
 
 @dataclass(frozen=True)
+@in_si(stretch="")
 class Stretch:
     """Prescribed affine stretch about the origin: u_a = (stretch - 1) X_a on a facet group.
 
@@ -119,6 +124,7 @@ class Stretch:
 
 
 @dataclass(frozen=True)
+@in_si(metres="m")
 class Displacement:
     """Prescribed displacement of a facet group along one axis, in metres at ramp factor 1."""
 
@@ -164,6 +170,7 @@ class Torque:
 
 
 @dataclass(frozen=True)
+@in_si(pascal="Pa")
 class DeadLoad:
     """Nominal traction on a facet group: force per undeformed area, fixed in direction.
 
@@ -181,6 +188,7 @@ class DeadLoad:
 
 
 @dataclass(frozen=True)
+@in_si(pascal="Pa")
 class DeadPressure:
     """Nominal pressure along the undeformed normal, pressing on the material it acts on.
 
@@ -205,6 +213,7 @@ class DeadPressure:
 
 
 @dataclass(frozen=True)
+@in_si(pascal="Pa")
 class FollowerPressure:
     """True pressure: force per deformed area, along the deformed normal, pressing on the body.
 

@@ -62,7 +62,7 @@ class FieldWriter:
         self._prepare_cell_expressions()
         self.grid = self._build_grid()
 
-    def _gather(self, values: np.ndarray) -> np.ndarray | None:
+    def gather(self, values: np.ndarray) -> np.ndarray | None:
         """Cell-wise values of all ranks on rank 0, sorted by the cells' numbers in the file."""
         parts = self.problem.comm.gather((self.original, values), root=0)
         if parts is None:
@@ -87,7 +87,7 @@ class FieldWriter:
         tags = np.zeros(int(cells.indices.max(initial=-1)) + 1, dtype=np.int32)
         tags[cells.indices] = cells.values
         gathered = [
-            self._gather(a) for a in (numbers, coordinates, tags[: self.owned_cells])
+            self.gather(a) for a in (numbers, coordinates, tags[: self.owned_cells])
         ]
         if problem.comm.rank != 0:
             return None
@@ -115,29 +115,36 @@ class FieldWriter:
             ]
             self._cell_expressions.append(compat.expression(ufl.as_vector(entries), middle))
 
+    def vector(self, state: np.ndarray) -> np.ndarray | None:
+        """The displacement part of a state, dimensionless, at the grid's nodes."""
+        components = [self.gather(self._nodal(c, state)) for c in self.parts]
+        if self.problem.comm.rank != 0:
+            return None
+        assert self.grid is not None
+        u = np.zeros((len(self.grid.points), 3))
+        for a, values in enumerate(components):
+            assert values is not None
+            u[self._connectivity.ravel(), a] = values.ravel()
+        return u
+
     def node_fields(self) -> dict[str, np.ndarray] | None:
         """Displacement (m) and potential (V) at the grid's nodes.
 
         Of a helical cell the displacement is that of the section Theta = 0, along (r, z, hoop).
         """
         problem = self.problem
-        array = problem.w.x.array
-        components = [self._gather(self._nodal(c, array)) for c in self.parts]
+        u = self.vector(problem.w.x.array)
         overall = problem.overall_values()
         potential = self._potential()
-        if problem.comm.rank != 0:
+        if u is None:
             return None
         assert self.grid is not None
-        n = len(self.grid.points)
-        u = np.zeros((n, 3))
-        for a, values in enumerate(components):
-            assert values is not None
-            u[self._connectivity.ravel(), a] = values.ravel() * problem.scales.length
+        u = u * problem.scales.length
         if isinstance(problem.scene.kinematics, Helical):
             u = problem.scene.kinematics.section(self.grid.points, u, overall)
         fields: dict[str, np.ndarray] = {"displacement_m": u}
         if potential is not None:
-            phi = np.zeros(n)
+            phi = np.zeros(len(self.grid.points))
             phi[self._connectivity.ravel()] = potential.ravel() * problem.scales.potential
             fields |= {"potential_V": phi}
         return fields
@@ -150,7 +157,7 @@ class FieldWriter:
         values = self._nodal(part, self.problem.w.x.array)
         if values.shape[1] != len(_VTK_ORDER[self.kind]):
             values = values @ _quadratic_from_linear(self.kind).T
-        return self._gather(values)
+        return self.gather(values)
 
     def cell_fields(self) -> dict[str, np.ndarray] | None:
         """J, true field (V/m), Cauchy stress and pressure (Pa): values at the cells' middles.
@@ -161,7 +168,7 @@ class FieldWriter:
         values = np.zeros((self.owned_cells, 10))
         for kernel, evaluate in zip(problem.kernels, self._cell_expressions, strict=True):
             values[kernel.cells] = evaluate(problem.mesh, kernel.cells).reshape(-1, 10)
-        gathered = self._gather(values)
+        gathered = self.gather(values)
         if gathered is None:
             return None
         stress: np.ndarray = np.zeros((len(gathered), 3, 3))
@@ -188,7 +195,7 @@ class FieldWriter:
     def gather_state(self) -> np.ndarray | None:
         """The mixed function's values in each cell, in the order of the mesh file, on rank 0."""
         table = self.problem.W.dofmap.list[: self.owned_cells]
-        return self._gather(self.problem.w.x.array[table])
+        return self.gather(self.problem.w.x.array[table])
 
     def scatter_state(self, values: np.ndarray | None) -> None:
         """Set the mixed function from what `gather_state` gave, on any number of ranks."""

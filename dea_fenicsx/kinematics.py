@@ -14,6 +14,8 @@ import numpy as np
 import ufl
 from ufl import as_matrix, as_vector, dot, grad
 
+from dea_fenicsx.units import in_si
+
 
 class Helix(NamedTuple):
     """What a helical deformation has beside its fields, symbolic and dimensionless.
@@ -87,6 +89,7 @@ class ThreeD(_Flat):
 
 
 @dataclass(frozen=True)
+@in_si(depth="m")
 class PlaneStrain(_Flat):
     """No displacement and no field along the third axis.
 

@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from dea_fenicsx import compat
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.units import si
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +89,7 @@ def read_gmsh(
     InputError
         If the file is missing, is not a gmsh mesh, or has cells that no named group holds.
     """
+    unit = si(unit, "m", "The mesh unit")
     if not (np.isfinite(unit) and unit > 0):
         raise InputError(f"The mesh unit is {unit!r}, but must be a length in metres > 0.")
     label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__

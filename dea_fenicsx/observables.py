@@ -187,6 +187,7 @@ class Capacitance:
 
     electrode: str
     unit = "F"
+    may_be_undefined = True
 
     def bind(self, problem: Problem) -> Measurement:
         charge = Charge(self.electrode).bind(problem)

@@ -25,10 +25,10 @@ from pathlib import Path
 import numpy as np
 
 from dea_fenicsx.errors import InputError, install_hook
-from dea_fenicsx.pictures_curves import axis_label, bare, curve, write_whole
-from dea_fenicsx.reading import read_history, read_summary
+from dea_fenicsx.pictures_curves import axis_label, bare, curve, spoken, write_whole
+from dea_fenicsx.reading import check_field, frame_times, read_history, read_summary
 
-__all__ = ["axis_label", "curve", "deformed", "main"]
+__all__ = ["animated", "axis_label", "bare", "curve", "deformed", "main", "spoken"]
 
 _MPI = ("PMI", "OMPI_", "PRTE_", "PRRTE_", "MPI", "HYDRA_", "HYDI_")
 _NO_PYVISTA, _TIMEOUT_S = 5, 180.0
@@ -75,11 +75,57 @@ def deformed(
     """
     place = Path(folder)
     target = Path(path) if path is not None else place / f"{bare(field)}.png"
-    if not (place / "fields.xdmf").is_file():
-        raise InputError(f"There is no fields.xdmf in {place}; give the folder of a run.")
+    check_field(place, field, step)
+    options = [f"--field={field}", f"--step={step}", f"--warp={warp!r}", f"--out={target}"]
+    return target if _drawn("render", place, options, _TIMEOUT_S, say) else None
+
+
+def animated(
+    folder: str | os.PathLike,
+    path: str | os.PathLike,
+    field: str = "field_strength_V_per_m",
+    warp: float = 1.0,
+    say: Callable[[str], object] | None = None,
+) -> Path | None:
+    """Draw all steps of a run as a film, each like `deformed`, in one view and colour scale.
+
+    Parameters
+    ----------
+    folder, field, warp, say
+        As in `deformed`.
+    path
+        The file: .gif, or .mp4 where ffmpeg is there.
+
+    Returns
+    -------
+    Path or None
+        The film; None if it could not be made, and `say` was told why.
+
+    Raises
+    ------
+    InputError
+        If there are no fields or no such field, or the film cannot be written under that name.
+    """
+    from dea_fenicsx.pictures_movie import check_target
+
+    place, target = Path(folder), Path(path)
+    check_target(target)
+    check_field(place, field)
+    seconds = _TIMEOUT_S + 10.0 * len(frame_times(place))
+    options = [f"--field={field}", f"--warp={warp!r}", f"--out={target}"]
+    return target if _drawn("movie", place, options, seconds, say) else None
+
+
+def _drawn(
+    what: str,
+    place: Path,
+    options: list[str],
+    seconds: float,
+    say: Callable[[str], object] | None,
+) -> bool:
+    """Whether a child process could draw; if not, `say` is told why."""
     command = [
-        sys.executable, "-m", "dea_fenicsx.pictures", "render", str(place), "--here",
-        f"--field={field}", f"--step={step}", f"--warp={warp!r}", f"--out={target}",
+        sys.executable, "-m", "dea_fenicsx.pictures", what, str(place), "--here", *options,
     ]  # fmt: skip
     environment = {k: v for k, v in os.environ.items() if not k.startswith(_MPI)}
     environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
@@ -89,9 +135,9 @@ def deformed(
         trials.append(["xvfb-run", "-a", *command])
     reason = ""
     for trial in trials:
-        status, told = _child(trial, environment)
+        status, told = _child(trial, environment, seconds)
         if status == 0:
-            return target
+            return True
         if status == InputError.exit_status and told.startswith("Error: "):
             raise InputError(told.removeprefix("Error: "))
         reason = told
@@ -99,22 +145,22 @@ def deformed(
             break
     if say:
         say(f"No picture of {place}: {reason}")
-    return None
+    return False
 
 
-def _child(command: list[str], environment: dict[str, str]) -> tuple[int, str]:
+def _child(command: list[str], environment: dict[str, str], seconds: float) -> tuple[int, str]:
     """Exit status of a process and the last line it wrote, or why it ended without one."""
     process = subprocess.Popen(
         command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE, text=True, errors="replace", start_new_session=True,
     )  # fmt: skip
     try:
-        _, errors = process.communicate(timeout=_TIMEOUT_S)
+        _, errors = process.communicate(timeout=seconds)
     except subprocess.TimeoutExpired:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
-        return -1, f"drawing took more than {_TIMEOUT_S:g} s and was stopped."
+        return -1, f"drawing took more than {seconds:g} s and was stopped."
     status = process.returncode
     if status < 0 or status > 128:
         return status, (
@@ -135,10 +181,7 @@ def _title(folder: Path, warp: float, time: float) -> str:
             ramps = [r["what"] for r in read_summary(folder)["settings"]["path"]]
             for name in dict.fromkeys(ramps):
                 if (key := f"{name}_V") in history:
-                    value = float(history[key][row])
-                    text, unit = axis_label(key, abs(value))
-                    shown = text.rsplit("(", 1)[1].rstrip(")")
-                    parts.append(f"{name.replace('_', ' ')} {value / unit:.4g} {shown}")
+                    parts.append(" ".join(spoken(key, float(history[key][row]))))
                 elif (key := f"{name}_factor") in history:
                     parts.append(f"{name.replace('_', ' ')} × {history[key][row]:.4g}")
         parts.append(f"step {int(history['step'][row])}")
@@ -152,12 +195,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(dest="command", required=True)
     render = commands.add_parser("render", help="the deformed device, coloured by a field")
-    render.add_argument("folder", type=Path, help="a run's folder")
-    render.add_argument("--field", default="field_strength_V_per_m", help="name of a field")
     render.add_argument("--step", type=int, default=-1, help="step on disk; -1 is the last")
-    render.add_argument("--warp", type=float, default=1.0, help="scale of the displacement (-)")
-    render.add_argument("--out", type=Path, help="the PNG file")
-    render.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
+    movie = commands.add_parser("movie", help="all steps as a film")
+    for drawn, what in ((render, "the PNG file"), (movie, "the .gif or .mp4 file")):
+        drawn.add_argument("folder", type=Path, help="a run's folder")
+        drawn.add_argument("--field", default="field_strength_V_per_m", help="name of a field")
+        drawn.add_argument("--warp", type=float, default=1.0, help="scale of the displacement (-)")
+        drawn.add_argument("--out", type=Path, required=drawn is movie, help=what)
+        drawn.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
     plot = commands.add_parser("curve", help="columns of history.csv against each other")
     plot.add_argument("folders", nargs="+", type=Path, help="folders of runs")
     plot.add_argument("--x", default="voltage_V", help="column of the abscissa")
@@ -175,10 +220,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(path)
         return 0
     if not given.here:
-        made = deformed(
-            given.folder, given.field, given.step, given.warp, given.out,
-            say=lambda reason: print(reason, file=sys.stderr),
-        )  # fmt: skip
+
+        def say(reason: str) -> None:
+            print(reason, file=sys.stderr)
+
+        if given.command == "movie":
+            made = animated(given.folder, given.out, given.field, given.warp, say)
+        else:
+            made = deformed(given.folder, given.field, given.step, given.warp, given.out, say)
         if made:
             print(made)
         return 0 if made else 1
@@ -187,15 +236,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"{module} is not installed; pip install {module}.", file=sys.stderr)
             return _NO_PYVISTA
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    from dea_fenicsx.pictures_fields import render
 
-    write_whole(
-        given.out,
-        lambda file: render(
-            given.folder, given.field, given.step, given.warp, file,
-            lambda time: _title(given.folder, given.warp, time), axis_label,
-        ),
-    )  # fmt: skip
+    def title(time: float) -> str:
+        return _title(given.folder, given.warp, time)
+
+    def draw(file: Path) -> None:
+        if given.command == "movie":
+            from dea_fenicsx.pictures_movie import film
+
+            kind = given.out.suffix
+            film(given.folder, given.field, given.warp, file, kind, title, axis_label)
+        else:
+            from dea_fenicsx.pictures_fields import render
+
+            render(given.folder, given.field, given.step, given.warp, file, title, axis_label)
+
+    write_whole(given.out, draw)
     return 0
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -36,6 +37,14 @@ _WORDS = {
     "cap": "capacitance",
 }
 _COLUMN = 85 / 25.4  # inch: one column of a journal
+_SAVE: dict[str, dict] = {"png": {"dpi": 300}, "svg": {"metadata": {"Date": None}}}
+STYLE = {
+    "font.size": 8, "axes.linewidth": 0.6, "lines.linewidth": 1.0, "lines.markersize": 3.0,
+    "xtick.direction": "in", "ytick.direction": "in", "xtick.top": True, "ytick.right": True,
+    "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False,
+    "svg.fonttype": "none", "svg.hashsalt": "dea_fenicsx",
+}  # fmt: skip
+"""Settings of matplotlib that all curves share."""
 
 
 def axis_label(name: str, largest: float) -> tuple[str, float]:
@@ -70,6 +79,14 @@ def axis_label(name: str, largest: float) -> tuple[str, float]:
     return f"{words} ({_PREFIX[power]}{unit})", 10.0**power
 
 
+def spoken(name: str, value: float) -> tuple[str, str]:
+    """A column's name without its unit, and its value with a fitting one: ("voltage", "6 kV")."""
+    text, divisor = axis_label(name, abs(value))
+    unit = text.rsplit("(", 1)[1].rstrip(")")
+    number = f"{value / divisor:.4g}"
+    return bare(name).replace("_", " "), number if unit == "-" else f"{number} {unit}"
+
+
 def curve(
     folders: str | os.PathLike | Sequence[str | os.PathLike],
     x: str,
@@ -78,6 +95,7 @@ def curve(
     labels: Sequence[str] | None = None,
     markers: Sequence[str] | str = "os^Dv",
     lines: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
+    formats: Sequence[str] = ("png", "svg"),
 ) -> list[Path]:
     """Draw one column of the history against another, for one run or several.
 
@@ -97,11 +115,13 @@ def curve(
     lines
         Curves to compare with, as thin lines: label to abscissae and ordinates, in the columns'
         (SI) units.
+    formats
+        ``"png"`` (300 dpi), ``"svg"``, or both.
 
     Returns
     -------
     list of Path
-        The PNG (300 dpi) and the SVG.
+        A file for each format.
 
     Raises
     ------
@@ -123,6 +143,9 @@ def curve(
         labels = [p.resolve().name for p in places] if len(places) > 1 else [""]
     if len(labels) != len(places):
         raise InputError(f"There are {len(places)} runs but {len(labels)} labels; give one each.")
+    for kind in formats:
+        if kind not in _SAVE:
+            raise InputError(f"A curve is drawn as png or svg, not as {kind!r}.")
     runs = [(_numbers(p, x), _numbers(p, y)) for p in places]
     others = [(np.asarray(a, float), np.asarray(b, float)) for a, b in (lines or {}).values()]
     biggest = [
@@ -131,13 +154,7 @@ def curve(
     ]
     (x_text, x_unit), (y_text, y_unit) = axis_label(x, biggest[0]), axis_label(y, biggest[1])
 
-    style = {
-        "font.size": 8, "axes.linewidth": 0.6, "lines.linewidth": 1.0, "lines.markersize": 3.0,
-        "xtick.direction": "in", "ytick.direction": "in", "xtick.top": True, "ytick.right": True,
-        "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False,
-        "svg.fonttype": "none", "svg.hashsalt": "dea_fenicsx",
-    }  # fmt: skip
-    with matplotlib.rc_context(style):
+    with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(_COLUMN, 0.75 * _COLUMN), layout="constrained")
         axes = figure.subplots()
         for k, ((a, b), label) in enumerate(zip(runs, labels, strict=True)):
@@ -152,8 +169,8 @@ def curve(
         stem = Path(path) if path is not None else places[0] / f"{bare(y)}_{bare(x)}"
         stem = stem.with_suffix("") if stem.suffix in (".png", ".svg") else stem
         paths = []
-        for kind, extra in (("png", {"dpi": 300}), ("svg", {"metadata": {"Date": None}})):
-            save = partial(figure.savefig, format=kind, **extra)
+        for kind in formats:
+            save = partial(figure.savefig, format=kind, **_SAVE[kind])
             paths.append(write_whole(stem.with_name(f"{stem.name}.{kind}"), save))
         return paths
 
@@ -184,5 +201,6 @@ def write_whole(path: Path, write: Callable[[Path], object]) -> Path:
     except OSError as error:
         raise InputError(f"The picture {path} cannot be written ({error.strerror}).") from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink()
     return path

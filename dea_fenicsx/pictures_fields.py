@@ -66,7 +66,7 @@ class _Image:
 
 def _shoot(
     draw: Callable[[Any], None], bounds: Any, right: np.ndarray, up: np.ndarray, width_inch: float,
-    margin: float = 0.03,
+    dpi: int, margin: float = 0.03,
 ) -> _Image:  # fmt: skip
     """Render in parallel projection; `bounds` (n, 3) are points that must be seen."""
     import pyvista
@@ -76,7 +76,7 @@ def _shoot(
     pad = margin * (high - low).max()
     low, high = low - pad, high + pad
     width, height = high - low
-    pixels = int(width_inch * 2 * _DPI)
+    pixels = int(width_inch * 2 * dpi)
     size = (pixels, max(round(pixels * height / width), 8))
     normal = np.cross(right, up)
     depth = bounds @ normal
@@ -155,9 +155,45 @@ def _section(grid: Any) -> Any:
     return cut
 
 
+@dataclass(frozen=True)
+class View:
+    """What pictures of one film share, so that nothing jumps between them.
+
+    Attributes
+    ----------
+    limits : ends of the colour scale, in SI units
+    outside, section : points that must be seen, shape (n, 3)
+    dpi : resolution
+    """
+
+    limits: tuple[float, float]
+    outside: np.ndarray
+    section: np.ndarray
+    dpi: int
+
+
+def limits_of(values: np.ndarray, name: str) -> tuple[float, float]:
+    """Ends of the colour scale; those of an electric field and of a constant start at 0."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
+    if name.endswith("V_per_m") or high - low < 1e-9 * max(abs(high), abs(low)):
+        low = min(low, 0.0)
+    return (low, high) if high > low else (low, low + 1.0)
+
+
+def points_seen(frame: Any, warp: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points of the device and of its section, deformed and not, shapes (n, 3)."""
+    grid = frame.grid
+    outside = np.vstack([_surface(_warped(grid, warp), 3).points, np.asarray(grid.points)])
+    section = None if frame.flat else _section(grid)
+    if section is None:
+        return outside, np.empty((0, 3))
+    return outside, np.vstack([_warped(section, warp).points, section.points])
+
+
 def render(
     folder: Path, field: str, step: int, warp: float, path: Path, title: Callable[[float], str],
-    label: Callable[[str, float], tuple[str, float]],
+    label: Callable[[str, float], tuple[str, float]], view: View | None = None,
 ) -> None:  # fmt: skip
     """Draw a step of a run: the device in isometric view and a section through it.
 
@@ -173,6 +209,8 @@ def render(
         From the step's time to the text above the picture.
     label
         From a name with its unit and the largest value to the axis label and the divisor.
+    view
+        Colour scale, frame and resolution; by default what fits this step.
     """
     import matplotlib
     from matplotlib.figure import Figure
@@ -181,12 +219,9 @@ def render(
     grid = frame.grid
     values, name, nodal = scalar(grid, field)
     (grid.point_data if nodal else grid.cell_data)["shown"] = values
-    finite = values[np.isfinite(values)]
-    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
-    if name.endswith("V_per_m") or high - low < 1e-9 * max(abs(high), abs(low)):
-        low = min(low, 0.0)
-    if high <= low:
-        high = low + 1.0
+    if view is None:
+        view = View(limits_of(values, name), *points_seen(frame, warp), _DPI)
+    low, high = view.limits
     text, divisor = label(name, max(abs(low), abs(high)))
 
     def draw(surface: Any, outline: Any, lit: bool) -> Callable[[Any], None]:
@@ -204,22 +239,23 @@ def render(
 
     whole = _surface(_warped(grid, warp), 3)
     outline = _edges(_surface(grid, 3))
-    seen = np.vstack([whole.points, np.asarray(grid.points)])
+    seen = view.outside
     section = None if frame.flat else _section(grid)
     panels: list[tuple[_Image, str]] = []
     x, y, z = np.eye(3)
     if frame.flat:
-        panels.append((_shoot(draw(whole, outline, False), seen, x, y, _WIDTH), "xy"))
+        panels.append((_shoot(draw(whole, outline, False), seen, x, y, _WIDTH, view.dpi), "xy"))
     else:
         iso_right, iso_up = np.array([1, 1, 0]) / 2**0.5, np.array([-1, 1, 2]) / 6**0.5
-        image = _shoot(draw(whole, outline, True), seen, iso_right, iso_up, _WIDTH / 2, 0.01)
+        act = draw(whole, outline, True)
+        image = _shoot(act, seen, iso_right, iso_up, _WIDTH / 2, view.dpi, 0.01)
         panels.append((image, ""))
         if section is not None:
             moved = _warped(section, warp)
-            both = np.vstack([moved.points, section.points])
+            both = view.section
             nearer = -1e-2 * (both.max() - both.min()) * y  # in front of the section
             act = draw(moved, _edges(section).translate(nearer), False)
-            panels.append((_shoot(act, both, x, z, _WIDTH / 2), "xz"))
+            panels.append((_shoot(act, both, x, z, _WIDTH / 2, view.dpi), "xz"))
 
     style = {"font.size": 8, "font.family": "sans-serif", "axes.linewidth": 0.6,
              "xtick.major.width": 0.6, "ytick.major.width": 0.6}  # fmt: skip
@@ -242,6 +278,6 @@ def render(
             matplotlib.colors.Normalize(low / divisor, high / divisor), _COLOURS
         )
         figure.colorbar(scale, ax=list(axes), label=text, aspect=25)
-        grey = "" if len(finite) == len(values) else ", no field in grey"
+        grey = "" if np.isfinite(values).all() else ", no field in grey"
         figure.suptitle(title(frame.time) + grey, fontsize=8)
-        figure.savefig(path, format="png", dpi=_DPI)
+        figure.savefig(path, format="png", dpi=view.dpi)

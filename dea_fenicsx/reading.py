@@ -29,8 +29,13 @@ def read_history(folder: str | os.PathLike) -> dict[str, np.ndarray]:
     file = Path(folder) / "history.csv"
     if not file.is_file():
         raise InputError(f"There is no history.csv in {folder}; give the folder of a run.")
-    with open(file, newline="") as f:
-        rows = list(csv.DictReader(f))
+    try:
+        with open(file, newline="", encoding="utf-8") as f:
+            rows = list(csv.DictReader(f))
+    except (csv.Error, UnicodeDecodeError) as error:
+        raise InputError(f"{file} is not a history of this package ({error}).") from error
+    if any(None in row or None in row.values() for row in rows):
+        raise InputError(f"{file} is damaged: a row has more or fewer cells than its head.")
     columns: dict[str, np.ndarray] = {}
     for name in rows[0] if rows else []:
         values = [row[name] for row in rows]
@@ -46,8 +51,11 @@ def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
     file = Path(folder) / "summary.json"
     if not file.is_file():
         raise InputError(f"There is no summary.json in {folder}; give the folder of a run.")
-    with suppress(json.JSONDecodeError):
-        return json.loads(file.read_text("utf-8"))
+    with suppress(json.JSONDecodeError, UnicodeDecodeError):
+        found = json.loads(file.read_text("utf-8"))
+        if isinstance(found, dict):
+            return found
+        raise InputError(f"{file} is no summary of a run: it holds no object.")
     raise InputError(f"{file} is not valid JSON.")
 
 
@@ -65,6 +73,49 @@ class Frame:
     grid: Any
     flat: bool
     time: float
+
+
+def _grids(folder: Path) -> list[ET.Element]:
+    """The steps in fields.xdmf."""
+    file = folder / "fields.xdmf"
+    if not file.is_file():
+        raise InputError(f"There is no fields.xdmf in {folder}; give the folder of a run.")
+    try:
+        return ET.parse(file).getroot().findall("./Domain/Grid/Grid")
+    except (ET.ParseError, UnicodeDecodeError) as error:
+        raise InputError(f"{file} is not valid XML ({error}).") from error
+
+
+def _grid(folder: Path, step: int) -> ET.Element:
+    """One of the steps in fields.xdmf."""
+    grids = _grids(folder)
+    if not -len(grids) <= step < len(grids):
+        raise InputError(
+            f"Step {step} is not in {folder / 'fields.xdmf'}; it holds steps 0 to "
+            f"{len(grids) - 1} (-1 is the last one)."
+        )
+    return grids[step]
+
+
+def check_field(folder: Path, field: str, step: int = -1) -> None:
+    """Raise InputError unless fields.xdmf has that field at that step."""
+    names = [a.attrib["Name"] for a in _grid(folder, step).findall("Attribute")]
+    if field not in names:
+        raise InputError(
+            f"There is no field {field!r} in the results; there are: {', '.join(sorted(names))}."
+        )
+
+
+def frame_times(folder: str | os.PathLike) -> list[float]:
+    """Path parameter of each step in fields.xdmf."""
+    times = [grid.find("Time") for grid in _grids(Path(folder))]
+    return [float(t.attrib["Value"]) if t is not None else 0.0 for t in times]
+
+
+def field_names(folder: str | os.PathLike) -> list[str]:
+    """Names of the fields in fields.xdmf."""
+    names = [a.attrib["Name"] for grid in _grids(Path(folder)) for a in grid.findall("Attribute")]
+    return list(dict.fromkeys(names))
 
 
 def read_frame(folder: Path, step: int = -1) -> Frame:
@@ -85,22 +136,16 @@ def read_frame(folder: Path, step: int = -1) -> Frame:
     import h5py
     import pyvista
 
-    file = folder / "fields.xdmf"
-    if not file.is_file():
-        raise InputError(f"There is no fields.xdmf in {folder}; give the folder of a run.")
-    grids = ET.parse(file).getroot().findall("./Domain/Grid/Grid")
-    if not -len(grids) <= step < len(grids):
-        raise InputError(
-            f"Step {step} is not in {file}; it holds steps 0 to {len(grids) - 1} "
-            "(-1 is the last one)."
-        )
-    xml = grids[step]
+    xml = _grid(folder, step)
 
     def data(element: ET.Element | None) -> np.ndarray:
         assert element is not None
-        name, where = (element.findtext("DataItem") or "").strip().split(":", 1)
-        with h5py.File(folder / name) as h5:
-            return h5[where][()]
+        name, _, where = (element.findtext("DataItem") or "").strip().partition(":")
+        try:
+            with h5py.File(folder / name) as h5:
+                return h5[where][()]
+        except (OSError, KeyError, ValueError) as error:
+            raise InputError(f"{folder / name} cannot be read, or lacks {where!r}.") from error
 
     topology = xml.find("Topology")
     assert topology is not None

@@ -5,6 +5,9 @@
     history.csv     a row for each accepted step
     summary.json    settings, versions, sizes, final observables
     checkpoint.npz  the last accepted state, to resume from
+    modes/          the null vector of each critical point, on its deformed state
+    script.py       the script that made it
+    previous/       an earlier run's files; those of later ones in previous_2/ and so on
 
 Each file is written under another name and then renamed, so that at any moment every file on disk
 is whole.  Rank 0 writes.
@@ -17,14 +20,17 @@ import json
 import os
 import shutil
 import tempfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import h5py
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx import provenance
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.fields import Grid
 from dea_fenicsx.reading import read_history, read_summary
@@ -38,7 +44,9 @@ _XDMF_CELLS = {
     "hexahedron": "Hexahedron_27",
 }
 _KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
-RUN_FILES = ("fields.xdmf", "fields.h5", "history.csv", "summary.json", "checkpoint.npz", "parts")
+RUN_FILES = (
+    "fields.xdmf", "fields.h5", "history.csv", "summary.json", "checkpoint.npz", "parts", "modes",
+)  # fmt: skip
 
 
 def replace_file(path: Path, write: Callable[[Path], None]) -> None:
@@ -67,6 +75,7 @@ class Folder:
     def __init__(self, path: str | os.PathLike, comm: MPI.Comm) -> None:
         self.path = Path(path)
         self.comm = comm
+        self.origin: dict[str, Any] = {}
         self._together(self._check_writable)
 
     def _together(self, action: Callable[[], Any]) -> Any:
@@ -94,19 +103,38 @@ class Folder:
             ) from error
 
     def start(self) -> None:
-        """Make room for a new run: an earlier run's files move into previous/.  Collective."""
+        """Make room for a new run: an earlier run's files move into a folder previous...
+
+        Nothing is deleted: the first one's go to previous/, the next one's to previous_2/.
+        Collective.
+        """
 
         def action() -> None:
             found = [n for n in RUN_FILES if (self.path / n).exists()]
             if found:
                 old = self.path / "previous"
-                shutil.rmtree(old, ignore_errors=True)
+                number = 1
+                while old.exists():
+                    number += 1
+                    old = self.path / f"previous_{number}"
                 old.mkdir()
-                for name in found:
+                copies = [
+                    name
+                    for name in (provenance.COPY, provenance.RESUMED)
+                    if (self.path / name).exists() and not provenance.is_script(self.path / name)
+                ]
+                # the checkpoint first: a run killed in here is not taken for one to resume
+                for name in sorted([*found, *copies], key=lambda n: n != "checkpoint.npz"):
                     os.replace(self.path / name, old / name)
             (self.path / "parts").mkdir(exist_ok=True)
 
         self._together(action)
+
+    def keep_origin(self) -> None:
+        """Copy the script into the folder, and find out its state in git (rank 0)."""
+        if self.comm.rank == 0:
+            provenance.keep_script(self.path)
+            self.origin = provenance.origin()
 
     # -------------------------------------------------------------- checkpoint
 
@@ -127,7 +155,7 @@ class Folder:
                 with np.load(file, allow_pickle=False) as data:
                     state = data["state"]
                     return json.loads(str(data["told"]))
-            except (ValueError, KeyError, EOFError) as error:
+            except (ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
                 raise InputError(f"{file} is no checkpoint of this package ({error}).") from error
 
         told = self._together(action)
@@ -144,23 +172,23 @@ class Folder:
 
         def write(target: Path) -> None:
             with h5py.File(target, "w") as h5:
-                h5["points"] = grid.points
-                h5["cells"] = grid.cells
-                h5["regions"] = grid.regions.astype(np.int64)
-                h5.attrs["cell"] = grid.kind
+                _put_grid(h5, grid)
 
         replace_file(self.path / "parts" / "grid.h5", write)
 
     def write_step(
         self,
         step: int,
-        told: dict[str, Any],
+        told: dict[str, Any] | None,
         history: list[dict[str, Any]],
         nodes: dict[str, np.ndarray] | None,
         cells: dict[str, np.ndarray] | None,
         state: np.ndarray | None,
     ) -> None:
-        """Write an accepted step: fields first, the checkpoint that vouches for them last."""
+        """Write an accepted step: fields first, the checkpoint that vouches for them last.
+
+        Without anything told there is no checkpoint, and a run is resumed from the step before.
+        """
         if self.comm.rank != 0:
             return
 
@@ -175,6 +203,8 @@ class Folder:
             replace_file(self._part(step), write_fields)
             self.write_xdmf(history)
         self.write_history(history)
+        if told is None:
+            return
 
         def write_checkpoint(target: Path) -> None:
             with open(target, "wb") as f:
@@ -227,12 +257,7 @@ class Folder:
             file, prefix = self._where(self._part(step), f"step_{step:05d}/", whole)
             if file.exists():
                 grids.append(self._grid_xml(step, float(row["time"]), file, prefix, whole))
-        text = (
-            '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n <Domain>\n'
-            '  <Grid Name="device" GridType="Collection" CollectionType="Temporal">\n'
-            + "".join(grids)
-            + "  </Grid>\n </Domain>\n</Xdmf>\n"
-        )
+        text = _document("".join(grids))
         replace_file(self.path / "fields.xdmf", lambda t: _discard(t.write_text(text, "utf-8")))
 
     def _where(self, part: Path, group: str, whole: bool) -> tuple[Path, str]:
@@ -241,33 +266,36 @@ class Folder:
 
     def _grid_xml(self, step: int, time: float, file: Path, prefix: str, whole: bool) -> str:
         mesh, mesh_prefix = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
-        with h5py.File(mesh) as h5:
-            where = h5[mesh_prefix] if mesh_prefix else h5
-            n_cells, per_cell = where["cells"].shape
-            n_points = where["points"].shape[0]
-            kind = _XDMF_CELLS[str(where.attrs["cell"])]
-        mesh_name, name = (p.relative_to(self.path).as_posix() for p in (mesh, file))
-        lines = [
-            f'   <Grid Name="step {step}" GridType="Uniform">',
-            f'    <Time Value="{time:.12g}"/>',
-            f'    <Topology TopologyType="{kind}" NumberOfElements="{n_cells}">',
-            _item((n_cells, per_cell), "Int", f"{mesh_name}:/{mesh_prefix}cells"),
-            "    </Topology>",
-            '    <Geometry GeometryType="XYZ">',
-            _item((n_points, 3), "Float", f"{mesh_name}:/{mesh_prefix}points"),
-            "    </Geometry>",
-            _attribute(
-                "region", "Scalar", "Cell", (n_cells,), "Int", f"{mesh_name}:/{mesh_prefix}regions"
-            ),
-        ]
-        with h5py.File(file) as h5:
-            where = h5[prefix] if prefix else h5
-            for group, center in (("node", "Node"), ("cell", "Cell")):
-                for field, data in where[group].items():
-                    kind = _KINDS[data.shape[1] if data.ndim > 1 else 1]
-                    source = f"{name}:/{prefix}{group}/{field}"
-                    lines.append(_attribute(field, kind, center, data.shape, "Float", source))
-        return "\n".join([*lines, "   </Grid>\n"])
+        return _grid_xml(
+            f"step {step}", time, (mesh, mesh_prefix), (file, prefix), self.path
+        )
+
+    def write_mode(
+        self,
+        step: int,
+        grid: Grid | None,
+        nodes: dict[str, np.ndarray] | None,
+        mode: np.ndarray | None,
+    ) -> None:
+        """Write a null vector with the state it belongs to: modes/mode_<step>.xdmf (rank 0)."""
+        if self.comm.rank != 0:
+            return
+        assert grid is not None and nodes is not None and mode is not None
+        folder = self.path / "modes"
+        folder.mkdir(exist_ok=True)
+        file = folder / f"mode_{step:05d}.h5"
+
+        def write(target: Path) -> None:
+            with h5py.File(target, "w") as h5:
+                _put_grid(h5, grid)
+                for name, values in (nodes | {"mode": mode}).items():
+                    h5[f"node/{name}"] = values
+
+        replace_file(file, write)
+        text = _document(_grid_xml(f"mode of step {step}", 0.0, (file, ""), (file, ""), folder))
+        replace_file(
+            file.with_suffix(".xdmf"), lambda t: _discard(t.write_text(text, "utf-8"))
+        )
 
     def consolidate(self, history: list[dict[str, Any]]) -> None:
         """Bring all steps into one fields.h5 and remove the parts (rank 0)."""
@@ -300,6 +328,56 @@ class Folder:
         replace_file(whole, write)
         self.write_xdmf(history, whole=True)
         shutil.rmtree(parts)
+
+
+def _document(grids: str) -> str:
+    """An XDMF document that holds a temporal collection of grids."""
+    return (
+        '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n <Domain>\n'
+        '  <Grid Name="device" GridType="Collection" CollectionType="Temporal">\n'
+        + grids
+        + "  </Grid>\n </Domain>\n</Xdmf>\n"
+    )
+
+
+def _put_grid(h5: Any, grid: Grid) -> None:
+    h5["points"] = grid.points
+    h5["cells"] = grid.cells
+    h5["regions"] = grid.regions.astype(np.int64)
+    h5.attrs["cell"] = grid.kind
+
+
+def _grid_xml(
+    name: str, time: float, mesh: tuple[Path, str], fields: tuple[Path, str], root: Path
+) -> str:
+    """One grid: its mesh and its fields, each a file and a group in it, seen from a folder."""
+    (mesh_file, mesh_prefix), (file, prefix) = mesh, fields
+    with h5py.File(mesh_file) as h5:
+        where = h5[mesh_prefix] if mesh_prefix else h5
+        n_cells, per_cell = where["cells"].shape
+        n_points = where["points"].shape[0]
+        kind = _XDMF_CELLS[str(where.attrs["cell"])]
+    mesh_name, file_name = (p.relative_to(root).as_posix() for p in (mesh_file, file))
+    source = f"{mesh_name}:/{mesh_prefix}"
+    lines = [
+        f'   <Grid Name="{name}" GridType="Uniform">',
+        f'    <Time Value="{time:.12g}"/>',
+        f'    <Topology TopologyType="{kind}" NumberOfElements="{n_cells}">',
+        _item((n_cells, per_cell), "Int", f"{source}cells"),
+        "    </Topology>",
+        '    <Geometry GeometryType="XYZ">',
+        _item((n_points, 3), "Float", f"{source}points"),
+        "    </Geometry>",
+        _attribute("region", "Scalar", "Cell", (n_cells,), "Int", f"{source}regions"),
+    ]
+    with h5py.File(file) as h5:
+        where = h5[prefix] if prefix else h5
+        for group, center in (("node", "Node"), ("cell", "Cell")):
+            for field, data in where.get(group, {}).items():
+                kind = _KINDS[data.shape[1] if data.ndim > 1 else 1]
+                place = f"{file_name}:/{prefix}{group}/{field}"
+                lines.append(_attribute(field, kind, center, data.shape, "Float", place))
+    return "\n".join([*lines, "   </Grid>\n"])
 
 
 def _item(shape: tuple[int, ...], kind: str, where: str) -> str:

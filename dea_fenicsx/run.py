@@ -3,23 +3,25 @@
 from __future__ import annotations
 
 import json
-import platform
 import resource
 import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, is_dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.checks import check_step
 from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
+from dea_fenicsx.events import Alarm, Sentinel
+from dea_fenicsx.failures import Failure, Gauge, Worst, default_failures
 from dea_fenicsx.fields import FieldWriter
 from dea_fenicsx.observables import Measurement, Observable
+from dea_fenicsx.provenance import package_versions
 from dea_fenicsx.results import Folder
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import NewtonOptions, NewtonSolver
@@ -87,6 +89,7 @@ def solve(
     resume: bool = False,
     quiet: bool = False,
     stability: str = "last",
+    failures: Sequence[Failure] | None = None,
     options: NewtonOptions | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> Run:
@@ -101,14 +104,21 @@ def solve(
     record
         Observables by name; the column in history.csv is the name with the unit appended.
     out
-        Results folder; None writes nothing.  An earlier run's files in it move to ``previous/``.
+        Results folder; None writes nothing.  An earlier run's files in it move to ``previous/``,
+        ``previous_2/`` and so on; none is ever deleted.
     resume
         Carry on from the last step in `out`, if there is one.
     quiet
         Print nothing.
     stability
         When to factorise the tangent of an accepted state to count its negative eigenvalues:
-        at the ``"last"`` step, at ``"every"`` step, or ``"never"`` on purpose.
+        at the ``"last"`` step, at ``"every"`` step, or ``"never"`` on purpose.  With ``"every"`` a
+        change between two steps is located: a bifurcation gets a step of its own, and its null
+        vector a file in ``modes/``.
+    failures
+        What to watch: `ElectricalBreakdown`, `LossOfTension`, `StretchLimit`.  The first state at
+        which one occurs gets a step of its own and an entry in the summary; the path goes on.
+        None watches breakdown where a dielectric has a breakdown field.
     options
         Settings of Newton's method.
     settings
@@ -130,8 +140,16 @@ def solve(
     check_path(scene, path)
     if stability not in STABILITY:
         raise InputError(f"stability is {stability!r}, but must be one of {', '.join(STABILITY)}.")
+    (options or NewtonOptions()).check()
+    watched = default_failures(scene) if failures is None else tuple(failures)
+    for failure in watched:
+        failure.check(scene)
+    if any(getattr(r, "switch", 0.0) for r in path) and stability != "every":
+        raise InputError(
+            f'A trace with switch=... needs stability="every", but stability is {stability!r}.'
+        )
     return _Session(
-        scene, path, dict(record or {}), out, resume, quiet, stability, options, settings
+        scene, path, dict(record or {}), out, resume, quiet, stability, watched, options, settings
     ).run()
 
 
@@ -146,12 +164,15 @@ class _Session:
     resume: bool
     quiet: bool
     stability: str
+    failures: Sequence[Failure]
     options: NewtonOptions | None
     settings: Mapping[str, Any] | None
     history: list[dict[str, Any]] = field(default_factory=list)
     earlier_s: float = 0.0
     ramp: int = 0
     counts: tuple[int, int, int] = (0, 0, 0)
+    found: list[dict[str, Any]] = field(default_factory=list)
+    lost: EquilibriumLost | SolverError | None = None
 
     def run(self) -> Run:
         self.started = time.perf_counter()
@@ -163,12 +184,14 @@ class _Session:
             for name, o in self.record.items()
         }
         self.solver = NewtonSolver(self.problem, self.options)
+        self.gauges = [Gauge(failure, self.problem) for failure in self.failures]
         self.folder = folder
         self.writer = FieldWriter(self.problem) if folder else None
         cursor = self._load() if self.resume and folder else None
         if folder and self.writer and cursor is None:
             folder.start()
         if folder and self.writer:
+            folder.keep_origin()
             folder.write_grid(self.writer.grid)
         self._say(
             f"{self.scene.device.source or 'device'}: {self.problem.unknowns} unknowns, "
@@ -178,11 +201,20 @@ class _Session:
         result = Run(self.history, {}, self.problem, folder)
         self._summarise(result, "running")
         self._step_started = time.perf_counter()
+        sentinel = Sentinel(
+            self.solver,
+            [Alarm(g.failure.name, lambda g=g: g.worst().margin) for g in self.gauges],
+            stability=self.stability == "every",
+            fired=[row["event"] for row in self.history],
+        )
         try:
-            for step in follow(self.solver, self.path, cursor, self._say, self._enough):
+            for step in follow(
+                self.solver, self.path, cursor, self._say, self._enough, sentinel
+            ):
                 self._accept(step)
         except (EquilibriumLost, SolverError) as error:
             error.run = result
+            self.lost = error
             kind = "equilibrium lost" if isinstance(error, EquilibriumLost) else "solver failed"
             self._finish(result, kind, str(error))
             raise
@@ -207,10 +239,10 @@ class _Session:
 
     def _accept(self, step: Step) -> None:
         """Measure and write an accepted step."""
-        problem, solver, probe = self.problem, self.solver, step.attempt.probe
-        assert probe is not None
-        before = self.counts
-        if self.stability == "every" or (self.stability == "last" and step.last):
+        problem, solver, before = self.problem, self.solver, self.counts
+        known = solver.inertia.settled and solver.inertia.factors == step.cursor.factors
+        wanted = self.stability == "every" or (self.stability == "last" and step.last)
+        if wanted and not known:
             solver.refresh_inertia()
         counters = solver.counters
         self.counts = (counters.newton, counters.krylov, counters.factorisations)
@@ -229,48 +261,93 @@ class _Session:
             volts = self.scene.reference_voltage(name)
             key = f"{name}_V" if volts else f"{name}_factor"
             row[key] = cursor.factors[name] * (volts or 1.0)
-        row.update({name: measure() for name, measure in self.measurements.items()})
+        measured = {name: measure() for name, measure in self.measurements.items()}
+        row |= measured
+        checked = check_step(solver, cursor.step, self._must_be_finite(measured))
+        probe = checked.probe
         if problem.potential is not None:
             row["max_field_V_per_m"] = probe.max_field * scales.field
             for axis, x in zip("xyz", probe.place, strict=True):
                 row[f"max_field_{axis}_m"] = float(x) * length
+        worst = {g.failure.name: g.worst() for g in self.gauges}
+        row |= {g.failure.column: worst[g.failure.name].value for g in self.gauges}
         row |= {
             "min_J": probe.min_J,
-            "volume_error": problem.volume_error(),
-            "residual": step.attempt.residual,
+            "volume_error": checked.volume_error,
+            "residual": checked.residual,
             "newton_iterations": work[0],
             "krylov_iterations": work[1],
             "factorisations": work[2],
             "retries": step.retries,
             "inertia": solver.inertia.excess,
-            "inertia_is_of_this_step": int(solver.inertia.factors == cursor.factors),
+            "inertia_is_of_this_step": int(
+                solver.inertia.settled and solver.inertia.factors == cursor.factors
+            ),
             "wall_s": self.earlier_s + now - self.started,
         }
         self.history.append(row)
+        if step.event in worst:
+            self._note_failure(step.event, row, worst[step.event])
+        elif step.event == "maximum" and self.scene.is_electric(step.label):
+            self._note_failure("pull-in", row, None)
         if self.folder and self.writer:
-            told = {
-                "cursor": asdict(cursor),
-                "history": self.history,
-                "fingerprint": self._fingerprint(),
-                "wall_s": row["wall_s"],
-            }
-            self.folder.write_step(
-                cursor.step, told, self.history,
-                self.writer.node_fields(), self.writer.cell_fields(), self.writer.gather_state(),
-            )  # fmt: skip
+            self._write(step, row)
         self._report(row, now - self._step_started)
         self._step_started = time.perf_counter()
 
+    def _write(self, step: Step, row: dict[str, Any]) -> None:
+        """Write an accepted step; the run can be resumed from it unless it is an event's."""
+        assert self.folder and self.writer
+        told = None if step.event else {
+            "cursor": asdict(step.cursor),
+            "history": self.history,
+            "fingerprint": self._fingerprint(),
+            "references": self.solver.references.sizes,
+            "failures": self.found,
+            "wall_s": row["wall_s"],
+        }  # fmt: skip
+        cells = self.writer.cell_fields()
+        for gauge in self.gauges:
+            values = self.writer.gather(gauge.by_cell())
+            if cells is not None and values is not None:
+                cells[gauge.failure.column] = values
+        nodes, state = self.writer.node_fields(), self.writer.gather_state()
+        self.folder.write_step(step.cursor.step, told, self.history, nodes, cells, state)
+        if step.mode is not None:
+            shape = self.writer.vector(step.mode)
+            self.folder.write_mode(step.cursor.step, self.writer.grid, nodes, shape)
+
+    def _loads(self, row: dict[str, Any]) -> dict[str, float]:
+        """Columns of a row that hold the loads."""
+        names = (f"{r}{end}" for r in self.scene.ramps for end in ("_V", "_factor"))
+        return {name: row[name] for name in names if name in row}
+
+    def _note_failure(self, mode: str, row: dict[str, Any], worst: Worst | None) -> None:
+        """Keep where and at which load a failure first occurred."""
+        entry: dict[str, Any] = {"mode": mode, "step": row["step"], **self._loads(row)}
+        if worst is not None:
+            entry |= {"region": worst.region, "place_m": [float(x) for x in worst.place]}
+        self.found.append(entry)
+
+    def _must_be_finite(self, measured: dict[str, float]) -> dict[str, float]:
+        """The observables without those that are not defined at zero voltage, as they tell."""
+        undefined = (getattr(o, "may_be_undefined", False) for o in self.record.values())
+        return {
+            name: value
+            for (name, value), may in zip(measured.items(), undefined, strict=True)
+            if not (may and np.isnan(value))
+        }
+
     def _report(self, row: dict[str, Any], seconds: float) -> None:
         loads = "  ".join(
-            f"{k.removesuffix('_V')} {row[k]:.6g}{' V' * k.endswith('_V')}"
-            for k in row
-            if k.removesuffix("_V").removesuffix("_factor") in self.scene.ramps
+            f"{k.removesuffix('_V')} {v:.6g}{' V' * k.endswith('_V')}"
+            for k, v in self._loads(row).items()
         )
         seen = "  ".join(f"{name} {row[name]:.6g}" for name in list(self.measurements)[:3])
         self._say(
             f"step {row['step']:3d}  {loads}  {seen}  Newton {row['newton_iterations']}  "
             f"Krylov {row['krylov_iterations']}  {seconds:.1f} s"
+            + (f"  ({row['event']})" if row["event"] else "")
         )
 
     def _say(self, line: str) -> None:
@@ -284,11 +361,16 @@ class _Session:
         device = self.scene.device
         facts = {
             "cells": self.comm.allreduce(device.owned_cells(), op=MPI.SUM),
-            "unknowns": self.problem.unknowns,
             "ramps": list(self.scene.ramps),
             "materials": {k: _described(m) for k, m in self.scene.materials.items()},
-            "electrodes": [_described(e) for e in self.scene.electrodes],
+            **{
+                what: [_described(item) for item in getattr(self.scene, what)]
+                for what in ("electrodes", "supports", "prescribed", "loads")
+            },
+            "kinematics": _described(self.scene.kinematics),
+            "elements": _described(self.scene.elements),
             "path": [_described(r) for r in self.path],
+            "unknowns": self.problem.unknowns,
         }
         return json.loads(json.dumps(facts))
 
@@ -308,9 +390,20 @@ class _Session:
                     "script's; start anew without resume, or in another folder."
                 )
         self.history = told["history"]
+        self.found = told.get("failures", [])
         self.earlier_s = float(told["wall_s"])
         self.writer.scatter_state(state)
-        return Cursor(**told["cursor"])
+        self.solver.references.sizes |= told.get("references", {})
+        cursor = Cursor(**told["cursor"])
+        self.problem.set_factors(cursor.factors)
+        try:
+            check_step(self.solver, cursor.step, {})
+        except SolverError as error:
+            raise InputError(
+                f"The run in {self.folder.path} cannot be resumed: its last state is no "
+                "equilibrium of this scene; start anew without resume, or in another folder."
+            ) from error
+        return cursor
 
     # ----------------------------------------------------------------- summary
 
@@ -332,6 +425,11 @@ class _Session:
             "message": message,
             **{k: v for k, v in last.items() if k in self._kept_keys()},
             "stable": stable,
+            "events": [
+                {"event": row["event"], "step": row["step"], **self._loads(row)}
+                for row in self.history if row["event"]
+            ],
+            "failures": self.found + self._pull_in_by_loss(),
             "steps": len(self.history) - 1 if self.history else 0,
             "unknowns": problem.unknowns,
             "unknowns_by_field": problem.counts,
@@ -361,12 +459,26 @@ class _Session:
                 "scales": _described(problem.scales),
             },
             "versions": versions(),
+            "origin": self.folder.origin if self.folder else {},
             "command": " ".join(sys.argv),
         }
         result.summary.clear()
         result.summary.update(summary)
         if self.folder:
             self.folder.write_summary(summary)
+
+    def _pull_in_by_loss(self) -> list[dict[str, Any]]:
+        """A voltage at which equilibrium was lost, if the path ended so: between two loads."""
+        error = self.lost
+        label = self.history[-1]["ramp"] if self.history else ""
+        if not isinstance(error, EquilibriumLost) or not self.scene.is_electric(label):
+            return []
+        if any(entry["mode"] == "pull-in" for entry in self.found):
+            return []
+        volts = self.scene.reference_voltage(label) or 1.0
+        low, high = (f[label] * volts for f in (error.reached, error.failed))
+        return [{"mode": "pull-in", "step": self.history[-1]["step"], f"{label}_V": low,
+                 f"{label}_above_V": high}]  # fmt: skip
 
     def _kept_keys(self) -> set[str]:
         """Columns whose last value belongs into the summary."""
@@ -396,15 +508,9 @@ def _described(thing: Any) -> Any:
 
 def versions() -> dict[str, str]:
     """Versions of everything that shapes a result."""
-    try:
-        own = version("dea_fenicsx")
-    except PackageNotFoundError:
-        own = "unknown"
     return {
-        "dea_fenicsx": own,
         "dolfinx": dolfinx.__version__,
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
         "mpi": MPI.Get_library_version().split("\n")[0].split("\x00")[0].strip(),
-        "numpy": np.__version__,
-        "python": platform.python_version(),
+        **package_versions(),
     }

@@ -15,7 +15,15 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.compat import PETSc
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.references import References
 from dea_fenicsx.weakform import Probe, Problem
+
+WORKSPACE = (60, 200, 600)
+"""Room for delayed pivots that MUMPS is given, in percent, one after another if it wants more."""
+
+TOO_LITTLE_ROOM = (-8, -9, -14, -15, -17, -20)
+"""MUMPS's error codes for a workspace or a buffer that is too small."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +33,7 @@ class NewtonOptions:
     Attributes
     ----------
     tolerance
-        Each field's residual, relative to its own reference (see `NewtonSolver.norms`).
+        Each field's residual, relative to its own reference (see `References`).
     max_iterations
         Newton iterations before a step counts as failed.
     krylov_limit
@@ -38,6 +46,27 @@ class NewtonOptions:
     max_iterations: int = 15
     krylov_limit: int = 30
     keep_factor: bool = True
+
+    def check(self) -> None:
+        """Raise InputError for settings with which no step could converge."""
+        if not 1e-14 <= self.tolerance <= 1e-3:
+            raise InputError(
+                f"Newton's tolerance is {self.tolerance!r}, but must lie between 1e-14, what "
+                "rounding allows, and 1e-3."
+            )
+        for name, least in (("max_iterations", 4), ("krylov_limit", 5)):
+            value = getattr(self, name)
+            if not isinstance(value, int | np.integer) or value < least:
+                raise InputError(
+                    f"Newton's {name} is {value!r}, but must be a whole number of at least {least}."
+                )
+
+
+STAGNANT = 1e3
+"""How far above the tolerance a residual may come to rest and still count as rounding."""
+
+AT_REST = 1e-6
+"""Largest displacement of an increment, as a share of the device's size, that is none."""
 
 
 @dataclass
@@ -52,6 +81,19 @@ class Counters:
     krylov_s: float = 0.0
 
 
+REASONS = {
+    "diverged": "Newton's residual grew",
+    "slow": "Newton did not converge within its iterations",
+    "det F <= 0": "every trial state turned a cell inside out",
+    "locked chain": "every trial state lay past a chain's lock-up",
+    "factorisation": "MUMPS could not factorise the tangent",
+    "stagnation": "GMRES did not converge even on a new factor",
+    "rounding": "the residual came to rest a little above the tolerance",
+    "jumped": "the state found lies on another branch",
+}
+"""Why a solve may fail."""
+
+
 @dataclass(frozen=True)
 class Attempt:
     """How a nonlinear solve ended.
@@ -59,8 +101,7 @@ class Attempt:
     Attributes
     ----------
     reason
-        Empty if it converged; otherwise ``"diverged"``, ``"slow"``, ``"inadmissible"`` (det F <= 0
-        or a locked chain in every trial step), ``"linear solver"`` or ``"jumped"``.
+        Empty if it converged; otherwise one of `REASONS`.
     iterations
         Newton iterations.
     residual
@@ -84,11 +125,13 @@ class Inertia:
     """Negative pivots of the latest factor beyond those of a stable state.
 
     Zero on a stable path.  It belongs to the tangent that was factorised, at the ramp factors
-    given; `None` before the first factorisation.
+    given; `None` before the first factorisation.  `settled` tells the tangent of an equilibrium,
+    factorised on purpose, from that of one of Newton's iterates on the way to it.
     """
 
     excess: int | None = None
     factors: dict[str, float] = field(default_factory=dict)
+    settled: bool = False
 
 
 class NewtonSolver:
@@ -107,50 +150,19 @@ class NewtonSolver:
         self.options = options or NewtonOptions()
         self.counters = Counters()
         self.inertia = Inertia()
-        self._references: dict[str, float] = {}
+        self.references = References(problem)
+        self.trouble = ""
         self._ksp: Any = None
         self._kept: Any = None
         self._stale = True
-        # pressure rows hold int q (J - 1) dX: measured against the size of int |q| dX
-        volume = problem.volume
-        self._pressure_reference = volume / np.sqrt(max(problem.counts["p"], 1))
-        # a small load is not resolved below what rounding leaves of stresses of the modulus's size:
-        # a hundredth of the nodal forces that a stress mu makes, cell area times sqrt(nodes)
-        dim = problem.mesh.geometry.dim
-        nodes = max(problem.counts["u"] / len(problem.displacement), 1.0)
-        self._references["u"] = 1e-2 * (volume / nodes) ** (1 - 1 / dim) * np.sqrt(nodes)
 
     # --------------------------------------------------------------- residuals
 
-    def norms(self, residual: np.ndarray) -> dict[str, float]:
-        """Residual of each field relative to its reference.
-
-        The references are what the same vector holds at the fixed unknowns and what it has held
-        before: reactions and loads for u, electrode charges for phi, a volume for p.  They only
-        grow during a run, so that a small step is not held to a stricter test than a large one.
-        u's starts at a hundredth of the nodal forces that a stress of the modulus's size makes.
-        """
-        problem = self.problem
-        free = problem.unbalanced(residual)
-        sums = []
-        for name, dofs in problem.fields.items():
-            sums += [np.sum(residual[dofs] ** 2), np.sum(free[problem.free_fields[name]] ** 2)]
-        total = np.sqrt(problem.comm.allreduce(np.array(sums), op=MPI.SUM))
-        out = {}
-        for k, name in enumerate(problem.fields):
-            everything, mine = total[2 * k], total[2 * k + 1]
-            if name == "p":
-                reference = self._pressure_reference
-            else:
-                reference = max(self._references.get(name, 0.0), float(everything))
-                self._references[name] = reference
-            out[name] = mine / reference if reference > 0 else 0.0
-        return out
-
     def residual_of(self, residual: np.ndarray) -> float:
         """Largest scaled residual of a field (inf if it is not finite)."""
-        worst = max(self.norms(residual).values())
-        return worst if np.isfinite(worst) else np.inf
+        norms = list(self.references.norms(residual).values())
+        # Python's max would pass over a NaN that is not the first
+        return max(norms) if np.all(np.isfinite(norms)) else np.inf
 
     # ------------------------------------------------------------------ solve
 
@@ -175,10 +187,10 @@ class NewtonSolver:
         norm = self.residual_of(residual)
         # with the loads lifted, the first residual is that of the old load and says nothing
         history = [] if lift else [norm]
-        iteration = 0
+        iteration, increment = 0, None
         while change is not None or norm > options.tolerance:
-            if iteration == options.max_iterations:
-                return Attempt("slow", iteration, norm)
+            if iteration == options.max_iterations and increment is not None:
+                return Attempt(self._slowness(history, increment), iteration, norm)
             tangent = self.assemble()
             rhs = -problem.unbalanced(residual)
             if change is not None:
@@ -186,26 +198,35 @@ class NewtonSolver:
             forcing = self._forcing(history) if change is None else 1e-3
             increment = self.linear_solve(tangent, rhs, forcing)
             if increment is None:
-                return Attempt("linear solver", iteration, norm)
+                return Attempt(self.trouble, iteration, norm)
             if change is not None:
                 problem.set_state(after)
                 change = None
             iteration += 1
             self.counters.newton += 1
-            residual, norm, ok = self._advance(increment, history)
-            if not ok:
-                return Attempt("inadmissible", iteration, norm)
+            residual, norm, reason = self._advance(increment, history)
+            if reason:
+                return Attempt(reason, iteration, norm)
             history.append(norm)
             if not np.isfinite(norm) or (iteration > 3 and norm > 1e4 * min(history[1:])):
                 return Attempt("diverged", iteration, norm)
         probe = problem.probe()
-        if not probe.admissible:
-            return Attempt("inadmissible", iteration, norm)
-        return Attempt("", iteration, norm, probe)
+        return Attempt(probe.fault, iteration, norm, probe)
+
+    def _slowness(self, history: list[float], increment: np.ndarray) -> str:
+        """Why Newton has not converged: rounding if all is at rest near the tolerance.
+
+        At a load just beyond a limit point the residual comes to rest as well, but the state does
+        not: there Newton's increments stay at about the root of the residual.
+        """
+        moved = float(np.max(np.abs(increment[self.problem.free_fields["u"]]), initial=0.0))
+        at_rest = self.problem.comm.allreduce(moved, op=MPI.MAX) < AT_REST
+        near = min(history) <= STAGNANT * self.options.tolerance
+        return "rounding" if near and at_rest else "slow"
 
     def _advance(
         self, increment: np.ndarray, history: list[float]
-    ) -> tuple[np.ndarray, float, bool]:
+    ) -> tuple[np.ndarray, float, str]:
         """Add an increment, cut back until the state is admissible and the residual acceptable.
 
         A trial with det F <= 0, past a chain's lock-up or with a wildly growing residual is
@@ -217,16 +238,19 @@ class NewtonSolver:
         limit = np.inf  # the first residual says little after a change of load
         if len(history) > 1:
             limit = 1e3 * max(history[-1], self.options.tolerance)
+        reason = ""
         for _ in range(8):
             problem.set_state(start)
             problem.add_free(size * increment)
-            if problem.probe().admissible:
+            reason = problem.probe().fault
+            if not reason:
                 residual = self._timed_residual()
                 norm = self.residual_of(residual)
                 if norm <= limit:
-                    return residual, norm, True
+                    return residual, norm, ""
+                reason = "diverged"
             size /= 2
-        return np.empty(0), np.inf, False
+        return np.empty(0), np.inf, reason
 
     def _forcing(self, history: list[float]) -> float:
         """Relative tolerance of the next linear solve (Eisenstat-Walker, second choice)."""
@@ -264,19 +288,44 @@ class NewtonSolver:
                 # a factor that served badly is not carried into the next solve
                 self._stale = iterations > self.options.krylov_limit
                 return solution
-            if fresh or not self._factorise(tangent):
+            if fresh:
+                break
+            if not self._factorise(tangent):
                 return None
             fresh = True
+        self.trouble = "stagnation"
         return None
 
     def _factorise(self, tangent: Any) -> bool:
-        """Make a new factor of the tangent; False if MUMPS fails."""
+        """Make a new factor of the tangent; False if MUMPS fails however much room it gets."""
         start = time.perf_counter()
         if self._ksp is not None:
-            self._ksp.destroy()
             self._kept.destroy()
         self._kept = tangent.copy()
         self._kept.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self.counters.factorisations += 1
+        ok = False
+        for margin in WORKSPACE:
+            if self._ksp is not None:
+                self._ksp.destroy()
+            info = self._set_up(tangent, margin)
+            ok = info == 0
+            if info not in TOO_LITTLE_ROOM:
+                break
+        if ok:
+            negative = self._ksp.getPC().getFactorMatrix().getMumpsInfog(12)
+            self.inertia = Inertia(
+                excess=negative - self.problem.expected_negative_pivots,
+                factors=dict(self.problem.factors),
+            )
+        else:
+            self.trouble = "factorisation"
+        self._stale = not ok
+        self.counters.factor_s += time.perf_counter() - start
+        return ok
+
+    def _set_up(self, tangent: Any, margin: int) -> int:
+        """Set up GMRES and factorise; returns MUMPS's error code, 0 if all is well."""
         ksp = PETSc.KSP().create(self.problem.comm)
         ksp.setOptionsPrefix("dea_")
         ksp.setType("gmres")
@@ -289,31 +338,32 @@ class NewtonSolver:
         pc.setReusePreconditioner(True)
         pc.setFactorSetUpSolverType()
         factor = pc.getFactorMatrix()
-        factor.setMumpsIcntl(14, 60)  # workspace margin for delayed pivots, in percent
+        factor.setMumpsIcntl(14, margin)
         factor.setMumpsIcntl(24, 1)  # null pivots are detected, which makes the inertia right
         ksp.setErrorIfNotConverged(False)
         ksp.setFromOptions()
         self._ksp = ksp
-        self.counters.factorisations += 1
         try:
             ksp.setUp()
         except PETSc.Error:
-            self._stale = True
-            return False
-        ok = factor.getMumpsInfog(1) >= 0
-        if ok:
-            negative = factor.getMumpsInfog(12)
-            self.inertia = Inertia(
-                excess=negative - self.problem.expected_negative_pivots,
-                factors=dict(self.problem.factors),
-            )
-        self._stale = not ok
-        self.counters.factor_s += time.perf_counter() - start
-        return ok
+            return factor.getMumpsInfog(1) or -1
+        return min(factor.getMumpsInfog(1), 0)
 
-    def refresh_inertia(self) -> None:
-        """Factorise the tangent at the problem's present state, to know its inertia."""
-        self._factorise(self.assemble())
+    def refresh_inertia(self) -> Any:
+        """Factorise the tangent at the problem's present state, to know its inertia.
+
+        Returns the tangent, for `linear_solve`.
+        """
+        tangent = self.assemble()
+        if self._factorise(tangent):
+            self.inertia.settled = True
+        else:
+            self.inertia = Inertia()
+        return tangent
+
+    def forget_factor(self) -> None:
+        """Make a new factor at the next solve: the kept one belongs to a state far off."""
+        self._stale = True
 
     def _krylov(
         self, tangent: Any, rhs: np.ndarray, rtol: float

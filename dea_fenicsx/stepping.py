@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from mpi4py import MPI
 
 from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
+from dea_fenicsx.events import Sentinel
+from dea_fenicsx.predictor import Predictor
 from dea_fenicsx.scene import Scene, finite, known
-from dea_fenicsx.solver import Attempt, NewtonSolver
-from dea_fenicsx.tracing import Trace, trace
+from dea_fenicsx.solver import REASONS, Attempt, NewtonSolver
+from dea_fenicsx.tracing import Trace, over_the_limit, trace
 
 
 @dataclass(frozen=True)
@@ -30,12 +31,17 @@ class Ramp:
     at
         Factors to land on instead, in the order of travel; between them steps grow and shrink
         freely, starting from a `steps`-th of the ramp.
+    snap
+        What happens at a limit point.  False: the ramp ends there with `EquilibriumLost`.  True:
+        the load stays, as that of a battery does, and the device snaps to the next stable state
+        along the branch that bears it; from there the ramp goes on.
     """
 
     what: str | tuple[str, ...] = ()
     to: float = 1.0
     steps: int = 10
     at: tuple[float, ...] | None = None
+    snap: bool = False
 
     def names(self, scene: Scene) -> tuple[str, ...]:
         """Names of the scene's ramps that this one moves."""
@@ -60,6 +66,7 @@ class Cursor:
     factors : factor of each of the scene's ramps
     start : factors at the start of the current ramp
     direction : in a trace, sign of the load's change
+    switched : whether a trace has left its first branch
     """
 
     step: int = 0
@@ -69,14 +76,17 @@ class Cursor:
     factors: dict[str, float] = field(default_factory=dict)
     start: dict[str, float] = field(default_factory=dict)
     direction: float = 0.0
+    switched: bool = False
 
 
 @dataclass(frozen=True)
 class Step:
     """An accepted step; the problem holds its state while it is yielded.
 
-    `event` is ``"maximum"`` or ``"minimum"`` where the load is stationary along a trace, and empty
-    elsewhere.
+    `event` is empty for the path's own steps.  A step with an event lies between two of them, and a
+    run is not resumed from it: ``"maximum"`` or ``"minimum"`` where the load is stationary,
+    ``"snap"`` where a device has landed behind a limit point, ``"bifurcation"``, ``"landed"`` on a
+    requested load of a trace, or an alarm's name.  `mode` is the null vector of a critical point.
     """
 
     cursor: Cursor
@@ -85,6 +95,7 @@ class Step:
     retries: int
     last: bool
     event: str = ""
+    mode: np.ndarray | None = None
 
 
 SMALLEST = 2.0**-10
@@ -92,12 +103,6 @@ SMALLEST = 2.0**-10
 
 EASY = 5
 """Newton iterations up to which a step counts as easy and the next one may grow."""
-
-FASTER = 4.0
-"""How much faster than in the step before the state may move with the load."""
-
-WANDERING = 8
-"""Newton iterations of a ramp's first step after which its result is not trusted."""
 
 
 def check_path(scene: Scene, path: Sequence[Ramp | Trace]) -> None:
@@ -135,6 +140,7 @@ def follow(
     resume: Cursor | None = None,
     log: Callable[[str], None] = lambda line: None,
     enough: Callable[[], bool] = lambda: False,
+    sentinel: Sentinel | None = None,
 ) -> Iterator[Step]:
     """Follow a path and yield each accepted step, the undeformed state first.
 
@@ -150,6 +156,8 @@ def follow(
         Called with a line of text for every retry.
     enough
         Asked after each step of a trace; True ends the trace.
+    sentinel
+        Watches for events; without one, only limit points of traces are noticed.
 
     Raises
     ------
@@ -161,6 +169,7 @@ def follow(
     problem = solver.problem
     scene = problem.scene
     check_path(scene, path)
+    sentinel = sentinel or Sentinel(solver)
     if resume is None:
         zero = dict.fromkeys(scene.ramps, 0.0)
         cursor = Cursor(factors=zero, start=zero)
@@ -169,19 +178,20 @@ def follow(
     else:
         cursor = resume
         problem.set_factors(cursor.factors)
+    sentinel.start()
     while cursor.ramp < len(path):
         item = path[cursor.ramp]
         steps = (
-            _follow_trace(solver, path, item, cursor, log, enough)
+            _follow_trace(solver, path, item, cursor, log, enough, sentinel)
             if isinstance(item, Trace)
-            else _follow_ramp(solver, path, item, cursor, log)
+            else _follow_ramp(solver, path, item, cursor, log, sentinel)
         )
         for step in steps:
             cursor = step.cursor
             yield step
         cursor = replace(
             cursor, ramp=cursor.ramp + 1, position=0.0, size=0.0, start=dict(cursor.factors),
-            direction=0.0,
+            direction=0.0, switched=False,
         )  # fmt: skip
 
 
@@ -192,25 +202,30 @@ def _follow_trace(
     cursor: Cursor,
     log: Callable[[str], None],
     enough: Callable[[], bool],
+    sentinel: Sentinel,
 ) -> Iterator[Step]:
     """Follow one trace from a cursor until it has enough or its steps are used up."""
     scene = solver.problem.scene
     done = round(cursor.position * item.steps)
     sign = cursor.direction or float(np.sign(item.first))
     factors = dict(cursor.factors)
-    for found in trace(solver, item, cursor.size or 1.0, sign, log):
+    arc = cursor.size or 1.0
+    for found in trace(solver, item, arc, sign, log, sentinel, not cursor.switched):
         if isinstance(found, str):
             names, lost = (item.what,), factors | {item.what: factors[item.what]}
             raise _verdict(scene, names, item.what, factors, lost, Attempt(found, 0, np.inf))
         done += 1
         factors = cursor.factors | {item.what: found.factor}
+        switched = cursor.switched or (bool(item.switch) and found.event == "bifurcation")
         cursor = Cursor(
             cursor.step + 1, cursor.ramp, done / item.steps, found.arc, factors,
-            dict(cursor.start), found.direction,
+            dict(cursor.start), found.direction, switched,
         )  # fmt: skip
         last = done >= item.steps and cursor.ramp == len(path) - 1
-        yield Step(cursor, item.what, found.attempt, found.retries, last, found.event)
-        if done >= item.steps or enough():
+        yield Step(
+            cursor, item.what, found.attempt, found.retries, last, found.event, found.mode
+        )
+        if done >= item.steps or (not found.event and enough()):
             return
 
 
@@ -220,6 +235,7 @@ def _follow_ramp(
     ramp: Ramp,
     cursor: Cursor,
     log: Callable[[str], None],
+    sentinel: Sentinel,
 ) -> Iterator[Step]:
     """Follow one ramp from a cursor to its end."""
     problem = solver.problem
@@ -228,43 +244,109 @@ def _follow_ramp(
     landings = _landings(ramp, cursor.start[names[0]])
     first = 1.0 / ramp.steps
     size = cursor.size or first
-    position, start = cursor.position, cursor.start
+    start = cursor.start
+
+    def factors_at(position: float) -> dict[str, float]:
+        # weighted so that the end is hit to the last bit
+        moved = {n: (1 - position) * start[n] + position * ramp.to for n in names}
+        return cursor.factors | moved
+
     predictor = Predictor(solver, names)
     predictor.add(cursor.factors[names[0]])
-    index, retries = cursor.step, 0
-    factors = dict(cursor.factors)
-    while position < 1.0:
+    retries = 0
+    while cursor.position < 1.0:
+        position = cursor.position
         landing = min(s for s in landings if s > position)
         # no crumb is left before a landing
         target = landing if landing - position < 1.25 * size else position + size
-        trial = dict(factors)
-        for name in names:
-            # weighted so that the end is hit to the last bit
-            trial[name] = (1 - target) * start[name] + target * ramp.to
-        attempt = predictor.solve(trial)
+        attempt = predictor.solve(factors_at(target))
         if attempt.converged:
+            rates = {n: (target - position) * (ramp.to - start[n]) for n in names}
+            place = predictor.between(factors_at(position), factors_at(target))
+            accepted = problem.get_state()
+            for event in sentinel.passed(place, rates, sentinel.count()):
+                problem.set_factors(event.factors)
+                problem.set_state(event.state)
+                at = position + event.share * (target - position)
+                cursor = replace(
+                    cursor, step=cursor.step + 1, position=at, factors=dict(event.factors)
+                )
+                log(f"{label}: {event.name} at {describe(scene, event.factors, names)}")
+                yield Step(cursor, label, event.attempt, 0, False, event.name, event.mode)
+            problem.set_factors(factors_at(target))
+            problem.set_state(accepted)
+            predictor.add(factors_at(target)[names[0]])
             grown = 1.5 if attempt.iterations <= EASY else 1.0
             full = target == landing and target - position < size
             size = min(size * (1.0 if full else grown), 1.0)
-            position, factors, index = target, trial, index + 1
             if not full and ramp.at is None:
                 size = min(size, first)
-            cursor = Cursor(index, cursor.ramp, position, size, dict(factors), dict(start))
-            last = position == 1.0 and cursor.ramp == len(path) - 1
-            predictor.add(factors[names[0]])
+            cursor = Cursor(
+                cursor.step + 1, cursor.ramp, target, size, factors_at(target), dict(start)
+            )
+            last = target == 1.0 and cursor.ramp == len(path) - 1
             yield Step(cursor, label, attempt, retries, last)
             retries = 0
             continue
-        problem.set_factors(factors)
+        problem.set_factors(cursor.factors)
         predictor.restore()
         retries += 1
         size = (target - position) / 2
         log(
-            f"{label}: no equilibrium at {describe(scene, trial, names)} ({attempt.reason}, "
-            f"{attempt.iterations} Newton iterations); step halved"
+            f"{label}: no equilibrium at {describe(scene, factors_at(target), names)} "
+            f"({REASONS[attempt.reason]}, {attempt.iterations} Newton iterations); step halved"
         )
-        if size < SMALLEST * first:
-            raise _verdict(scene, names, label, factors, trial, attempt)
+        if size >= SMALLEST * first:
+            continue
+        lost = _verdict(scene, names, label, cursor.factors, factors_at(target), attempt)
+        if not ramp.snap or isinstance(lost, SolverError):
+            raise lost
+        for step in _snap(solver, ramp, cursor, log, lost):
+            cursor = step.cursor
+            yield replace(step, retries=retries)
+            retries = 0
+        sentinel.start()
+        size = first
+        predictor = Predictor(solver, names)
+        predictor.add(cursor.factors[names[0]])
+
+
+def _snap(
+    solver: NewtonSolver,
+    ramp: Ramp,
+    cursor: Cursor,
+    log: Callable[[str], None],
+    lost: EquilibriumLost,
+) -> Iterator[Step]:
+    """The limit point that a ramp has come to, and the state to which the device snaps from it."""
+    problem = solver.problem
+    scene = problem.scene
+    names, label = ramp.names(scene), ramp.label(scene)
+    rates = {n: ramp.to - cursor.start[n] for n in names}
+    try:
+        limit, landing = over_the_limit(solver, rates, cursor.position, 1 / ramp.steps, log)
+    except SolverError:
+        raise lost from None
+    landed = problem.get_state()
+    moved = {n: (1 - limit.factor) * cursor.start[n] + limit.factor * ramp.to for n in names}
+    factors = cursor.factors | moved
+    cursor = replace(
+        cursor, step=cursor.step + 1, position=limit.factor, factors=factors, size=0.0
+    )
+    problem.set_factors(factors)
+    problem.set_state(limit.state)
+    kind = "maximum" if abs(ramp.to) > abs(cursor.start[names[0]]) else "minimum"
+    at = Attempt("", 0, solver.residual_of(problem.residual()), problem.probe())
+    yield Step(cursor, label, at, 0, False, kind)
+    if landing is None:
+        log(f"{label}: the branch holds no stable state behind the limit point at this load")
+        raise lost
+    problem.set_factors(factors)
+    problem.set_state(landed)
+    log(f"{label}: snapped at {describe(scene, factors, names)}")
+    cursor = replace(cursor, step=cursor.step + 1)
+    yield Step(cursor, label, landing, 0, False, "snap")
+    solver.forget_factor()
 
 
 def _landings(ramp: Ramp, start: float) -> list[float]:
@@ -296,100 +378,21 @@ def _verdict(
 ) -> EquilibriumLost | SolverError:
     """The error that ends a path that cannot be followed any further."""
     low, high = describe(scene, reached, names), describe(scene, failed, names)
-    if attempt.reason == "linear solver":
+    if attempt.reason in ("factorisation", "stagnation"):
         return SolverError(
-            f"The linear solver failed between {low} and {high} of the {label} ramp; check "
-            "supports and material constants."
+            f"The linear solver failed between {low} and {high} of the {label} ramp "
+            f"({REASONS[attempt.reason]}); check supports and material constants."
+        )
+    if attempt.reason == "rounding":
+        return SolverError(
+            f"Newton's residual came to rest at {attempt.residual:.2g} between {low} and {high} of "
+            f"the {label} ramp, just above its tolerance; it is rounding, so loosen "
+            "NewtonOptions(tolerance=...) or use cells that are less thin."
         )
     error = EquilibriumLost(
         f"Equilibrium was lost between {low} and {high} of the {label} ramp "
-        f"(last trial: {attempt.reason}); a pull-in or another limit point lies there, and all "
-        "steps before it are kept."
+        f"(last trial: {REASONS.get(attempt.reason, attempt.reason)}); a pull-in or another limit "
+        "point lies there, and all steps before it are kept."
     )
     error.reached, error.failed = dict(reached), dict(failed)
     return error
-
-
-class Predictor:
-    """Starts each step from an extrapolation of the states before it.
-
-    Displacement and pressure are even in a voltage or charge, so for such a ramp they are
-    extrapolated in its square; the potential is extrapolated in the voltage or charge itself.
-    """
-
-    def __init__(self, solver: NewtonSolver, names: tuple[str, ...]) -> None:
-        self.solver = solver
-        self.problem = solver.problem
-        scene = self.problem.scene
-        self.name = names[0]
-        self.even = all(scene.is_electric(n) for n in names)
-        self.known: list[tuple[float, np.ndarray]] = []
-        self._phi = np.zeros(self.problem.size, dtype=bool)
-        if self.problem.potential is not None:
-            self._phi[self.problem.potential.dofs] = True
-
-    def add(self, factor: float) -> None:
-        """Remember the problem's state as that of a factor."""
-        self.known = [*self.known[-2:], (factor, self.problem.get_state())]
-
-    def _speed(self, factor: float, since: tuple[float, np.ndarray], now: np.ndarray) -> float:
-        """Largest change of displacement since a state, per change of the load's coordinate."""
-        span = abs(factor**2 - since[0] ** 2) if self.even else abs(factor - since[0])
-        dofs = self.problem.fields["u"]
-        move = float(np.max(np.abs(now[dofs] - since[1][dofs]), initial=0.0))
-        return self.problem.comm.allreduce(move, op=MPI.MAX) / span if span else 0.0
-
-    def _judge(self, factor: float, attempt: Attempt) -> Attempt:
-        """Refuse a converged state that does not continue the path but lies on another branch.
-
-        Towards a limit point the speed of a smooth path grows like an inverse square root, by a
-        factor of at most 2.4 when a step lands right on it.
-        """
-        if not attempt.converged:
-            return attempt
-        now = self.problem.get_state()
-        speed = self._speed(factor, self.known[-1], now)
-        if len(self.known) == 1:
-            far = attempt.iterations > WANDERING
-        else:
-            usual = self._speed(self.known[-1][0], self.known[-2], self.known[-1][1])
-            far = speed > FASTER * usual > 0
-        return replace(attempt, reason="jumped") if far else attempt
-
-    def restore(self) -> None:
-        """Put the last accepted state back."""
-        self.problem.set_state(self.known[-1][1])
-
-    def solve(self, factors: dict[str, float]) -> Attempt:
-        """Solve at new factors: from the extrapolation, else by a tangent step."""
-        problem = self.problem
-        problem.set_factors(factors)
-        if len(self.known) > 1:
-            self._extrapolate(factors[self.name])
-            problem.insert_fixed()
-            if problem.probe().admissible:
-                attempt = self._judge(factors[self.name], self.solver.solve(lift=False))
-                if attempt.converged:
-                    return attempt
-            self.restore()
-        return self._judge(factors[self.name], self.solver.solve(lift=True))
-
-    def _extrapolate(self, factor: float) -> None:
-        """Polynomial through the known states, at a factor."""
-        at = np.array([f for f, _ in self.known])
-        states = [s for _, s in self.known]
-        by_factor = _lagrange(at, factor)
-        guess = sum(c * s for c, s in zip(by_factor, states, strict=True))
-        if self.even:
-            squares = at**2
-            if len(np.unique(squares)) == len(squares):
-                by_square = _lagrange(squares, factor**2)
-                even = sum(c * s for c, s in zip(by_square, states, strict=True))
-                guess = np.where(self._phi, guess, even)
-        self.problem.set_state(guess)
-
-
-def _lagrange(nodes: np.ndarray, x: float) -> np.ndarray:
-    """Weights of the polynomial through values at `nodes`, at x."""
-    others = [np.delete(nodes, k) for k in range(len(nodes))]
-    return np.array([np.prod((x - o) / (n - o)) for n, o in zip(nodes, others, strict=True)])

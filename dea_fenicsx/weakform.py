@@ -18,6 +18,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx import compat
+from dea_fenicsx.cells import check_cells
 from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.conditions import AxialForce, ChargedElectrode, Torque
 from dea_fenicsx.constraints import (
@@ -31,6 +32,7 @@ from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import Scales, cauchy_stress, kernels, measure, state
 from dea_fenicsx.kinematics import Helical, Helix
 from dea_fenicsx.loads import Loads
+from dea_fenicsx.rigid import check_rigid
 from dea_fenicsx.scene import SIMPLICES, Scene, period
 from dea_fenicsx.ties import Group, Pairs, Rows, expansion, followers
 
@@ -55,7 +57,14 @@ class Probe:
     @property
     def admissible(self) -> bool:
         """Whether every energy is defined; False for NaN as well."""
-        return self.min_J > 0 and self.min_margin > 0
+        return not self.fault
+
+    @property
+    def fault(self) -> str:
+        """Which energy is not defined, in the solver's words; empty if all are."""
+        if not self.min_J > 0:
+            return "det F <= 0"
+        return "" if self.min_margin > 0 else "locked chain"
 
 
 class Problem:
@@ -74,13 +83,18 @@ class Problem:
         its owned local degrees of freedom.
     free
         Owned local degrees of freedom that are unknowns, sorted.
+    points
+        Quadrature points of the reference cell.
     electrode_dofs
         Degrees of freedom of each electrode, by its label: all owned ones, and ghosts.
     overall
         The overall unknowns by name; empty unless the kinematics has some.
+    incompressible_cells
+        Owned cells of exactly incompressible regions, sorted.
     """
 
     def __init__(self, scene: Scene) -> None:
+        check_cells(scene.device, scene.elements.quadrature_degree)
         self.scene = scene
         self.mesh = scene.device.mesh
         self.comm: MPI.Comm = scene.device.comm
@@ -140,6 +154,8 @@ class Problem:
         self.constraints = Constraints(self.size)
         apply_supports(self.scene, self.displacement, self.constraints)
         apply_overall(self.scene, self.overall, self.constraints)
+        if not self.overall:
+            check_rigid(self.scene, self.displacement, self.constraints.fixed)
         self.electrode_dofs: dict[str, np.ndarray] = {}
         if self.potential is not None:
             self.electrode_dofs = apply_electrodes(
@@ -240,7 +256,7 @@ class Problem:
         points, weights = basix.make_quadrature(
             getattr(basix.CellType, self.mesh.topology.cell_name()), degree
         )
-        self._points = points
+        self.points = points
         self._probes = [
             compat.expression(
                 ufl.as_vector(
@@ -263,6 +279,10 @@ class Problem:
         self.volume = self.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
         if self.overall:
             self._refuse_resultant()
+        self.incompressible_cells = np.sort(
+            np.concatenate([np.empty(0, dtype=np.int32),
+                            *(k.cells for k in self.kernels if k.kappa is None)])
+        )  # fmt: skip
 
     def _split(self, w: Any) -> tuple[Any, Any, Any | None, Helix | None]:
         """Displacement, pressure, potential and helix of a mixed function or test function."""
@@ -438,7 +458,7 @@ class Problem:
                 best = (float(field[k, q]), int(kernel.cells[k]), int(q))
         place = np.zeros(3)
         if best[1] >= 0:
-            x = self._place(self.mesh, np.array([best[1]], dtype=np.int32))[0, best[2]]
+            x = self.place_of(best[1], best[2])
             place[: len(x)] = x
         # a NaN on one rank must reach all of them, and MPI's MIN may drop it
         low = np.where(np.isnan(low), -np.inf, low)
@@ -447,11 +467,18 @@ class Problem:
         winner = max(everyone, key=lambda e: (e[1], *e[2]))
         return Probe(float(low[0]), float(low[1]), max(winner[1], 0.0), winner[2])
 
+    def place_of(self, cell: int, point: int) -> np.ndarray:
+        """Undeformed position of a quadrature point of a local cell, dimensionless."""
+        return self._place(self.mesh, np.array([cell], dtype=np.int32))[0, point]
+    def swelling(self) -> np.ndarray:
+        """Change of volume int (J - 1) dX of each owned cell, dimensionless."""
+        return _cell_values(self._swelling)[: len(self.cell_volumes)]
+
     def volume_error(self) -> float:
-        """Largest relative change of volume of any cell, max |int (J - 1) dX| / int dX."""
-        change = np.abs(_cell_values(self._swelling)[: len(self.cell_volumes)])
-        worst = float(np.max(change / self.cell_volumes, initial=0.0))
-        return self.comm.allreduce(worst, op=MPI.MAX)
+        """Largest relative change of volume of any incompressible cell.  Collective."""
+        cells = self.incompressible_cells
+        change = np.abs(self.swelling()[cells]) / self.cell_volumes[cells]
+        return self.comm.allreduce(float(np.max(change, initial=0.0)), op=MPI.MAX)
 
     def stress(self, k: int) -> Any:
         """Symbolic Cauchy stress of kernel k, dimensionless."""

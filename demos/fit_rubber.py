@@ -1,7 +1,7 @@
 """Fit every elastic model to Treloar's 1944 data: uniaxial, planar and equi-biaxial at once.
 
 The standard test of a rubber model: three kinds of loading of one vulcanised natural rubber.
-Source of the data: Treloar, Trans. Faraday Soc. 40 (1944) 59, as digitised (tests/data/README.md).
+Source of the data: Treloar, Trans. Faraday Soc. 40 (1944) 59, as digitised, in fit_rubber_data.
 Your own data: `dea.materials.read_data` or arrays in `dea.materials.TestData`.
 """
 
@@ -17,7 +17,7 @@ from dea_fenicsx.materials import TestData, fit, read_data
 from dea_fenicsx.materials.stretches import nominal_stress
 
 FILES = {"uniaxial": "UT", "planar": "PS", "equibiaxial": "ET"}
-DATA = Path(__file__).resolve().parents[1] / "tests" / "data"
+DATA = Path(__file__).resolve().parent / "fit_rubber_data"
 THREE_TERMS = dea.Ogden.from_eq76((4e5, 3e3, -1e4), (1.5, 5.0, -2.0))  # where the search starts
 MODELS = (dea.NeoHookean, dea.MooneyRivlin, dea.Yeoh, dea.Gent, dea.ArrudaBoyce, THREE_TERMS)
 

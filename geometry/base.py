@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.units import in_si
 
 from . import _check, _gmsh
 from ._structured import StructuredMesh
@@ -69,6 +70,7 @@ class Geometry(ABC):
 
 
 @dataclass(frozen=True)
+@in_si(thickness="m")
 class Layer:
     """One layer of a stack.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.units import in_si
 
 from . import _check
 from ._structured import StructuredMesh, block, joined_ends, lattice_points
@@ -16,6 +17,7 @@ from .grading import check_ends, graded
 
 
 @dataclass(frozen=True)
+@in_si(length="m", width="m", x0="m")
 class BoxStack(Geometry):
     """Rectangular layers stacked in z from z = 0, over 0 <= x <= length and 0 <= y <= width.
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.units import in_si
 
 from . import _check
 from ._structured import (
@@ -29,6 +30,7 @@ BULGE = 0.4  # 0: straight core sides, 1: a round core, whose corners are flat
 
 
 @dataclass(frozen=True)
+@in_si(radius="m", inset="m", inner_radius="m", inner_inset="m")
 class DiskStack(Geometry):
     """Round layers stacked in z from z = 0 around the z axis, full or with a hole.
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.units import in_si
 
 from . import _check
 from ._structured import Floats, Ints, StructuredMesh, block, compact, joined_ends, lattice_points
@@ -16,6 +17,7 @@ from .grading import graded
 
 
 @dataclass(frozen=True)
+@in_si(outer_radius="m", inner_radius="m", inset="m", elastomer="m", electrode="m")
 class HDEA(Geometry):
     """Two electrodes wound as helicoids in an elastomer ring, every turn bonded to the next.
 

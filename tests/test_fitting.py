@@ -25,6 +25,7 @@ from dea_fenicsx.materials.presets import MARKS
 from dea_fenicsx.materials.stretches import nominal_stress
 
 DATA = Path(__file__).parent / "data"
+TRELOAR = Path(__file__).parents[1] / "demos" / "fit_rubber_data"
 STRETCH = np.linspace(1.1, 3.5, 12)
 
 
@@ -70,7 +71,7 @@ def test_uncertainty_is_that_of_the_noise():
 def treloar() -> list[TestData]:
     """Treloar 1944, vulcanised natural rubber at 20 C; stresses in MPa in the files."""
     return [
-        read_data(DATA / f"treloar1944_{k}.txt", t, stretch=1, stress=0, unit=1e6)
+        read_data(TRELOAR / f"treloar1944_{k}.txt", t, stretch=1, stress=0, unit=1e6)
         for k, t in (("UT", "uniaxial"), ("PS", "planar"), ("ET", "equibiaxial"))
     ]
 

@@ -10,14 +10,15 @@ PACKAGE = ROOT / "dea_fenicsx"
 
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
-    "errors", "geometry", "compat", "mesh",
+    "errors", "units", "geometry", "compat", "mesh", "cells",
     "materials", "kinematics", "conditions", "scene",
     "exact",
-    "forms", "loads", "constraints", "ties", "weakform",
-    "solver", "tracing", "stepping",
-    "observables", "overall", "fields", "reading", "turns", "results",
-    "run", "script", "pictures_curves", "pictures_fields", "pictures",
-    "thesis",
+    "forms", "loads", "constraints", "rigid", "ties", "weakform",
+    "references", "solver", "stability", "events", "arclength", "tracing", "predictor", "stepping",
+    "checks", "observables", "overall", "failures", "fields", "reading", "turns",
+    "provenance", "results", "run", "script",
+    "pictures_curves", "pictures_fields", "pictures_movie", "pictures_paraview", "pictures",
+    "design", "thesis", "cli", "__main__",
 ]  # fmt: skip
 
 

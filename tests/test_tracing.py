@@ -68,10 +68,13 @@ def test_snap_through_and_stability():
     assert found["maximum"]["voltage_V"] == pytest.approx(23.88e3, abs=5)
     assert found["maximum"]["stretch"] == pytest.approx(1.263, abs=5e-4)
     assert found["minimum"]["stretch"] == pytest.approx(5.545, abs=5e-4)
+    # the film of eight cells has more modes than the equal stretch: those become stable again on
+    # either side of the minimum, each at a bifurcation
+    last = max(row["stretch"] for row in run.history if row["event"])
+    assert last == pytest.approx(found["minimum"]["stretch"], rel=1e-3)
     for row in run.history:
         if not row["event"]:
-            between = found["maximum"]["stretch"] < row["stretch"] < found["minimum"]["stretch"]
-            assert (row["inertia"] > 0) == between, row
+            assert (row["inertia"] > 0) == (found["maximum"]["stretch"] < row["stretch"] < last)
 
 
 def test_load_derivative_is_exact():

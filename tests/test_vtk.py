@@ -16,6 +16,7 @@ from conftest import clean_environment, mpirun_command
 
 pyvista = pytest.importorskip("pyvista")
 
+from dea_fenicsx import pictures_paraview  # noqa: E402
 from dea_fenicsx.reading import read_frame  # noqa: E402
 
 LENGTH, WIDTH, HEIGHT, VOLTS = 2e-3, 1.5e-3, 5e-4, 4e3
@@ -279,3 +280,36 @@ def test_paraview_readers(clamped: Path, tmp_path: Path) -> None:
         assert line[:5] == ["vtkUnstructuredGrid", *counts]
         assert float(line[5]) == pytest.approx(float(row["time"]))
         assert float(line[6]) == pytest.approx(lowest, rel=1e-12, abs=1e-20)
+
+
+def test_paraview_shows_the_run(clamped: Path, tmp_path: Path) -> None:
+    """view.py finds its files wherever they went, and shows the warped film in its colour."""
+    moved = Path(shutil.copytree(clamped, tmp_path / "moved"))
+    pictures_paraview.write(moved)
+    elsewhere = moved.rename(tmp_path / "elsewhere")
+    for tool in ("pvpython", "xvfb-run"):
+        if shutil.which(tool) is None:
+            pytest.skip(f"{tool} is not installed")
+    environment = clean_environment()
+    del environment["PYTHONPATH"]  # pvpython has an interpreter of its own
+    shot = tmp_path / "shot.png"
+    for _ in range(2):
+        done = subprocess.run(
+            ["xvfb-run", "-a", "pvpython", str(elsewhere / "view.py"), str(shot)],
+            env=environment, capture_output=True, text=True, timeout=120,
+        )  # fmt: skip
+        if "bad X server connection" not in done.stderr:
+            break  # else xvfb-run took the display of a server that was just ending
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Error" not in done.stderr
+    image = pytest.importorskip("matplotlib.image").imread(shot)[..., :3]
+    assert image.shape == (900, 1600, 3)
+    middle = image[:, 200:1400]  # without axes and colour bar
+    drawn = middle.min(axis=-1) < 0.95
+    # a nearly constant field, the largest of all steps: the end of the scale, in shade or not
+    hue = middle / np.maximum(middle.max(axis=-1, keepdims=True), 1e-9)
+    yellow = drawn & (np.abs(hue - [1, 0.91, 0.15]).max(axis=-1) < 0.15)
+    red = (middle[..., 0] > 0.7) & (middle[..., 1] < 0.4)
+    assert 0.1 < drawn.mean() < 0.8
+    assert yellow.sum() > 0.2 * drawn.sum()
+    assert red.any()

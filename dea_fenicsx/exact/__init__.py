@@ -13,6 +13,13 @@ from dea_fenicsx.exact.activation import activation_voltage
 from dea_fenicsx.exact.branch import Branch, Event, State, trace
 from dea_fenicsx.exact.failure import MODES, Failure, FailureMap, failure_map, first_failure, limits
 from dea_fenicsx.exact.film import CONTROLS, FREE, Dead, Film, Held, TrueStress
+from dea_fenicsx.exact.helicoid import Helicoid, elastic_pressure, stable_limit
+from dea_fenicsx.exact.linear import (
+    bending_curvature,
+    bonded_modulus,
+    bonded_ring_modulus,
+    stack_share,
+)
 from dea_fenicsx.exact.states import (
     elastic_stress,
     maxwell_pressure,
@@ -40,6 +47,13 @@ __all__ = [
     "open_circuit_voltage",
     "second_variation",
     "activation_voltage",
+    "Helicoid",
+    "stable_limit",
+    "elastic_pressure",
+    "bonded_modulus",
+    "bonded_ring_modulus",
+    "stack_share",
+    "bending_curvature",
     "FailureMap",
     "failure_map",
     "Failure",

@@ -14,6 +14,7 @@ import numpy as np
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.exact.states import elastic_stress
 from dea_fenicsx.materials import IdealDielectric, Material
+from dea_fenicsx.units import si
 
 
 def activation_voltage(material: Material, thickness: float, k: Any, stretch: float = 1.0) -> Any:
@@ -28,6 +29,7 @@ def activation_voltage(material: Material, thickness: float, k: Any, stretch: fl
     stretch
         Equi-biaxial stretch before activation; its true stress is kept.
     """
+    thickness = si(thickness, "m", "The thickness")
     lam3 = 1 / stretch**2 - np.asarray(k, dtype=float)
     if np.any(lam3 <= 0) or np.any(np.asarray(k) < 0):
         raise InputError(f"k must lie between 0 and 1/stretch^2 = {1 / stretch**2:g}.")

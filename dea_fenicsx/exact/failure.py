@@ -19,6 +19,7 @@ from dea_fenicsx.errors import InputError
 from dea_fenicsx.exact.states import _elastic_stiffness, elastic_stress
 from dea_fenicsx.materials import IdealDielectric, Material
 from dea_fenicsx.materials.stretches import margin
+from dea_fenicsx.units import si
 
 MODES = ("loss of tension", "breakdown", "instability", "stretch limit")
 
@@ -158,6 +159,7 @@ def failure_map(
     material: Material, thickness: float, lam1: Any, lam2: Any = None, held: bool = False
 ) -> FailureMap:
     """Failure map along a line of stretches: equi-biaxial if `lam2` is None."""
+    thickness = si(thickness, "m", "The thickness")
     lam1 = np.asarray(lam1, dtype=float)
     lam1, lam2 = (np.array(x) for x in np.broadcast_arrays(lam1, lam1 if lam2 is None else lam2))
     return FailureMap(material, thickness, lam1, lam2, limits(material, lam1, lam2, held))
@@ -194,6 +196,7 @@ def first_failure(
     held
         Whether direction 2 is held.
     """
+    thickness = si(thickness, "m", "The thickness")
     eps = material.electric.permittivity()  # type: ignore[union-attr]
 
     def excess(s: float, mode: str) -> float:

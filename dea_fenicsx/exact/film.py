@@ -22,9 +22,11 @@ import numpy as np
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials import IdealDielectric, Material
 from dea_fenicsx.materials.stretches import margin, taylor
+from dea_fenicsx.units import in_si
 
 
 @dataclass(frozen=True)
+@in_si(stretch="")
 class Held:
     """The stretch along this direction is kept."""
 
@@ -32,6 +34,7 @@ class Held:
 
 
 @dataclass(frozen=True)
+@in_si(pascal="Pa")
 class Dead:
     """A constant force: nominal stress in Pa, per undeformed area.  `Dead(0)` is a free side."""
 
@@ -39,6 +42,7 @@ class Dead:
 
 
 @dataclass(frozen=True)
+@in_si(pascal="Pa")
 class TrueStress:
     """A constant true stress in Pa."""
 
@@ -62,6 +66,7 @@ the thesis's chapter 4."""
 
 
 @dataclass(frozen=True)
+@in_si(thickness="m")
 class Film:
     """A film between compliant electrodes, uniformly deformed.
 

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from dea_fenicsx.materials.base import Strain, _is_number, _positive
+from dea_fenicsx.units import in_si
 
 
 @dataclass(frozen=True)
+@in_si(mu="Pa", Jm="")
 class Gent:
     """Gent rubber, W = -mu Jm/2 ln[1 - (I1 - 3)/Jm]: stiffens without bound as I1 - 3 nears Jm.
 
@@ -48,6 +50,7 @@ _SERIES = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 
 
 @dataclass(frozen=True)
+@in_si(mu="Pa", lam_m="")
 class ArrudaBoyce:
     """Eight-chain rubber in its five-term series, W = mu sum_i a_i / lam_m^(2i-2) (I1^i - 3^i).
 

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from dea_fenicsx.materials.base import EPSILON_0, _is_number
+from dea_fenicsx.units import in_si
 
 
 @dataclass(frozen=True)
+@in_si(field="V/m", exponent="")
 class Breakdown:
     """True breakdown field that grows with the stretch, E_b = field * lam^exponent.
 
@@ -47,6 +49,7 @@ class Breakdown:
 
 
 @dataclass(frozen=True)
+@in_si(eps_r="", breakdown="V/m")
 class IdealDielectric:
     """A dielectric whose true permittivity does not depend on strain: D = eps_r eps_0 E.
 

@@ -15,12 +15,14 @@ from dea_fenicsx.materials.base import Elastic
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.stretches import TESTS, log_stretches, nominal_stress, taylor
+from dea_fenicsx.units import in_si
 
 SOFT, STIFF = 1e3, 1e8
 """Initial shear moduli in Pa outside which the stress unit is doubted."""
 
 
 @dataclass(frozen=True, eq=False)
+@in_si(stretch="", stress="Pa")
 class TestData:
     """One measured curve.
 

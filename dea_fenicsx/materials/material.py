@@ -7,9 +7,11 @@ from dataclasses import dataclass, fields
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials.base import Elastic, _is_number
 from dea_fenicsx.materials.electric import Conductor, IdealDielectric
+from dea_fenicsx.units import in_si, si
 
 
 @dataclass(frozen=True)
+@in_si(bulk_modulus="Pa")
 class Material:
     """What fills a region.
 
@@ -62,6 +64,7 @@ class Material:
 
 def bulk_modulus_of(mu: float, nu: float) -> float:
     """Bulk modulus in Pa for shear modulus `mu` (Pa) and Poisson's ratio `nu` < 0.5."""
+    mu, nu = si(mu, "Pa", "The shear modulus"), si(nu, "", "Poisson's ratio")
     if not 0 <= nu < 0.5:
         raise InputError(
             f"Poisson's ratio is {nu!r}, but must lie in [0, 0.5) for a finite bulk modulus."

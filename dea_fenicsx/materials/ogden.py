@@ -10,9 +10,11 @@ import numpy as np
 
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials.base import Strain, _is_number
+from dea_fenicsx.units import in_si, si
 
 
 @dataclass(frozen=True)
+@in_si(mu="Pa", alpha="")
 class Ogden:
     """Ogden rubber, W = sum_k mu_k/alpha_k (lam1^alpha_k + lam2^alpha_k + lam3^alpha_k - 3).
 
@@ -90,8 +92,8 @@ class Ogden:
 
 def _terms(mu: Any, alpha: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Scalars or sequences as two tuples of equal length."""
-    m = tuple(float(x) for x in np.atleast_1d(mu))
-    a = tuple(float(x) for x in np.atleast_1d(alpha))
+    m = tuple(float(x) for x in np.atleast_1d(si(mu, "Pa", "Ogden: mu")))
+    a = tuple(float(x) for x in np.atleast_1d(si(alpha, "", "Ogden: alpha")))
     if len(m) != len(a):
         raise InputError(
             f"The Ogden model is given {len(m)} moduli and {len(a)} exponents, but each term needs "

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from dea_fenicsx.materials.base import Strain, _finite, _positive
+from dea_fenicsx.units import in_si
 
 
 @dataclass(frozen=True)
+@in_si(mu="Pa")
 class NeoHookean:
     """Neo-Hookean rubber, W = mu/2 (I1 - 3).
 
@@ -41,6 +43,7 @@ class NeoHookean:
 
 
 @dataclass(frozen=True)
+@in_si(C10="Pa", C01="Pa")
 class MooneyRivlin:
     """Mooney-Rivlin rubber, W = C10 (I1 - 3) + C01 (I2 - 3).
 
@@ -80,6 +83,7 @@ class MooneyRivlin:
 
 
 @dataclass(frozen=True)
+@in_si(C10="Pa", C20="Pa", C30="Pa")
 class Yeoh:
     """Yeoh rubber, W = C10 (I1 - 3) + C20 (I1 - 3)^2 + C30 (I1 - 3)^3.
 

@@ -1,0 +1,158 @@
+"""Compare two runs, column by column, and their settings."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.reading import read_history, read_summary
+
+HELP = "two runs, column by column"
+
+# what a run costs, how well it converged, and where of several equal maxima one was found
+NOT_JUDGED = {
+    "step", "newton_iterations", "krylov_iterations", "factorisations", "retries", "wall_s",
+    "residual", "volume_error", "inertia_is_of_this_step",
+    "max_field_x_m", "max_field_y_m", "max_field_z_m",
+}  # fmt: skip
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("a", type=Path, metavar="A", help="results folder")
+    parser.add_argument("b", type=Path, metavar="B", help="results folder")
+    parser.add_argument("--rtol", type=float, default=1e-6, metavar="-",
+                        help="largest difference allowed, relative to the column's largest "
+                        "value (default %(default)g)")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of two histories.
+
+    Attributes
+    ----------
+    name : the column
+    last : last values of A and B
+    difference : largest difference over the common steps, relative to the column's largest value
+    time : path parameter where it is found
+    judged : whether it counts for the exit status
+    """
+
+    name: str
+    last: tuple[Any, Any]
+    difference: float
+    time: float
+    judged: bool
+
+
+def columns(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> tuple[list[Column], int]:
+    """Compare the columns that two histories share, at the times that they share.
+
+    Returns
+    -------
+    columns, number of common times
+    """
+    times = a["time"]
+    rows = [(i, j) for i, t in enumerate(times) for j in _near(b["time"], t)]
+    if not rows:
+        raise InputError("The two runs have no step at the same time of the path in common.")
+    i, j = np.array(rows).T
+    found = []
+    for name in a:
+        if name not in b or name == "time":
+            continue
+        one, other = a[name][i], b[name][j]
+        last = (a[name][-1], b[name][-1])
+        if one.dtype.kind != "f" or other.dtype.kind != "f":
+            unequal = one.astype(str) != other.astype(str)
+            gap = np.where(unequal, np.inf, 0.0)
+        else:
+            if np.isnan(a[name]).all() and np.isnan(b[name]).all():
+                continue  # an empty column
+            size = float(np.nanmax(np.abs([one, other]), initial=0.0))
+            gap = np.abs(one - other) / (size or 1.0)
+            gap = np.where(np.isnan(one) & np.isnan(other), 0.0, gap)
+            gap = np.where(np.isnan(gap), np.inf, gap)  # a number against none
+        worst = int(np.argmax(gap))
+        found.append(
+            Column(name, last, float(gap[worst]), float(times[i][worst]), name not in NOT_JUDGED)
+        )
+    return found, len(rows)
+
+
+def _near(times: np.ndarray, t: float) -> list[int]:
+    return np.flatnonzero(np.abs(times - t) < 1e-9 * max(1.0, abs(t)))[:1].tolist()
+
+
+def flat(thing: Any, name: str = "") -> dict[str, Any]:
+    """Nested settings as one dictionary, with dotted names."""
+    if isinstance(thing, dict):
+        pairs = [(str(k), v) for k, v in thing.items()]
+    elif isinstance(thing, list) and any(isinstance(v, dict | list) for v in thing):
+        pairs = [(str(k), v) for k, v in enumerate(thing)]
+    else:
+        return {name: thing}
+    found: dict[str, Any] = {}
+    for key, value in pairs:
+        found |= flat(value, f"{name}.{key}" if name else key)
+    return found
+
+
+def settings(a: dict[str, Any], b: dict[str, Any]) -> list[tuple[str, Any, Any]]:
+    """Settings and versions in which two summaries differ: name, value in A, value in B."""
+    none = "(none)"
+    kept = ("settings", "versions", "ranks")
+    one, other = (flat({key: s.get(key) for key in kept}) for s in (a, b))
+    return [
+        (name, one.get(name, none), other.get(name, none))
+        for name in dict.fromkeys([*one, *other])
+        if one.get(name, none) != other.get(name, none) and name != "settings.script.out"
+    ]
+
+
+def run(options: argparse.Namespace) -> int:
+    if not (math.isfinite(options.rtol) and options.rtol >= 0):
+        raise InputError(f"--rtol is {options.rtol}, but must be a finite number >= 0.")
+    histories = [read_history(folder) for folder in (options.a, options.b)]
+    for folder, history in zip((options.a, options.b), histories, strict=True):
+        if "time" not in history or history["time"].dtype.kind != "f":
+            raise InputError(f"The history in {folder} has no steps with a time; is it a run?")
+    summaries = [read_summary(folder) for folder in (options.a, options.b)]
+    found, common = columns(*histories)
+    print(f"A  {options.a}: {_status(summaries[0], histories[0])}")
+    print(f"B  {options.b}: {_status(summaries[1], histories[1])}")
+    print(f"{common} steps at the same time of the path\n")
+    width = max(len(c.name) for c in found)
+    print(f"{'column':{width}}  {'A, last':>15}  {'B, last':>15}  {'largest diff.':>13}  at time")
+    for c in found:
+        where = f"{c.time:.6g}" if c.difference else ""
+        mark = "" if c.judged else "(not judged)"
+        print(f"{c.name:{width}}  {_text(c.last[0]):>15}  {_text(c.last[1]):>15}  "
+              f"{c.difference:13.2e}  {where:8}{mark}".rstrip())  # fmt: skip
+    for label, mine, other in (("A", *histories), ("B", *histories[::-1])):
+        alone = [name for name in mine if name not in other]
+        if alone:
+            print(f"only in {label}: {', '.join(alone)}")
+    for name, x, y in settings(*summaries):
+        print(f"{name}: {x} in A, {y} in B")
+    worst = max((c for c in found if c.judged), key=lambda c: c.difference, default=None)
+    if worst is None or worst.difference <= options.rtol:
+        print(f"\nthe same within {options.rtol:g}")
+        return 0
+    print(f"\nnot the same: {worst.name} differs by {worst.difference:.3g} at time "
+          f"{worst.time:.6g}, more than {options.rtol:g}")  # fmt: skip
+    return 1
+
+
+def _text(value: Any) -> str:
+    return f"{value:.9g}" if isinstance(value, float | np.floating) else str(value)
+
+
+def _status(summary: dict[str, Any], history: dict[str, np.ndarray]) -> str:
+    return f"{summary.get('status', 'no status')}, {len(history['time'])} steps"

@@ -1,0 +1,93 @@
+"""The library of materials: constants with their source."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import textwrap
+from typing import Any
+
+HELP = "the library of materials"
+
+_UNITS = {"mu": "Pa", "C10": "Pa", "C01": "Pa", "C20": "Pa", "C30": "Pa"}
+
+
+def add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("name", nargs="?", help="one material; without it all are listed")
+    parser.add_argument("--json", action="store_true", help="for programs: SI units")
+
+
+def told(name: str) -> dict[str, Any]:
+    """A preset as JSON can hold it, in SI units."""
+    from dea_fenicsx.materials import IdealDielectric, preset
+    from dea_fenicsx.materials.presets import MARKS
+
+    found = preset(name)
+    material, electric = found.material, found.material.electric
+    told: dict[str, Any] = {
+        "name": found.name,
+        "model": type(material.elastic).__name__,
+        "constants": material.parameters(),
+        "shear_modulus_Pa": material.elastic.shear_modulus(),
+        "bulk_modulus_Pa": material.bulk_modulus,
+        "conductor": material.is_conductor,
+        "eps_r": electric.eps_r if isinstance(electric, IdealDielectric) else None,
+        "breakdown_V_per_m": None,
+        "mark": found.mark,
+        "marked": MARKS[found.mark],
+        "source": found.source,
+        "note": found.note,
+    }
+    if isinstance(electric, IdealDielectric) and electric.breakdown is not None:
+        told["breakdown_V_per_m"] = float(electric.breakdown_field(1.0))
+    return told
+
+
+def run(options: argparse.Namespace) -> int:
+    from dea_fenicsx.materials import names
+
+    if options.name is not None:
+        one = told(options.name)
+        print(json.dumps(one, indent=2, ensure_ascii=False) if options.json else _page(one))
+        return 0
+    everything = [told(name) for name in names()]
+    if options.json:
+        print(json.dumps(everything, indent=2, ensure_ascii=False))
+        return 0
+    width = max(len(m["name"]) for m in everything)
+    for m in everything:
+        electric = f"eps_r {m['eps_r']:g}" if m["eps_r"] else "conductor"
+        print(f"{m['name']:{width}}  {m['model']:12}  mu {_short(m['shear_modulus_Pa']):>9}  "
+              f"{electric:11}  {m['mark']}")  # fmt: skip
+    print("\nmu is the initial shear modulus.  S: read at the source, D: fitted to data read at "
+          "the source,\nM: from memory, unverified.  `dea materials NAME` shows constants and "
+          "source.")  # fmt: skip
+    return 0
+
+
+def _page(m: dict[str, Any]) -> str:
+    lines = [m["name"], f"  model            {m['model']}"]
+    for name, value in m["constants"].items():
+        text = ", ".join(f"{v:.6g}" for v in value) if isinstance(value, tuple) else f"{value:.6g}"
+        lines.append(f"  {name:16} {text} {_UNITS.get(name, '')}".rstrip())
+    lines.append(f"  shear modulus    {_short(m['shear_modulus_Pa'])} (initial)")
+    bulk = m["bulk_modulus_Pa"]
+    lines.append(f"  bulk modulus     {_short(bulk) if bulk else 'none: exactly incompressible'}")
+    if m["conductor"]:
+        lines.append("  electrically     conductor")
+    else:
+        lines.append(f"  eps_r            {m['eps_r']:g}")
+        field = m["breakdown_V_per_m"]
+        lines.append(f"  breakdown        {f'{field / 1e6:g} MV/m' if field else 'not known'}")
+    rest = f"{m['marked']}: {m['source']}." + (f" {m['note']}" if m["note"] else "")
+    lines.append(textwrap.fill(rest, 96, initial_indent="  source           ",
+                               subsequent_indent=" " * 19))  # fmt: skip
+    lines.append(f'\nIn a script: dea.materials.get("{m["name"]}")')
+    return "\n".join(lines)
+
+
+def _short(pascal: float) -> str:
+    for size, unit in ((1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa")):
+        if pascal >= size:
+            return f"{pascal / size:.4g} {unit}"
+    return f"{pascal:.4g} Pa"

@@ -1,0 +1,234 @@
+"""NSGA-II over any evaluator: pymoo makes the designs, the caller evaluates them.
+
+Rank 0 alone runs the genetic algorithm and sends each generation to the others, so that all ranks
+see the same designs whatever their machine's rounding.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.design.front import Front, first_front
+from dea_fenicsx.design.variables import Limit, Range, signs, violations
+from dea_fenicsx.errors import InputError
+
+Columns = dict[str, np.ndarray]
+Evaluate = Callable[[np.ndarray], Columns]
+
+FAILED = 1e12
+"""Stands for the objectives of a design that could not be evaluated; it is infeasible as well."""
+
+
+def require_pymoo() -> None:
+    """Raise InputError, on every rank, where pymoo is missing."""
+    try:
+        import pymoo.algorithms.moo.nsga2  # noqa: F401
+    except ImportError as error:
+        raise InputError(
+            'The design search needs pymoo, which is missing here; pip install "pymoo>=0.6.1".'
+        ) from error
+
+
+def evolve(
+    evaluate: Evaluate,
+    variables: Mapping[str, Range],
+    objectives: Mapping[str, str],
+    bounds: Mapping[str, Limit],
+    *,
+    population: int,
+    generations: int,
+    seed: int,
+    start: Sequence[Mapping[str, float]] = (),
+    comm: Any = MPI.COMM_SELF,
+    say: Callable[[str], None] = lambda line: None,
+) -> Front:
+    """Search for the front.  Collective on `comm`.
+
+    Parameters
+    ----------
+    evaluate
+        Designs of shape (n, variables) to all their quantities by name, each of shape (n,), the
+        same on all ranks; NaN where a design has failed.
+    variables, objectives, bounds
+        See `ranges`, `goals` and `limits`.
+    population, generations, seed
+        Of the genetic algorithm.
+    start
+        Designs for the first generation; each must satisfy the bounds.
+
+    Raises
+    ------
+    InputError
+        For a start outside the ranges or the bounds, and if no design satisfies the bounds.
+    """
+    require_pymoo()
+    for name, value, least in (("population", population, 4), ("generations", generations, 1),
+                               ("seed", seed, 0)):  # fmt: skip
+        if not isinstance(value, int) or value < least:
+            raise InputError(
+                f"The {name} is {value!r}, but must be a whole number of at least {least}."
+            )
+    begun = time.perf_counter()
+    names = list(variables)
+    low, high = np.array(list(variables.values())).T
+    first = _start(start, names, low, high, population)
+    herd = _Herd(low, high, len(objectives), population, seed, first) if comm.rank == 0 else None
+    kept: Columns = {}
+    tried = failed = feasible = 0
+    nearest: dict[str, float] = {}
+    for generation in range(1, generations + 1):
+        X = comm.bcast(herd.ask() if herd else None, root=0)
+        if not len(X):
+            break  # no new design is to be found
+        quantities = evaluate(X)
+        columns = {name: X[:, i] for i, name in enumerate(names)} | quantities
+        F, G, missed = _judge(columns, objectives, bounds)
+        good = np.isfinite(F).all(axis=1) & np.all(G <= 0, axis=1)
+        if generation == 1:
+            _check_start(len(first), good, missed, F)
+        tried, failed = tried + len(X), failed + int(np.isnan(F).any(axis=1).sum())
+        feasible += int(good.sum())
+        for what, miss in missed.items():
+            nearest[what] = min(nearest.get(what, np.inf), float(np.nanmin(miss, initial=np.inf)))
+        if good.any():
+            new = {name: np.asarray(values, dtype=float)[good] for name, values in columns.items()}
+            kept = {n: np.concatenate([kept[n], v]) for n, v in new.items()} if kept else new
+            best = first_front(_minimised(kept, objectives))
+            kept = {name: values[best] for name, values in kept.items()}
+        if herd:
+            herd.tell(np.where(np.isfinite(F), F, FAILED), np.where(np.isfinite(G), G, FAILED))
+        size = len(next(iter(kept.values()))) if kept else 0
+        say(f"generation {generation:3d} of {generations}: {tried} designs, {feasible} feasible, "
+            f"{failed} failed, front of {size}")  # fmt: skip
+    if not kept:
+        raise InputError(_nothing(tried, failed, nearest))
+    order = np.argsort(next(iter(_minimised(kept, objectives).T)), kind="stable")
+    return Front(
+        tuple(names), dict(objectives), {n: v[order] for n, v in kept.items()}, tried, failed,
+        {}, time.perf_counter() - begun,
+    )  # fmt: skip
+
+
+def _minimised(columns: Mapping[str, np.ndarray], objectives: Mapping[str, str]) -> np.ndarray:
+    pairs = zip(objectives, signs(objectives), strict=True)
+    return np.column_stack([sign * np.asarray(columns[name], float) for name, sign in pairs])
+
+
+def _judge(
+    columns: Mapping[str, np.ndarray], objectives: Mapping[str, str], bounds: Mapping[str, Limit]
+) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Objectives to minimise, constraints (<= 0), and the violation of each bound by name."""
+    F = _minimised(columns, objectives)
+    missed = violations(bounds, columns)
+    lost = np.isnan(F).any(axis=1)
+    for size in missed.values():
+        lost |= np.isnan(size)
+    F[lost] = np.nan
+    return F, np.column_stack([*missed.values(), np.where(lost, FAILED, 0.0)]), missed
+
+
+def _start(
+    start: Sequence[Mapping[str, float]],
+    names: list[str],
+    low: np.ndarray,
+    high: np.ndarray,
+    population: int,
+) -> np.ndarray:
+    """The starting designs as an array, checked against the ranges."""
+    start = [start] if isinstance(start, Mapping) else list(start)
+    if len(start) > population:
+        raise InputError(
+            f"There are {len(start)} starting designs for a population of {population}; enlarge "
+            "the population."
+        )
+    found = np.empty((len(start), len(names)))
+    for i, design in enumerate(start):
+        for j, name in enumerate(names):
+            if name not in design:
+                raise InputError(f"Starting design {i + 1} gives no value of {name!r}.")
+            found[i, j] = design[name]
+            if not low[j] <= found[i, j] <= high[j]:
+                raise InputError(
+                    f"Starting design {i + 1} has {name} = {found[i, j]:g}, outside its range "
+                    f"{low[j]:g} to {high[j]:g}."
+                )
+    return found
+
+
+def _check_start(
+    count: int, good: np.ndarray, missed: Mapping[str, np.ndarray], F: np.ndarray
+) -> None:
+    for i in range(count):
+        if good[i]:
+            continue
+        broken = [what for what, size in missed.items() if size[i] > 0]
+        if broken:
+            raise InputError(f"Starting design {i + 1} is infeasible: it violates {broken[0]}.")
+        raise InputError(f"Starting design {i + 1} is infeasible: it could not be evaluated.")
+
+
+def _nothing(tried: int, failed: int, nearest: Mapping[str, float]) -> str:
+    """Why a search has found nothing."""
+    if failed == tried:
+        return f"None of the {tried} designs could be evaluated; look at the reasons in the log."
+    never = {what: size for what, size in nearest.items() if size > 0}
+    if never:
+        what = max(never, key=lambda w: never[w])
+        return (
+            f"None of the {tried} designs satisfies {what} (the nearest misses it by "
+            f"{100 * never[what]:.3g} %); relax it or widen the ranges."
+        )
+    return (
+        f"None of the {tried} designs satisfies all constraints at once, though each is satisfied "
+        f"by some; relax one of: {', '.join(nearest)}."
+    )
+
+
+class _Herd:
+    """pymoo's NSGA-II, asked for designs and told what they are worth.
+
+    It sees every variable on the range 0 to 1.  One constraint tells it how far a design is from
+    feasible: the sum of the relative violations.
+    """
+
+    def __init__(
+        self,
+        low: np.ndarray,
+        high: np.ndarray,
+        objectives: int,
+        population: int,
+        seed: int,
+        first: np.ndarray,
+    ) -> None:
+        from pymoo.algorithms.moo.nsga2 import NSGA2
+        from pymoo.core.problem import Problem
+        from pymoo.termination.max_gen import MaximumGenerationTermination
+        from scipy.stats.qmc import LatinHypercube
+
+        self.low, self.high = low, high
+        self.problem = Problem(n_var=len(low), n_obj=objectives, n_ieq_constr=1, xl=0.0, xu=1.0)
+        sample = LatinHypercube(len(low), rng=seed).random(population)
+        sample[: len(first)] = (first - low) / (high - low)
+        self.algorithm = NSGA2(pop_size=population, sampling=sample)
+        never = MaximumGenerationTermination(10**9)  # the caller counts the generations
+        self.algorithm.setup(self.problem, termination=never, seed=seed, verbose=False)
+
+    def ask(self) -> np.ndarray:
+        self.asked = self.algorithm.ask()
+        if self.asked is None:
+            return np.empty((0, len(self.low)))
+        unit = np.asarray(self.asked.get("X"), dtype=float)
+        return np.clip(self.low + unit * (self.high - self.low), self.low, self.high)
+
+    def tell(self, F: np.ndarray, G: np.ndarray) -> None:
+        from pymoo.core.evaluator import Evaluator
+        from pymoo.problems.static import StaticProblem
+
+        total = np.maximum(G, 0).sum(axis=1, keepdims=True)
+        Evaluator().eval(StaticProblem(self.problem, F=F, G=total), self.asked)
+        self.algorithm.tell(infills=self.asked)

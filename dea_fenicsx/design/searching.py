@@ -1,0 +1,203 @@
+"""The two searches: on the analytic helical actuator, and on any Python function."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.design.evaluation import Evaluator
+from dea_fenicsx.design.evolution import Columns, evolve, require_pymoo
+from dea_fenicsx.design.front import Front
+from dea_fenicsx.design.helical import (
+    ENVELOPE,
+    OBJECTIVES,
+    HelicalModel,
+    material_of,
+)
+from dea_fenicsx.design.variables import goals, limits, one_of, ranges
+from dea_fenicsx.errors import DeaError, InputError
+from dea_fenicsx.materials import Material
+
+
+def search(
+    material: Material | str,
+    envelope: Mapping[str, Any] | None = None,
+    objectives: Sequence[str] = ("voltage", "strain"),
+    constraints: Mapping[str, float] | None = None,
+    *,
+    electrode: float = 50e-6,
+    inset: float = 0.0,
+    turns: int = 1,
+    population: int = 100,
+    generations: int = 100,
+    seed: int = 1,
+    start: Sequence[Mapping[str, float]] = (),
+    quiet: bool = True,
+) -> Front:
+    """Search the analytic helical actuator for the best designs (thesis 4.4.3 to 4.4.5).
+
+    Parameters
+    ----------
+    material
+        A material or the name of a preset.
+    envelope
+        Ranges, or single numbers, that replace those of `ENVELOPE`.
+    objectives
+        Names out of `OBJECTIVES`.
+    constraints
+        Names out of `CONSTRAINTS`, each with its number.
+    electrode, inset, turns
+        See `HelicalModel`.
+    population, generations, seed
+        Of NSGA-II.  The same seed gives the same front.
+    start
+        Designs that the first generation is to contain.
+    quiet
+        Print nothing; else a line for each tenth of the generations, from rank 0.
+
+    Returns
+    -------
+    Front
+
+    Raises
+    ------
+    InputError
+        For wrong input, and if no design satisfies the constraints.
+    """
+    require_pymoo()
+    model = HelicalModel(material_of(material), electrode, inset, turns)
+    given = dict(ENVELOPE)
+    for name, value in (envelope or {}).items():
+        given[one_of(name, ENVELOPE, "design variable")] = value
+    free, fixed = ranges(given)
+    _positive({**{n: low for n, (low, _) in free.items()}, **fixed}, free)
+    wanted = {}
+    for name in [objectives] if isinstance(objectives, str) else objectives:
+        wanted[one_of(name, OBJECTIVES, "objective")] = OBJECTIVES[name]
+    goals(wanted)
+    angle = free.pop("pitch_angle_deg", None)
+    if angle is None:
+        angle = (fixed.pop("pitch_angle_deg"),) * 2
+    bounds = model.bounds(constraints or {}, angle)
+    if not free:
+        raise InputError("All variables are fixed; give at least one a range (lower, upper).")
+
+    def evaluate(X: np.ndarray) -> Columns:
+        design = {name: X[:, i] for i, name in enumerate(free)}
+        return model(**{name: design.get(name, fixed.get(name)) for name in _ARGUMENTS})
+
+    every = max(generations // 10, 1) if isinstance(generations, int) else 1
+    say = _Progress(MPI.COMM_WORLD, quiet, every)
+    return evolve(
+        evaluate, free, wanted, bounds, population=population, generations=generations,
+        seed=seed, start=start, say=say,
+    )  # fmt: skip
+
+
+_ARGUMENTS = ("outer_radius", "inner_radius", "elastomer", "eps_r", "contraction")
+
+
+def _positive(lowest: Mapping[str, float], free: Mapping[str, Any]) -> None:
+    for name, value in lowest.items():
+        if value <= 0:
+            raise InputError(f"The range of {name!r} begins at {value:g}, but must be above 0.")
+    high = free["contraction"][1] if "contraction" in free else lowest["contraction"]
+    if high >= 1:
+        raise InputError(f"The contraction reaches {high:g}, but must stay below 1.")
+
+
+def optimise(
+    function: Callable[..., Mapping[str, float]],
+    variables: Mapping[str, Any],
+    objectives: Mapping[str, str],
+    constraints: Mapping[str, Any] | None = None,
+    *,
+    population: int = 16,
+    generations: int = 10,
+    seed: int = 1,
+    start: Sequence[Mapping[str, float]] = (),
+    out: str | os.PathLike | None = None,
+    resume: bool = False,
+    settings: Mapping[str, Any] | None = None,
+    failures: tuple[type[Exception], ...] = (DeaError,),
+    comm: Any = MPI.COMM_WORLD,
+    quiet: bool = False,
+) -> Front:
+    """Search with any Python function as the evaluator, finite elements included.
+
+    Each rank evaluates its share of a generation, alone: the function must build its device on
+    ``MPI.COMM_SELF``.  So no design waits for another within a generation, every rank
+    computes (an executor would spare one to hand out work), nothing need be pickled, and a design
+    has the same result on any number of ranks.
+
+    Parameters
+    ----------
+    function
+        Called with each variable by name; returns quantities by name (numbers in SI units).
+    variables
+        Name to range (lower, upper), or to a fixed number.
+    objectives
+        Name of a quantity to ``"min"`` or ``"max"``.
+    constraints
+        Name of a quantity to (lower, upper), None for an open end.
+    population, generations, seed, start
+        See `search`.  More generations than an earlier search had carry it on.
+    out
+        Folder for the designs evaluated, each on disk as soon as it is known.
+    resume
+        Take from `out` what an earlier search has evaluated; else its files move to ``previous/``.
+    settings
+        What else the function depends on; a search with other settings is not resumed.
+    failures
+        Exceptions that make a design infeasible; they are logged.  Others end the search.
+    comm
+        Whose ranks share the work.
+    quiet
+        Print nothing.
+
+    Returns
+    -------
+    Front
+        The same on all ranks.
+
+    Raises
+    ------
+    InputError
+        For wrong input, and if no design satisfies the constraints.
+    """
+    require_pymoo()
+    free, fixed = ranges(variables)
+    wanted, bounds = goals(objectives), limits(constraints or {})
+    if resume and out is None:
+        raise InputError("A search can be resumed from a folder only; give out=.")
+    facts = {
+        "function": getattr(function, "__qualname__", type(function).__name__),
+        "variables": {**free, **fixed},
+        "settings": dict(settings or {}),
+    }
+    evaluator = Evaluator(function, list(free), fixed, out, facts, resume, failures, comm)
+    evaluator.needed = [*wanted, *bounds]
+    say = _Progress(comm, quiet, 1)
+    if evaluator.cached:
+        say(f"{evaluator.cached} designs are known from {out}")
+    front = evolve(
+        evaluator, free, wanted, bounds, population=population, generations=generations,
+        seed=seed, start=start, comm=comm, say=say,
+    )  # fmt: skip
+    return evaluator.explained(front)
+
+
+class _Progress:
+    """Prints on rank 0, one line in so many, and always the first."""
+
+    def __init__(self, comm: Any, quiet: bool, every: int) -> None:
+        self.on, self.every, self.count = comm.rank == 0 and not quiet, every, 0
+
+    def __call__(self, line: str) -> None:
+        self.count += 1
+        if self.on and (self.count == 1 or self.count % self.every == 0):
+            print(line, flush=True)

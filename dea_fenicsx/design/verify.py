@@ -1,0 +1,199 @@
+"""Finite elements of a design, to set beside the analytic strokes.
+
+Three models, each with what the analytic one leaves out: a single ring on its base, the periodic
+cell between the middles of two electrodes, and the helix in three dimensions.  All are small enough
+to be solved by one rank alone, as inside `optimise`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from scipy.interpolate import CubicSpline
+
+from dea_fenicsx.conditions import Clamp, Displacement, Electrode, Fix, FreeBody, Ground
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.geometry import HDEA, BoxStack, Layer
+from dea_fenicsx.kinematics import Axisymmetric
+from dea_fenicsx.materials import Conductor, Material, NeoHookean
+from dea_fenicsx.mesh import read_gmsh
+from dea_fenicsx.observables import MeanDisplacement, Reaction
+from dea_fenicsx.run import Run, solve
+from dea_fenicsx.scene import Scene
+from dea_fenicsx.stepping import Ramp
+
+BASES = ("sliding", "bonded")
+
+
+def ring_stroke(
+    outer_radius: float,
+    inner_radius: float,
+    elastomer: float,
+    *,
+    material: Material,
+    voltage: float,
+    base: str = "sliding",
+    cells: tuple[int, int] = (12, 2),
+    steps: int = 4,
+) -> dict[str, float]:
+    """One layer between ideal electrodes, axisymmetric, its top free.
+
+    Parameters
+    ----------
+    outer_radius, inner_radius, elastomer
+        In m.
+    material, voltage
+        The dielectric, and V between its faces.
+    base
+        ``"sliding"``: then the state is homogeneous and equals the analytic one.  ``"bonded"``:
+        the base does not move; the edges of the ring then contract and its middle hardly does.
+    cells
+        Over the width, graded towards its edges where it is bonded, and through the thickness.
+    steps
+        Voltage steps.
+
+    Returns
+    -------
+    dict
+        ``stroke_m`` (mean over the top), ``max_field_V_per_m``.
+
+    Raises
+    ------
+    EquilibriumLost
+        At pull-in.
+    """
+    if base not in BASES:
+        raise InputError(f"The base is {base!r}, but must be one of {', '.join(BASES)}.")
+    bonded = base == "bonded"
+    layer = Layer("film", elastomer, divisions=cells[1])
+    shape = BoxStack(outer_radius - inner_radius, None, [layer], divisions=(cells[0],),
+                     grading=8.0 if bonded else 1.0, x0=inner_radius)  # fmt: skip
+    scene = Scene(
+        read_gmsh(shape, MPI.COMM_SELF),
+        {"film": material},
+        electrodes=[Electrode("top", voltage), Ground("bottom")],
+        supports=[Clamp("bottom") if bonded else Fix("bottom", "z")],
+        kinematics=Axisymmetric(),
+    )
+    record = {"top": MeanDisplacement("top", "z")}
+    run = solve(scene, Ramp("voltage", steps=steps), record, quiet=True, stability="never")
+    return {"stroke_m": -run["top_m"], "max_field_V_per_m": run["max_field_V_per_m"]}
+
+
+def cell_stroke(
+    outer_radius: float,
+    inner_radius: float,
+    elastomer: float,
+    *,
+    material: Material,
+    voltage: float,
+    electrode: float = 50e-6,
+    electrode_mu: float,
+    largest: float,
+    cells: tuple[int, int] = (12, 2),
+    steps: int = 12,
+) -> dict[str, float]:
+    """One layer of a tall stack: from the middle of an electrode to the middle of the next.
+
+    Both ends are planes of symmetry, so they stay flat.  The voltage is brought on at constant
+    height, and then the height is lowered until the axial force on the end has changed sign: the
+    stroke is where it vanishes.
+
+    Parameters
+    ----------
+    electrode, electrode_mu
+        Thickness in m and shear modulus in Pa of the electrodes, which are neo-Hookean.
+    largest
+        A stroke in m that is not reached, as the analytic one times 1.1.
+    steps
+        Of the height.
+
+    Returns
+    -------
+    dict
+        ``stroke_m``, ``max_field_V_per_m`` (the latter at the largest stroke).
+    """
+    half = electrode / 2
+    layers = [
+        Layer("lower", half),
+        Layer("film", elastomer, divisions=cells[1], grading=3.0),
+        Layer("upper", half),
+    ]
+    shape = BoxStack(outer_radius - inner_radius, None, layers, divisions=(cells[0],), grading=8.0,
+                     x0=inner_radius)  # fmt: skip
+    metal = Material(NeoHookean(electrode_mu), Conductor())
+    scene = Scene(
+        read_gmsh(shape, MPI.COMM_SELF),
+        {"lower": metal, "film": material, "upper": metal},
+        electrodes=[Electrode("upper", voltage), Ground("lower")],
+        supports=[Fix("bottom", "z")],
+        prescribed=[Displacement("top", "z", -largest)],
+        kinematics=Axisymmetric(),
+    )
+    path = [Ramp("voltage", steps=4), Ramp("stretch", steps=steps)]
+    run = solve(scene, path, {"force": Reaction("top", "z")}, quiet=True, stability="never")
+    lowered = run.column("stretch_factor")
+    kept = run.column("voltage_V") == voltage
+    x, force = lowered[kept], run.column("force_N")[kept]
+    if np.all(force > 0) or np.all(force < 0):
+        raise InputError(
+            f"The cell is in no equilibrium within {largest:g} m; give a larger `largest`."
+        )
+    roots = CubicSpline(x, force).roots(extrapolate=False)
+    return {
+        "stroke_m": float(roots[0]) * largest,
+        "max_field_V_per_m": run["max_field_V_per_m"],
+    }
+
+
+def helix_stroke(
+    outer_radius: float,
+    inner_radius: float,
+    elastomer: float,
+    *,
+    material: Material,
+    voltage: float,
+    turns: int = 2,
+    inset: float = 0.0,
+    steps: int = 4,
+    comm: Any = MPI.COMM_SELF,
+    **cells: int,
+) -> dict[str, float]:
+    """A free helix with ideal electrodes in three dimensions, flat of electrode thickness.
+
+    Parameters
+    ----------
+    turns, inset
+        See `HDEA`.  The layer below the first electrode is passive.
+    comm
+        Ranks that share the work.
+    cells
+        Divisions of `HDEA`: angular, radial, rim, through.
+
+    Returns
+    -------
+    dict
+        ``stroke_m`` (mean of the top against mean of the bottom), ``layers`` that are driven,
+        ``max_field_V_per_m``, ``unknowns``.
+    """
+    shape = HDEA(outer_radius, inner_radius, inset, elastomer, 0.0, turns, **cells)
+    driven = ("electrode_b_active", "electrode_b_top") if turns > 1 else "electrode_b_top"
+    scene = Scene(
+        read_gmsh(shape, comm),
+        {"elastomer": material},
+        electrodes=[Electrode("electrode_a_active", voltage), Ground(driven)],
+        supports=[FreeBody()],
+    )
+    record = {
+        "top": MeanDisplacement("electrode_b_top", "z"),
+        "bottom": MeanDisplacement("bottom", "z"),
+    }
+    run: Run = solve(scene, Ramp("voltage", steps=steps), record, quiet=True, stability="never")
+    return {
+        "stroke_m": run["bottom_m"] - run["top_m"],
+        "layers": 2 * turns - 1,
+        "max_field_V_per_m": run["max_field_V_per_m"],
+        "unknowns": float(run.summary["unknowns"]),
+    }

@@ -1,0 +1,124 @@
+"""Where each step of a ramp starts from, and whether its result still lies on the path."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.solver import Attempt, NewtonSolver
+from dea_fenicsx.stability import Place
+
+FASTER = 4.0
+"""How much faster than in the step before the state may move with the load."""
+
+WANDERING = 8
+"""Newton iterations of a ramp's first step after which its result is not trusted."""
+
+
+class Predictor:
+    """Starts each step from an extrapolation of the states before it.
+
+    Displacement and pressure are even in a voltage or charge, so for such a ramp they are
+    extrapolated in its square; the potential is extrapolated in the voltage or charge itself.
+    """
+
+    def __init__(self, solver: NewtonSolver, names: tuple[str, ...]) -> None:
+        self.solver = solver
+        self.problem = solver.problem
+        scene = self.problem.scene
+        self.name = names[0]
+        self.even = all(scene.is_electric(n) for n in names)
+        self.known: list[tuple[float, np.ndarray]] = []
+        self._phi = np.zeros(self.problem.size, dtype=bool)
+        if self.problem.potential is not None:
+            self._phi[self.problem.potential.dofs] = True
+
+    def add(self, factor: float) -> None:
+        """Remember the problem's state as that of a factor."""
+        # a ramp to the present value comes by the same factor twice: no polynomial takes both
+        others = [known for known in self.known if known[0] != factor]
+        self.known = [*others[-2:], (factor, self.problem.get_state())]
+
+    def _speed(self, factor: float, since: tuple[float, np.ndarray], now: np.ndarray) -> float:
+        """Largest change of displacement since a state, per change of the load's coordinate."""
+        span = abs(factor**2 - since[0] ** 2) if self.even else abs(factor - since[0])
+        dofs = self.problem.fields["u"]
+        move = float(np.max(np.abs(now[dofs] - since[1][dofs]), initial=0.0))
+        return self.problem.comm.allreduce(move, op=MPI.MAX) / span if span else 0.0
+
+    def _judge(self, factor: float, attempt: Attempt) -> Attempt:
+        """Refuse a converged state that does not continue the path but lies on another branch.
+
+        Towards a limit point the speed of a smooth path grows like an inverse square root, by a
+        factor of at most 2.4 when a step lands right on it.
+        """
+        if not attempt.converged:
+            return attempt
+        now = self.problem.get_state()
+        speed = self._speed(factor, self.known[-1], now)
+        if len(self.known) == 1:
+            far = attempt.iterations > WANDERING
+        else:
+            usual = self._speed(self.known[-1][0], self.known[-2], self.known[-1][1])
+            far = speed > FASTER * usual > 0
+        return replace(attempt, reason="jumped") if far else attempt
+
+    def between(self, low: dict[str, float], high: dict[str, float]) -> Place:
+        """How to find equilibria between the last accepted state and the present one.
+
+        Parameters
+        ----------
+        low, high
+            Factors of the two.
+        """
+        problem = self.problem
+        a, b = self.known[-1][1], problem.get_state()
+
+        def place(share: float) -> Attempt:
+            mixed = {n: (1 - share) * low[n] + share * high[n] for n in low}
+            problem.set_factors(mixed)
+            problem.set_state((1 - share) * a + share * b)
+            problem.insert_fixed()
+            return self.solver.solve(lift=False)
+
+        return place
+
+    def restore(self) -> None:
+        """Put the last accepted state back."""
+        self.problem.set_state(self.known[-1][1])
+
+    def solve(self, factors: dict[str, float]) -> Attempt:
+        """Solve at new factors: from the extrapolation, else by a tangent step."""
+        problem = self.problem
+        problem.set_factors(factors)
+        if len(self.known) > 1:
+            self._extrapolate(factors[self.name])
+            problem.insert_fixed()
+            if problem.probe().admissible:
+                attempt = self._judge(factors[self.name], self.solver.solve(lift=False))
+                if attempt.converged:
+                    return attempt
+            self.restore()
+        return self._judge(factors[self.name], self.solver.solve(lift=True))
+
+    def _extrapolate(self, factor: float) -> None:
+        """Polynomial through the known states, at a factor."""
+        at = np.array([f for f, _ in self.known])
+        states = [s for _, s in self.known]
+        by_factor = _lagrange(at, factor)
+        guess = sum(c * s for c, s in zip(by_factor, states, strict=True))
+        if self.even:
+            squares = at**2
+            if len(np.unique(squares)) == len(squares):
+                by_square = _lagrange(squares, factor**2)
+                even = sum(c * s for c, s in zip(by_square, states, strict=True))
+                guess = np.where(self._phi, guess, even)
+        self.problem.set_state(guess)
+
+
+def _lagrange(nodes: np.ndarray, x: float) -> np.ndarray:
+    """Weights of the polynomial through values at `nodes`, at x."""
+    others = [np.delete(nodes, k) for k in range(len(nodes))]
+    return np.array([np.prod((x - o) / (n - o)) for n, o in zip(nodes, others, strict=True)])
