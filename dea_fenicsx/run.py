@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
-import resource
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, is_dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +14,16 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.checks import check_step
-from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
 from dea_fenicsx.events import Alarm, Sentinel
 from dea_fenicsx.failures import Failure, Gauge, Worst, default_failures
 from dea_fenicsx.fields import FieldWriter
 from dea_fenicsx.observables import Measurement, Observable
-from dea_fenicsx.provenance import package_versions
 from dea_fenicsx.results import Folder
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import NewtonOptions, NewtonSolver
 from dea_fenicsx.stepping import Cursor, Ramp, Step, check_path, follow
+from dea_fenicsx.summary import described, settings, versions, work
 from dea_fenicsx.tracing import Trace
 from dea_fenicsx.weakform import Problem
 
@@ -246,7 +244,7 @@ class _Session:
             solver.refresh_inertia()
         counters = solver.counters
         self.counts = (counters.newton, counters.krylov, counters.factorisations)
-        work = [now - then for now, then in zip(self.counts, before, strict=True)]
+        spent = [now - then for now, then in zip(self.counts, before, strict=True)]
         now = time.perf_counter()
         length, scales = problem.scales.length, problem.scales
         cursor = step.cursor
@@ -275,9 +273,9 @@ class _Session:
             "min_J": probe.min_J,
             "volume_error": checked.volume_error,
             "residual": checked.residual,
-            "newton_iterations": work[0],
-            "krylov_iterations": work[1],
-            "factorisations": work[2],
+            "newton_iterations": spent[0],
+            "krylov_iterations": spent[1],
+            "factorisations": spent[2],
             "retries": step.retries,
             "inertia": solver.inertia.excess,
             "inertia_is_of_this_step": int(
@@ -362,14 +360,14 @@ class _Session:
         facts = {
             "cells": self.comm.allreduce(device.owned_cells(), op=MPI.SUM),
             "ramps": list(self.scene.ramps),
-            "materials": {k: _described(m) for k, m in self.scene.materials.items()},
+            "materials": {k: described(m) for k, m in self.scene.materials.items()},
             **{
-                what: [_described(item) for item in getattr(self.scene, what)]
+                what: [described(item) for item in getattr(self.scene, what)]
                 for what in ("electrodes", "supports", "prescribed", "loads")
             },
-            "kinematics": _described(self.scene.kinematics),
-            "elements": _described(self.scene.elements),
-            "path": [_described(r) for r in self.path],
+            "kinematics": described(self.scene.kinematics),
+            "elements": described(self.scene.elements),
+            "path": [described(r) for r in self.path],
             "unknowns": self.problem.unknowns,
         }
         return json.loads(json.dumps(facts))
@@ -414,8 +412,7 @@ class _Session:
 
     def _summarise(self, result: Run, status: str, message: str = "") -> None:
         """Fill the run's summary and write it.  Collective."""
-        problem, solver, comm = self.problem, self.solver, self.comm
-        memory = comm.allreduce(_peak_memory_GB(), op=MPI.SUM)
+        solver = self.solver
         last = self.history[-1] if self.history else {}
         stable: bool | None = None
         if last.get("inertia_is_of_this_step"):
@@ -431,33 +428,9 @@ class _Session:
             ],
             "failures": self.found + self._pull_in_by_loss(),
             "steps": len(self.history) - 1 if self.history else 0,
-            "unknowns": problem.unknowns,
-            "unknowns_by_field": problem.counts,
-            "cells": comm.allreduce(self.scene.device.owned_cells(), op=MPI.SUM),
-            "volume_m3": problem.volume * problem.scales.volume,
-            "ranks": comm.size,
+            **work(solver, self.history),
             "wall_s": self.earlier_s + time.perf_counter() - self.started,
-            "peak_memory_GB": memory,
-            "newton_iterations": _total(self.history, "newton_iterations"),
-            "krylov_iterations": _total(self.history, "krylov_iterations"),
-            "factorisations": _total(self.history, "factorisations"),
-            "assembly_s": solver.counters.assembly_s,
-            "factor_s": solver.counters.factor_s,
-            "krylov_s": solver.counters.krylov_s,
-            "settings": {
-                "script": dict(self.settings or {}),
-                "mesh": self.scene.device.source,
-                "materials": {k: _described(m) for k, m in self.scene.materials.items()},
-                "electrodes": [_described(e) for e in self.scene.electrodes],
-                "supports": [_described(s) for s in self.scene.supports],
-                "prescribed": [_described(s) for s in self.scene.prescribed],
-                "loads": [_described(s) for s in self.scene.loads],
-                "kinematics": _described(self.scene.kinematics),
-                "elements": _described(self.scene.elements),
-                "path": [_described(r) for r in self.path],
-                "newton": _described(solver.options),
-                "scales": _described(problem.scales),
-            },
+            "settings": settings(solver, self.path, self.settings or {}),
             "versions": versions(),
             "origin": self.folder.origin if self.folder else {},
             "command": " ".join(sys.argv),
@@ -485,32 +458,3 @@ class _Session:
         drop = {"step", "time", "ramp", "event", "newton_iterations", "krylov_iterations",
                 "factorisations", "retries", "wall_s", "inertia_is_of_this_step"}  # fmt: skip
         return set(self.history[-1]) - drop if self.history else set()
-
-
-def _total(history: list[dict[str, Any]], key: str) -> int:
-    return sum(int(row[key]) for row in history)
-
-
-def _peak_memory_GB() -> float:
-    """Peak resident memory of this process in GB (10^9 bytes)."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
-
-
-def _described(thing: Any) -> Any:
-    """A dataclass as JSON can hold it, with its type's name, deeply."""
-    if is_dataclass(thing) and not isinstance(thing, type):
-        inner = {k: _described(getattr(thing, k)) for k in thing.__dataclass_fields__}
-        return {"type": type(thing).__name__, **inner}
-    if isinstance(thing, list | tuple):
-        return [_described(t) for t in thing]
-    return thing
-
-
-def versions() -> dict[str, str]:
-    """Versions of everything that shapes a result."""
-    return {
-        "dolfinx": dolfinx.__version__,
-        "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
-        "mpi": MPI.Get_library_version().split("\n")[0].split("\x00")[0].strip(),
-        **package_versions(),
-    }

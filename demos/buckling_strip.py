@@ -28,7 +28,7 @@ def parse():
     parser.count("--cells", 48, "cells along the strip")
     parser.count("--layers", 2, "cells through the thickness")
     parser.add_argument("--study", action="store_true",
-                        help="critical voltage for several slendernesses and meshes as well")  # fmt: skip
+                        help="also the critical voltage over slenderness and mesh")  # fmt: skip
     return parser, parser.parse_args()
 
 
@@ -120,8 +120,9 @@ def study(args):
 
 def report(run):
     s = run.summary
-    print(f"\ncritical voltage {s['critical_voltage_V']:.4f} V, Euler "
-          f"{s['closed_form_voltage_V']:.4f} V ({100 * s['relative_difference']:+.2f} %)")  # fmt: skip
+    print(f"\ncritical voltage {s['critical_voltage_V']:.4f} V, "
+          f"Euler {s['closed_form_voltage_V']:.4f} V "
+          f"({100 * s['relative_difference']:+.2f} %)")  # fmt: skip
     print(f"at {s['buckled_voltage_V']:.4g} V the buckled strip has moved "
           f"{1e6 * s['buckled_deflection_m']:.3g} um")  # fmt: skip
     for name, values in s.items():

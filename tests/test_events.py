@@ -54,7 +54,8 @@ def test_battery_goes_through_the_hysteresis():
     near = [np.linspace(a, b, 200001) for a, b in ((1.25, 1.28), (5.4, 5.7))]
     top, low = exact(near[0]).max(), exact(near[1]).min()
     edge = np.sqrt(JM / 2 + 1.5) * (1 - 1e-5)
-    kinds = [(row["event"], row["voltage_V"], row["stretch"]) for row in run.history if row["event"]]
+    columns = ("event", "voltage_V", "stretch")
+    kinds = [tuple(row[c] for c in columns) for row in run.history if row["event"]]
     assert [k[0] for k in kinds] == ["maximum", "snap", "minimum", "snap"]
     assert [k[1] for k in kinds] == pytest.approx([top, top, low, low], rel=1e-8)
     landings = [brentq(lambda x: exact(x) - top, 6, edge), brentq(lambda x: exact(x) - low, 1, 1.2)]
@@ -94,7 +95,8 @@ def test_breakdown_and_stretch_limit(tmp_path):
     assert stretch["stretch_factor"] == pytest.approx(0.2 / 0.5, rel=1e-8)
     assert breakdown["mode"] == "electrical breakdown"
     assert breakdown["voltage_V"] == pytest.approx(field * lam**1.13 * T / lam**2, rel=1e-7)
-    assert json.loads((tmp_path / "summary.json").read_text())["failures"] == run.summary["failures"]
+    told = json.loads((tmp_path / "summary.json").read_text())
+    assert told["failures"] == run.summary["failures"]
     with h5py.File(tmp_path / "fields.h5") as h5:
         last = h5[f"step_{len(run.history) - 1:05d}/cell"]
         assert last["breakdown_ratio"][0] == pytest.approx(run["breakdown_ratio"])
