@@ -18,14 +18,18 @@ if TYPE_CHECKING:
     from .disk_stack import DiskStack
     from .hdea import HDEA
     from .helical_cell import HelicalCell
+    from .membrane_disc import MembraneDisc
 
-__all__ = ["BoxStack", "DiskStack", "Geometry", "HDEA", "HelicalCell", "Layer", "graded"]
+__all__ = [
+    "BoxStack", "DiskStack", "Geometry", "HDEA", "HelicalCell", "Layer", "MembraneDisc", "graded",
+]  # fmt: skip
 
 _HOME = {
     "BoxStack": "box_stack",
     "DiskStack": "disk_stack",
     "HDEA": "hdea",
     "HelicalCell": "helical_cell",
+    "MembraneDisc": "membrane_disc",
 }
 
 

@@ -1,0 +1,206 @@
+"""A flat round membrane with an electrode in its middle: a section, or the whole disc."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.units import in_si
+
+from . import _check
+from ._structured import Floats, StructuredMesh, block, joined_ends, lattice_points
+from .base import Geometry, Layer
+from .disk_stack import DiskStack
+from .grading import graded
+
+
+@dataclass(frozen=True)
+@in_si(radius="m", electrode_radius="m", thickness="m", taper="m")
+class MembraneDisc(Geometry):
+    """A disc of one layer over 0 <= z <= thickness; the electrode covers its middle.
+
+    Parameters
+    ----------
+    radius
+        Of the disc in metres, undeformed.
+    electrode_radius
+        Radius in metres up to which the electrode has its full potential.
+    thickness
+        In metres.  With the middle plane as the ground, half of the membrane's thickness.
+    taper
+        Width in metres of a ring around the electrode that has names of its own; 0 for none.
+    cells
+        Cells along the radius: over the electrode, over the ring, over the rest.
+    layers
+        Cells through the thickness.
+    grading
+        Largest over smallest cell along the radius; the small ones lie at the electrode's edge.
+    angular
+        Cells around; 0 for the section in the (r, z) plane, for `Axisymmetric`.
+    order
+        Degree of the cells' geometry, 1 or 2.
+
+    Notes
+    -----
+    Volume groups: ``active``, ``edge`` (with a taper), ``passive``.  Facet groups: ``top_active``,
+    ``top_edge``, ``top_passive``, ``bottom``, ``rim``, and of the section ``axis``.
+
+    Raises
+    ------
+    InputError
+        A parameter is not usable.
+    """
+
+    radius: float
+    electrode_radius: float
+    thickness: float
+    taper: float = 0.0
+    cells: tuple[int, int, int] = (6, 4, 6)
+    layers: int = 1
+    grading: float = 8.0
+    angular: int = 0
+    order: int = 2
+
+    def __post_init__(self) -> None:
+        owner = "MembraneDisc"
+        for name in ("radius", "electrode_radius", "thickness"):
+            _check.length(owner, name, getattr(self, name))
+        _check.length(owner, "taper", self.taper, zero=True)
+        if self.electrode_radius + self.taper >= self.radius:
+            raise InputError(
+                f"{owner}: the electrode reaches r = {self.electrode_radius + self.taper:g} m, but "
+                f"must end before the rim at {self.radius:g} m."
+            )
+        if not isinstance(self.cells, tuple | list) or len(self.cells) != 3:
+            raise InputError(
+                f"{owner}: cells is {self.cells!r}; it must hold 3 numbers: over the electrode, "
+                "its ring, and the rest."
+            )
+        object.__setattr__(self, "cells", tuple(self.cells))
+        for n in self.cells:
+            _check.count(owner, "cells", n)
+        _check.count(owner, "layers", self.layers)
+        _check.ratio(owner, "grading", self.grading)
+        _check.count(owner, "angular", self.angular, least=0)
+        if self.angular % 4:
+            raise InputError(
+                f"{owner}: angular is {self.angular}; it must be a multiple of 4, or 0 for the "
+                "section."
+            )
+        _check.order(owner, self.order)
+
+    @property
+    def dimension(self) -> int:
+        """3, or 2 for the section."""
+        return 3 if self.angular else 2
+
+    @property
+    def _edges(self) -> dict[str, float]:
+        """Outer radius of each region, from the middle."""
+        end = self.electrode_radius + self.taper
+        ring = {"edge": end} if self.taper else {}
+        return {"active": self.electrode_radius, **ring, "passive": self.radius}
+
+    def measures(self) -> dict[str, float]:
+        """Exact volume of every region and area of every facet group; areas, lengths in 2-D."""
+        found: dict[str, float] = {}
+        inner = 0.0
+        solid = bool(self.angular)
+        for name, outer in self._edges.items():
+            area = math.pi * (outer**2 - inner**2) if solid else outer - inner
+            found[name] = area * self.thickness
+            found[f"top_{name}"] = area
+            inner = outer
+        found["bottom"] = math.pi * self.radius**2 if solid else self.radius
+        found["rim"] = (2 * math.pi * self.radius if solid else 1.0) * self.thickness
+        if not solid:
+            found["axis"] = self.thickness
+        return found
+
+    def refine(self, factor: int) -> MembraneDisc:
+        """The same disc with all divisions multiplied by ``factor``."""
+        k = _check.count("MembraneDisc.refine", "factor", factor)
+        return replace(
+            self,
+            cells=tuple(k * n for n in self.cells),  # type: ignore[arg-type]
+            layers=k * self.layers,
+            angular=k * self.angular,
+        )
+
+    def _outside(self) -> Floats:
+        """Cell ends from the electrode's edge to the rim, in metres behind the edge."""
+        _, over, rest = self.cells
+        pieces = []
+        if self.taper:
+            pieces.append(self.taper * graded(over, 1.0, "none"))
+        room = self.radius - self.electrode_radius - self.taper
+        pieces.append(self.taper + room * graded(rest, self.grading, "start"))
+        return joined_ends(*pieces)
+
+    def mesh(self) -> StructuredMesh:
+        """Nodes, cells and named parts as plain arrays."""
+        mesh = self._solid() if self.angular else self._section()
+        corners = mesh.corners(mesh.cells)
+        # the mean of the corners' radii: a straight-sided ring's own middle lies inside its circle
+        at = mesh.points[corners]
+        r = (np.hypot(at[..., 0], at[..., 1]) if self.angular else at[..., 0]).mean(axis=1)
+        mesh.regions.clear()
+        across = 2 if self.angular else 1
+        done = np.zeros(len(r), dtype=bool)
+        top = np.isclose(at[:, :, across].max(axis=1), self.thickness, rtol=1e-9, atol=0)
+        for name, outer in self._edges.items():
+            inside = ~done & (r < outer)
+            done |= inside
+            mesh.add_region(name, inside)
+            mesh.add_facets(f"top_{name}", inside & top, across, 1)
+        return mesh
+
+    def _section(self) -> StructuredMesh:
+        a = self.electrode_radius
+        radial = joined_ends(
+            a * graded(self.cells[0], self.grading, "end"), a + self._outside()
+        )
+        lines = [
+            lattice_points(radial, self.order),
+            lattice_points(self.thickness * graded(self.layers, 1.0, "none"), self.order),
+        ]
+        cell, node = block((len(radial) - 1, self.layers), self.order)
+        shape = tuple(len(line) for line in lines)
+        points = np.zeros((int(np.prod(shape)), 3))
+        for axis, grid in enumerate(np.meshgrid(*lines, indexing="ij")):
+            points[:, axis] = grid.ravel()
+        mesh = StructuredMesh(points, np.ravel_multi_index(node, shape))
+        mesh.add_facets("axis", cell[0] == 0, 0, 0)
+        mesh.add_facets("rim", cell[0] == len(radial) - 2, 0, 1)
+        mesh.add_facets("bottom", cell[1] == 0, 1, 0)
+        return mesh
+
+    def _solid(self) -> StructuredMesh:
+        disc = _Rings(
+            self.radius,
+            [Layer("active", self.thickness, divisions=self.layers)],
+            inset=self.radius - self.electrode_radius,
+            angular=self.angular,
+            radial=self.cells[0],
+            grading=self.grading,
+            order=self.order,
+            outside=tuple(self._outside()),
+        )
+        mesh = disc.mesh()
+        mesh.facets["rim"] = mesh.facets.pop("side")
+        del mesh.facets["top"]
+        return mesh
+
+
+@dataclass(frozen=True)
+class _Rings(DiskStack):
+    """A full disk whose rings outside the electrode are given."""
+
+    outside: tuple[float, ...] = ()
+
+    def _rings(self) -> tuple[Floats, int, int]:
+        ends = joined_ends(graded(self.radial, self.grading, "end"), 1.0 + np.array(self.outside))
+        return ends, 0, self.radial
