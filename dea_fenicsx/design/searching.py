@@ -77,7 +77,8 @@ def search(
     _positive({**{n: low for n, (low, _) in free.items()}, **fixed}, free)
     wanted = {}
     for name in [objectives] if isinstance(objectives, str) else objectives:
-        wanted[one_of(name, OBJECTIVES, "objective")] = OBJECTIVES[name]
+        name = one_of(name, OBJECTIVES, "objective")
+        wanted[name] = OBJECTIVES[name]
     goals(wanted)
     angle = free.pop("pitch_angle_deg", None)
     if angle is None:
