@@ -110,13 +110,47 @@ def check_helical_cell(out, printed):
         assert (out / name).exists()
 
 
+def check_design(out, printed):
+    """Issue's bound on the hypervolume; Table 4.2 as in thesis_reference.toml."""
+    s = summary(out)
+    assert 0.995 <= s["hypervolume_ratio"] <= 1
+    assert s["wall_s"] < 60
+    assert s["evaluations"] == 10_000
+    optimum = s["table_4_2"]
+    assert optimum["strain"] == pytest.approx(0.145011, rel=4e-6)
+    assert optimum["assumed_effective_mu_Pa"] == pytest.approx(784367.0, rel=1e-6)
+    assert optimum["voltage_of_same_strain_V"] == pytest.approx(5329.4, rel=1e-4)
+    assert optimum["voltage_of_same_stroke_V"] == pytest.approx(5896.5, rel=1e-4)
+    assert optimum["fe_error_of_analytic"] == pytest.approx(0.2327, abs=5e-5)
+    assert optimum["fe_error_of_fe"] == pytest.approx(0.1888, abs=5e-5)
+    with open(out / "front.csv") as f:
+        rows = list(csv.DictReader(f))
+    assert len(rows) == s["front_size"]
+    volts, strain = (np.array([float(r[n]) for r in rows]) for n in ("voltage_V", "strain"))
+    assert np.all(np.diff(volts) > 0) and np.all(np.diff(strain) > 0)
+    assert (out / "front.png").exists() and (out / "sensitivities.png").exists()
+    for words in ("784.4 kPa", "5330 V for the same strain", "not 15 %"):
+        assert words in printed
+
+
+def check_buckling(out, printed):
+    """Euler's load of a clamped strip in plane strain, within 1 % at L/h = 50."""
+    s = summary(out)
+    assert s["critical_voltage_V"] == pytest.approx(s["closed_form_voltage_V"], rel=0.01)
+    assert s["buckled_branch_is_stable"] and s["flat_branch_is_unstable"]
+    assert f"{s['critical_voltage_V']:.4f} V" in printed
+
+
 CHECKS = {
+    "buckling_strip.py": (check_buckling, []),
+    "design_search.py": (check_design, []),
     "fit_rubber.py": (check_fit, []),
     "snap_through.py": (check_snap_through, ["--mesh", "irregular"]),
     "cube.py": (check_cube, []),
     "hdea_helical_cell.py": (check_helical_cell, ["--steps", 3, "--linear"]),
     "hdea_two_turn.py": (check_hdea, ["--mesh", 1, "--steps", 4, "--trend"]),
 }
+NEEDS = {"design_search.py": "pymoo"}  # an optional extra
 
 
 def test_every_demo_is_listed():
@@ -128,6 +162,8 @@ def test_every_demo_is_listed():
 @pytest.mark.parametrize("name", CHECKS)
 def test_demo(name, start, tmp_path):
     check, arguments = CHECKS[name]
+    if name in NEEDS:
+        pytest.importorskip(NEEDS[name])
     done = start(DEMOS / name, "--out", tmp_path / "run", *arguments, ranks=2, timeout=500,
                  check=True)  # fmt: skip
     check(tmp_path / "run", done.stdout)

@@ -94,6 +94,16 @@ def test_same_seed_same_front(tmp_path):
 
 
 @needs_pymoo
+def test_the_pitch_angle_ties_the_thickness():
+    """pitch = 2 (elastomer + electrode); a fixed angle of 2 degrees makes the layer thicker."""
+    front = search(RUBBER, {"pitch_angle_deg": 2.0}, population=40, generations=20)
+    tied = np.pi * front["outer_radius"] * np.tan(np.radians(2.0)) - 50e-6
+    assert front["elastomer"] == pytest.approx(tied, rel=1e-9, abs=0)
+    assert front["elastomer"].min() == pytest.approx(169.4e-6, rel=0.01)  # at r_o = 2 mm
+    assert front["pitch_angle_deg"] == pytest.approx(2.0)
+
+
+@needs_pymoo
 def test_constraints_and_three_objectives():
     material = replace(RUBBER, electric=dea.IdealDielectric(2.0, 60e6))
     front = search(
@@ -308,13 +318,13 @@ def test_finite_elements_beside_the_analytic_stroke(quick_compile):
     """Thin layers with ideal electrodes: within 5 %; stiffer electrodes take the stroke away."""
     from dea_fenicsx.design.verify import cell_stroke, helix_stroke, ring_stroke
 
-    volts = 3000.0
+    volts = 2000.0
     model = HelicalModel(RUBBER)
     analytic = model(**RING, eps_r=TABLE_4_2["eps_r"], voltage=volts)["displacement"]
     load = {"material": RUBBER, "voltage": volts}
     slides = ring_stroke(**RING, **load)["stroke_m"]
     assert slides == pytest.approx(analytic, rel=1e-7)
-    helix = helix_stroke(**RING, **load, turns=3)
+    helix = helix_stroke(**RING, **load, turns=3, steps=2)
     assert helix["stroke_m"] / helix["layers"] == pytest.approx(analytic, rel=0.05)
     cells = [
         cell_stroke(**RING, **load, electrode_mu=ratio * EFFECTIVE_MU, largest=1.2 * analytic)

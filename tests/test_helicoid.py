@@ -58,32 +58,57 @@ def test_geometry_against_quadrature_and_the_mesh_family():
     h = Helicoid(5e-3, 1e-3, 2.7e-3, 0.05e-3, inset=0.2e-3, turns=3)
     r1, r2 = h.electrode_radii
     area, _ = quad(lambda r: 2 * np.pi * np.hypot(r, h.c), r1, r2)
-    assert h.area() == pytest.approx(area, rel=1e-12)
+    assert h.area() == pytest.approx(area, rel=1e-12, abs=0)
     mean, _ = quad(lambda r: 2 * np.pi * r * (1 + (h.c / r) ** 2), r1, r2)
-    assert h.flat_area * (1 + h.pitch_correction) == pytest.approx(mean, rel=1e-12)
+    assert h.flat_area * (1 + h.pitch_correction) == pytest.approx(mean, rel=1e-12, abs=0)
     mesh = HDEA(5e-3, 1e-3, 0.2e-3, 2.7e-3, 0.05e-3, turns=3)
     assert h.pitch == pytest.approx(mesh.pitch, rel=1e-14)
     assert h.height == pytest.approx(mesh.height, rel=1e-14)
-    assert h.area() == pytest.approx(mesh.electrode_area_per_turn, rel=1e-13)
+    assert h.area() == pytest.approx(mesh.electrode_area_per_turn, rel=1e-13, abs=0)
     assert h.turns_within(h.height) == 3
     assert h.turns_within(0.999 * h.height) == 2
 
 
-def test_capacitance_and_field_against_finite_elements(quick_compile):
-    """A steep helix, pitch angle 10 degrees at 1 mm; the closed form is exact without fringes."""
+def test_potential_is_exact():
+    """V (z - c theta)/T is harmonic, has no radial slope, and its gradient is the field."""
+    h = Helicoid(3e-3, 1e-3, 0.55e-3, 0.0)
+
+    def potential(x, y, z):
+        return 7.0 * (z - h.c * np.arctan2(y, x)) / h.elastomer
+
+    x, d = np.array([1.2e-3, 0.9e-3, 0.1e-3]), 1e-5
+    steps = d * np.eye(3)
+    laplacian = sum(potential(*(x + e)) + potential(*(x - e)) - 2 * potential(*x) for e in steps)
+    slope = np.array([potential(*(x + e)) - potential(*(x - e)) for e in steps]) / (2 * d)
+    # its terms are 1e-4 V, and the radial part of the slope 1e-4 of it is the differences' error
+    assert laplacian == pytest.approx(0, abs=1e-7)
+    assert abs(slope[:2] @ x[:2]) < 1e-4 * np.linalg.norm(slope) * np.hypot(*x[:2])
+    assert np.linalg.norm(slope) == pytest.approx(h.field(7.0, np.hypot(*x[:2])), rel=1e-4)
+
+
+def test_capacitance_against_finite_elements(quick_compile):
+    """Two turns less one turn: two layers without the ends.
+
+    At an end the last edge of one electrode meets the passive layer under the other, so that one
+    turn alone has 2 % more.  The flat ring would be off by the pitch correction, 0.84 %.
+    """
     ro, ri, T = 3e-3, 1e-3, 0.55e-3
+    found = []
+    for turns in (1, 2):
+        shape = HDEA(ro, ri, 0.0, T, 0.0, turns=turns, grading=1.0)
+        rubber = dea.Material(dea.NeoHookean(1e9), dea.IdealDielectric(3.0))
+        grounded = ("electrode_b_active", "electrode_b_top")[2 - turns :]
+        scene = dea.Scene(
+            dea.read_gmsh(shape, MPI.COMM_SELF), {"elastomer": rubber}, supports=[dea.FreeBody()],
+            electrodes=[dea.Electrode("electrode_a_active", 1.0), dea.Ground(grounded)],
+        )  # fmt: skip
+        record = {"c": dea.Capacitance("electrode_a_active")}
+        run = dea.solve(scene, dea.Ramp("voltage", steps=1), record, quiet=True, stability="never")
+        found.append(run["c_F"])
     h = Helicoid(ro, ri, T, 0.0)
-    device = dea.read_gmsh(HDEA(ro, ri, 0.0, T, 0.0, turns=1, radial=4), MPI.COMM_SELF)
-    rubber = dea.Material(dea.NeoHookean(1e9), dea.IdealDielectric(3.0))
-    scene = dea.Scene(
-        device, {"elastomer": rubber}, supports=[dea.FreeBody()],
-        electrodes=[dea.Electrode("electrode_a_active", 1.0), dea.Ground("electrode_b_top")],
-    )  # fmt: skip
-    record = {"c": dea.Capacitance("electrode_a_active")}
-    run = dea.solve(scene, dea.Ramp("voltage", steps=1), record, quiet=True, stability="never")
-    assert h.pitch_correction > 0.008
-    assert run["c_F"] == pytest.approx(float(h.capacitance(3.0)), rel=1e-4)
-    assert run["max_field_V_per_m"] == pytest.approx(float(h.field(1.0, ri)), rel=5e-3)
+    assert h.pitch_correction == pytest.approx(0.0084, abs=1e-4)
+    layer = (found[1] - found[0]) / 2
+    assert layer == pytest.approx(float(h.capacitance(3.0)), rel=2e-3, abs=0)
 
 
 @pytest.mark.parametrize("name", SOFT)
@@ -94,7 +119,7 @@ def test_stroke_inverts_voltage(name):
     k = np.linspace(0.01, 0.999, 7) * end
     volts = h.voltage(material, k)
     assert h.contraction(material, volts) == pytest.approx(np.tile(k, (2, 1)), rel=1e-6)
-    assert h.stroke(material, volts[:, 3]) == pytest.approx(h.elastomer[:, 0] * k[3], rel=1e-6)
+    assert h.stroke(material, volts[:, [3]]) == pytest.approx(h.elastomer * k[3], rel=1e-6, abs=0)
     if np.isfinite(h.pull_in_voltage(material)).all():
         assert np.isnan(h.contraction(material, 1.001 * h.pull_in_voltage(material))).all()
 
@@ -107,13 +132,14 @@ def test_stroke_is_a_state_of_the_film():
     state, stable = branch.states_at(volts)[0]
     assert stable
     assert h.contraction(material, volts) == pytest.approx(1 - state.stretches[2], rel=1e-9)
-    assert h.stroke(material, volts) == pytest.approx(7 * 2e-4 * (1 - state.stretches[2]))
+    stroke = 7 * 2e-4 * (1 - state.stretches[2])
+    assert h.stroke(material, volts) == pytest.approx(stroke, rel=1e-9, abs=0)
     assert elastic_pressure(material, 1 - state.stretches[2]) == pytest.approx(state.maxwell)
     assert h.field(volts, contraction=1 - state.stretches[2]) == pytest.approx(state.field)
     # thin layers keep their volume: the charge of a film per undeformed area
     k = 1 - state.stretches[2]
     flat = h.capacitance(2.76, k) / (1 + h.pitch_correction)
-    assert flat * volts == pytest.approx(7 * state.charge * h.flat_area)
+    assert flat * volts == pytest.approx(7 * state.charge * h.flat_area, rel=1e-9, abs=0)
     assert h.pressure(2.76, volts, contraction=k) == pytest.approx(
         2.76 * EPSILON_0 * state.field**2
     )

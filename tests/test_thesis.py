@@ -49,6 +49,7 @@ EXPECTED = {  # (system, name): value, or values, and the relative error its dig
         [0.018089, 0.045196, 0.090188, 0.13474, 0.1786], 4e-5),
     ("hdea_single_layer", "reference.contraction_C10D1"): (
         [0.0028426, 0.0070994, 0.014175, 0.021226, 0.028252], 4e-5),
+    ("hdea_single_layer", "reference.bonded_stiffness"): ([13.5, 51.0], 1e-9),
     ("hdea_optimised", "strain"): (0.145011, 4e-6),
     ("hdea_optimised", "voltage"): (8902.5, 1e-4),
     ("hdea_optimised", "true_field"): (74750000.0, 1e-4),

@@ -175,6 +175,14 @@ class HelicalModel:
         shapes = np.broadcast_shapes(*(np.shape(v) for v in found.values()))
         return {name: np.broadcast_to(v, shapes)[()] for name, v in found.items()}
 
+    def thickness_at(self, outer_radius: Any, pitch_angle_deg: Any) -> Any:
+        """Thickness of elastomer in m that a pitch angle demands: pi r_o tan beta - t_e.
+
+        Not less than 1 um, which every envelope refuses, so that the rest can be computed.
+        """
+        slope = np.tan(np.radians(pitch_angle_deg))
+        return np.maximum(np.pi * np.asarray(outer_radius) * slope - self.electrode, 1e-6)
+
     def bounds(
         self, constraints: Mapping[str, float], pitch_angle_deg: Range | None
     ) -> dict[str, Limit]:
@@ -211,8 +219,8 @@ class HelicalModel:
         the smallest ring, any contraction up to pull-in.
         """
         ro, eps = envelope["outer_radius"][0], envelope["eps_r"][1]
-        tied = math.pi * ro * math.tan(math.radians(envelope["pitch_angle_deg"][0]))
-        T = max(envelope["elastomer"][0], tied - self.electrode)
+        tied = self.thickness_at(ro, envelope["pitch_angle_deg"][0])
+        T = max(envelope["elastomer"][0], tied)
         low, high = envelope["contraction"]
         k = np.linspace(low, min(high, self.pull_in_contraction), points)
         inner = min(envelope["inner_radius"][0], 0.9 * ro)

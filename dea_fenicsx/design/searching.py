@@ -45,7 +45,8 @@ def search(
     material
         A material or the name of a preset.
     envelope
-        Ranges, or single numbers, that replace those of `ENVELOPE`.
+        Ranges, or single numbers, that replace those of `ENVELOPE`.  With a single pitch angle the
+        thickness follows from it and the outer radius, and its range becomes a constraint.
     objectives
         Names out of `OBJECTIVES`.
     constraints
@@ -77,18 +78,25 @@ def search(
     _positive({**{n: low for n, (low, _) in free.items()}, **fixed}, free)
     wanted = {}
     for name in [objectives] if isinstance(objectives, str) else objectives:
-        wanted[one_of(name, OBJECTIVES, "objective")] = OBJECTIVES[name]
+        name = one_of(name, OBJECTIVES, "objective")
+        wanted[name] = OBJECTIVES[name]
     goals(wanted)
-    angle = free.pop("pitch_angle_deg", None)
-    if angle is None:
-        angle = (fixed.pop("pitch_angle_deg"),) * 2
-    bounds = model.bounds(constraints or {}, angle)
+    # The pitch angle follows from the thickness, or, where the angle is fixed, the other way round.
+    angle = fixed.pop("pitch_angle_deg", None)
+    bounds = model.bounds(constraints or {}, free.pop("pitch_angle_deg", None))
+    if angle is not None:
+        low, high = free.pop("elastomer") if "elastomer" in free else (fixed.pop("elastomer"),) * 2
+        printable, _ = bounds.get("elastomer", (None, None))
+        bounds["elastomer"] = (max(low, printable or 0.0), high)
     if not free:
         raise InputError("All variables are fixed; give at least one a range (lower, upper).")
 
     def evaluate(X: np.ndarray) -> Columns:
-        design = {name: X[:, i] for i, name in enumerate(free)}
-        return model(**{name: design.get(name, fixed.get(name)) for name in _ARGUMENTS})
+        design = {name: np.full(len(X), value) for name, value in fixed.items()}
+        design |= {name: X[:, i] for i, name in enumerate(free)}
+        if angle is not None:
+            design["elastomer"] = model.thickness_at(design["outer_radius"], angle)
+        return design | model(**design)
 
     every = max(generations // 10, 1) if isinstance(generations, int) else 1
     say = _Progress(MPI.COMM_WORLD, quiet, every)
@@ -96,9 +104,6 @@ def search(
         evaluate, free, wanted, bounds, population=population, generations=generations,
         seed=seed, start=start, say=say,
     )  # fmt: skip
-
-
-_ARGUMENTS = ("outer_radius", "inner_radius", "elastomer", "eps_r", "contraction")
 
 
 def _positive(lowest: Mapping[str, float], free: Mapping[str, Any]) -> None:

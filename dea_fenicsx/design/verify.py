@@ -14,7 +14,7 @@ from mpi4py import MPI
 from scipy.interpolate import CubicSpline
 
 from dea_fenicsx.conditions import Clamp, Displacement, Electrode, Fix, FreeBody, Ground
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.errors import EquilibriumLost, InputError
 from dea_fenicsx.geometry import HDEA, BoxStack, Layer
 from dea_fenicsx.kinematics import Axisymmetric
 from dea_fenicsx.materials import Conductor, Material, NeoHookean
@@ -114,6 +114,11 @@ def cell_stroke(
     -------
     dict
         ``stroke_m``, ``max_field_V_per_m`` (the latter at the largest stroke).
+
+    Raises
+    ------
+    EquilibriumLost
+        If the force does not change sign: beyond pull-in, as a rule.
     """
     half = electrode / 2
     layers = [
@@ -138,8 +143,9 @@ def cell_stroke(
     kept = run.column("voltage_V") == voltage
     x, force = lowered[kept], run.column("force_N")[kept]
     if np.all(force > 0) or np.all(force < 0):
-        raise InputError(
-            f"The cell is in no equilibrium within {largest:g} m; give a larger `largest`."
+        raise EquilibriumLost(
+            f"The cell finds no equilibrium at {voltage:g} V down to a stroke of {largest:g} m: it "
+            "has pulled in, or `largest` is too small."
         )
     roots = CubicSpline(x, force).roots(extrapolate=False)
     return {
@@ -161,12 +167,15 @@ def helix_stroke(
     comm: Any = MPI.COMM_SELF,
     **cells: int,
 ) -> dict[str, float]:
-    """A free helix with ideal electrodes in three dimensions, flat of electrode thickness.
+    """A free helix with ideal electrodes, in three dimensions.
+
+    The layer below the first electrode is passive and curls a helix of few turns, whose stroke is
+    then well above the analytic one; over eight turns they agree within 1 %.
 
     Parameters
     ----------
     turns, inset
-        See `HDEA`.  The layer below the first electrode is passive.
+        See `HDEA`.
     comm
         Ranks that share the work.
     cells

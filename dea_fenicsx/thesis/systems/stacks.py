@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dea_fenicsx.exact import Branch, Film, trace
+from dea_fenicsx.exact import Branch, Film, bonded_ring_modulus, trace
 from dea_fenicsx.materials import EPSILON_0, IdealDielectric, Material, NeoHookean, get
 from dea_fenicsx.thesis.table import ASSUMED, MISSING, REPRODUCED, WRONG, Row, answer, computed
 
@@ -75,6 +75,10 @@ def rows() -> list[Row]:
         answer(h, "displacement_vs_pressure", None, MISSING,
                "plot only; inner radius, pitch, material and support are missing; the free "
                "homogeneous layer is in hdea_single_layer.png"),
+        computed(h, "reference.bonded_stiffness",
+                 [float(bonded_ring_modulus(1.0, 5e-3, 0.0, ELASTOMER, n)) / 3 for n in (1, 2)],
+                 "-", "times that of a free layer, full disk of 5 mm radius with a flat plate "
+                 "bonded to one face or to both: 1 + 2 S^2, at small strain"),
     ]  # fmt: skip
     for label, branch in (
         ("mu50k", incompressible(50e3)), ("mu73p7k", incompressible(73.7e3)), ("C10D1", layer)
