@@ -1,8 +1,9 @@
 """Kill a small run with SIGKILL at random moments and resume it: the end must be the same.
 
-Half of the kills strike at a random time.  The other half strike while something is written: the
-run kills itself at a random one of its writes, before it, when half of the new file is on disk, or
-right after it; writes are those of a step, of the final fields and the removal of the parts.
+Half of the kills strike at a random time after a random step.  The other half strike while
+something is written: the run kills itself at a random one of its writes, before it, when half of
+the new file is on disk, or right after it; writes are those of a step, of the final fields and the
+removal of the parts.
 
     python tests/hard/run.py --only "random kill"
 """
@@ -34,6 +35,8 @@ PHASES = ("before", "half", "after")
 LEFT_OUT = {"wall_s", "newton_iterations", "krylov_iterations", "factorisations", "retries",
             "residual", "volume_error", "min_J",
             "max_field_x_m", "max_field_y_m", "max_field_z_m"}  # fmt: skip
+
+STEPS = 15
 
 SCRIPT = '''
 import os, shutil, signal, sys
@@ -156,7 +159,7 @@ def difference(found: Path, wanted: Path) -> float:
     return worst
 
 
-def one(script: Path, folder: Path, number: int, span: tuple[float, float], writes: int) -> dict:
+def one(script: Path, folder: Path, number: int, pace: float, writes: int) -> dict:
     """One kill and what came of it."""
     rng = random.Random(4000 + number)
     ranks = (2 if number % 5 == 1 else 1, 3 if number % 5 == 3 else 1)
@@ -172,9 +175,11 @@ def one(script: Path, folder: Path, number: int, span: tuple[float, float], writ
         with suppress(subprocess.TimeoutExpired):
             process.wait(timeout=60)
     else:
-        delay = rng.uniform(*span) + 0.8 * (ranks[0] - 1)
-        name = f"random kill {number + 1}: after {delay:.2f} s"
+        step, delay = rng.randrange(STEPS), rng.uniform(0, 2 * pace)
+        name = f"random kill {number + 1}: {delay * 1e3:.0f} ms after step {step}"
         process = start(script, out, ranks[0], False)
+        while process.poll() is None and on_disk(out) <= step:
+            time.sleep(0.002)
         time.sleep(delay)
     kill(process, script)
     row = {"case": f"{name}, {ranks[0]} then {ranks[1]} ranks", "expected": "same end to 1e-8"}
@@ -201,18 +206,22 @@ def as_cases(kills: int = 20):
         script.write_text(SCRIPT)
         finish(script, folder / "first", 1, False)  # compiles
         writes = int(finish(script, folder / "first", 1, False, COUNT_WRITES="1").split()[-1])
-        span = busy(script, folder / "whole")
+        pace = rhythm(script, folder / "whole")
         for number in range(kills):
-            yield one(script, folder, number, span, writes)
+            yield one(script, folder, number, pace, writes)
 
 
-def busy(script: Path, out: Path) -> tuple[float, float]:
-    """Run undisturbed: the times in s of the first step on disk and of the end, both widened."""
-    begin = time.perf_counter()
+def on_disk(out: Path) -> int:
+    """Number of steps in history.csv so far."""
+    file = out / "history.csv"
+    return file.read_bytes().count(b"\n") - 1 if file.exists() else 0
+
+
+def rhythm(script: Path, out: Path) -> float:
+    """Run undisturbed: the mean time between two steps in s."""
     process = start(script, out, 1, False)
-    while process.poll() is None and not (out / "checkpoint.npz").exists():
-        time.sleep(0.005)
-    first = time.perf_counter() - begin
+    while process.poll() is None and not on_disk(out):
+        time.sleep(0.002)
+    begin = time.perf_counter()
     assert process.wait(timeout=120) == 0
-    return 0.95 * first, 1.05 * (time.perf_counter() - begin)
-
+    return (time.perf_counter() - begin) / STEPS
