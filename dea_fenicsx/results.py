@@ -313,7 +313,8 @@ class Folder:
         def write(target: Path) -> None:
             if whole.exists():
                 shutil.copyfile(whole, target)
-            with h5py.File(target, "a") as h5:
+            # "w" else: a kill may have left a part of such a file behind
+            with h5py.File(target, "a" if whole.exists() else "w") as h5:
                 for source, name in [(parts / "grid.h5", "grid")] + [
                     (self._part(int(r["step"])), f"step_{int(r['step']):05d}") for r in history
                 ]:

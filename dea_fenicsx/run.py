@@ -393,6 +393,7 @@ class _Session:
         self.writer.scatter_state(state)
         self.solver.references.sizes |= told.get("references", {})
         cursor = Cursor(**told["cursor"])
+        self.ramp = cursor.ramp
         self.problem.set_factors(cursor.factors)
         try:
             check_step(self.solver, cursor.step, {})

@@ -207,6 +207,8 @@ def _follow_trace(
     """Follow one trace from a cursor until it has enough or its steps are used up."""
     scene = solver.problem.scene
     done = round(cursor.position * item.steps)
+    if done >= item.steps or (done and enough()):
+        return  # resumed after its last step
     sign = cursor.direction or float(np.sign(item.first))
     factors = dict(cursor.factors)
     arc = cursor.size or 1.0

@@ -1,0 +1,59 @@
+"""A part of the table of hard cases (tests/hard, `make hard` runs all of it)."""
+
+from __future__ import annotations
+
+import pytest
+from hard import devices, films, runs  # noqa: F401  (each enters its cases)
+from hard.table import CASES, passed, verdict
+
+pytestmark = pytest.mark.usefixtures("quick_compile")
+
+# All films are neo-Hookean or Gent discs: two kernels, both small.
+PART = [
+    "zero voltage",
+    "reversed polarity",
+    "load reversed half-way",
+    "voltage step ten times too long",
+    "voltage beyond pull-in",
+    "arc length over pull-in",
+    "a ramp to the present value",
+    "several ramps at once",
+    "stretch 4 x 4 in one go",
+    "Gent at 99 % of lock-up in one go",
+    "Gent pulled by a dead load of 100 moduli",
+    "eps_r = 1000",
+    "size 1e-06 m, shear modulus 1e+09 Pa",
+    "needle cells, 1 : 10000",
+    "layers 1 : 1000 thin",
+    "augmentation 10000",
+    "two electrodes at different voltages",
+    "Newton's tolerance at rounding",
+    "a folded quadrilateral",
+    "an inverted tetrahedron",
+    "rigid motion: a film on a table in space",
+    "resuming after pull-in",
+    "resuming from a broken checkpoint",
+]
+
+
+@pytest.mark.parametrize("name", PART)
+def test_a_hard_case_ends_as_it_must(name):
+    case = CASES[name]
+    ended, message = verdict(case)
+    assert passed(case, ended, message), f"{ended} instead of {case.expected}: {message}"
+
+
+def test_the_table_holds_what_it_must():
+    assert len(CASES) >= 60
+    assert {case.expected for case in CASES.values()} == {
+        "completed", "equilibrium lost", "refused", "solver failed",
+    }  # fmt: skip
+
+
+def test_a_wrong_answer_is_told():
+    """The harness itself: an assertion in a case is a verdict, and never passes."""
+    from hard.table import COMPLETED, Case, close
+
+    it = Case("wrong", COMPLETED, "", lambda: close(1.0, 2.0))
+    ended, message = verdict(it)
+    assert ended == "wrong answer" and "off by" in message and not passed(it, ended, message)
