@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     )
     from dea_fenicsx.mesh import Device, read_gmsh
     from dea_fenicsx.observables import (
+        Area,
         Capacitance,
         Charge,
         Contraction,
@@ -91,7 +92,7 @@ _HOME = {
     ),
     "mesh": ("Device", "read_gmsh"),
     "observables": (
-        "Capacitance", "Charge", "Contraction", "LargestDisplacement", "MeanDisplacement",
+        "Area", "Capacitance", "Charge", "Contraction", "LargestDisplacement", "MeanDisplacement",
         "MeanStretch", "Potential", "Reaction",
     ),
     "overall": (

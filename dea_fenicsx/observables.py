@@ -19,6 +19,7 @@ from dea_fenicsx.compat import dolfinx
 from dea_fenicsx.conditions import Ground, ThinFilm
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import measure
+from dea_fenicsx.kinematics import cofactor
 from dea_fenicsx.mesh import one_sided
 from dea_fenicsx.scene import known
 from dea_fenicsx.weakform import Problem
@@ -108,6 +109,36 @@ class Contraction:
     def bind(self, problem: Problem) -> Measurement:
         stretch = MeanStretch(self.between, self.axis).bind(problem)
         return lambda: 1 - stretch()
+
+
+@dataclass(frozen=True)
+class Area:
+    """Deformed area of a facet group in m^2: int |cof(F) N| dA.
+
+    In plane strain for the kinematics' depth.
+    """
+
+    where: str
+    unit = "m2"
+
+    def bind(self, problem: Problem) -> Measurement:
+        device, kin = problem.scene.device, problem.scene.kinematics
+        known(self.where, device.surfaces, "facet group")
+        if kin.overall:
+            raise InputError("Area is not measured in a helical cell.")
+        ds = measure(device, [one_sided(device, self.where)], 4, "ds")(0)
+        x = ufl.SpatialCoordinate(problem.mesh)
+        u = ufl.split(problem.w)[0]
+        F = ufl.Identity(3) + kin.displacement_gradient(u, x)
+        area = ufl.dot(cofactor(F)[0], kin.embed(ufl.FacetNormal(problem.mesh)))
+        form = compat.compile_form(ufl.sqrt(ufl.dot(area, area)) * kin.weight(x) * ds)
+        unit = problem.scales.volume / problem.scales.length
+
+        def value() -> float:
+            mine = float(np.real(dolfinx.fem.assemble_scalar(form)))
+            return problem.comm.allreduce(mine, op=MPI.SUM) * unit
+
+        return value
 
 
 @dataclass(frozen=True)

@@ -72,13 +72,12 @@ def membrane(args, mesh, taper, field):
 
 def follow(args, mesh, taper, field, **options):
     """Pre-stretch, then trace the voltage until the electrode has the wanted area."""
-    a, axis = args.electrode, "x" if args.solid else "r"
-    grown = a * (args.stretch * np.sqrt(args.area) - 1)
+    grown = args.area * np.pi * (args.electrode * args.stretch) ** 2
     return dea.solve(
         membrane(args, mesh, taper, field),
         [dea.Ramp("stretch", steps=4),
-         dea.Trace("voltage", first=0.05, until=("edge_m", grown), steps=100, longest=2.0)],
-        {"edge": dea.LargestDisplacement("top_active", axis)},
+         dea.Trace("voltage", first=0.05, until=("electrode_m2", grown), steps=100, longest=2.0)],
+        {"electrode": dea.Area("top_active")},
         **options,
     )  # fmt: skip
 
@@ -86,8 +85,7 @@ def follow(args, mesh, taper, field, **options):
 def area_of(args, run):
     """Electrode area over that after the pre-stretch, and twice the half's voltage, per step."""
     kept = [r for r in run.history if r["ramp"] == "voltage" or r["stretch_factor"] == 1]
-    edge = np.array([r["edge_m"] for r in kept])
-    area = ((args.electrode + edge) / (args.electrode + kept[0]["edge_m"])) ** 2
+    area = np.array([r["electrode_m2"] for r in kept]) / kept[0]["electrode_m2"]
     return area, 2 * np.array([r["voltage_V"] for r in kept])
 
 
@@ -116,7 +114,7 @@ def main():
     if args.study:
         run.add(study=study(args))
     if MPI.COMM_WORLD.rank == 0:
-        dea.pictures.curve(args.out, x="edge_m", y="voltage_V")
+        dea.pictures.curve(args.out, x="electrode_m2", y="voltage_V")
         dea.pictures.deformed(args.out)
         if not args.quiet:
             report(args, run)
