@@ -23,6 +23,7 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from dea_fenicsx.solver import Attempt, NewtonSolver
+from dea_fenicsx.stability import Place
 from dea_fenicsx.weakform import Problem
 
 UNIT_STRETCH = 0.05
@@ -158,6 +159,10 @@ class Branch:
             solver.counters.newton += 1
             iterations += 1
             previous = norm
+
+    def place(self, start: Point, arc: float) -> Place:
+        """How to find equilibria at a share of an arc behind a point."""
+        return lambda share: self.step(start, share * arc)
 
     def _move(self, increment: np.ndarray, change: float) -> None:
         self.problem.add_free(increment)

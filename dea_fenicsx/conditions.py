@@ -64,12 +64,16 @@ class Electrode(_Conducting):
         Lets the potential fall off over a ring or strip at the electrode's edge, as a
         field-grading layer does.  At the sharp edge of an ideal electrode the field is singular: on
         a fine mesh the edge fails by itself, at a voltage that goes to zero with the cell.  A taper
-        gives the edge a length, and results that converge.
+        gives the edge a length, and results that converge.  Several are multiplied.
     """
 
     volts: float
     ramp: str = "voltage"
-    taper: Taper | None = None
+    taper: Taper | tuple[Taper, ...] = ()
+
+    @property
+    def tapers(self) -> tuple[Taper, ...]:
+        return (self.taper,) if isinstance(self.taper, Taper) else tuple(self.taper)
 
 
 @dataclass(frozen=True)

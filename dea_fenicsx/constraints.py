@@ -212,8 +212,7 @@ def potential_at(
             electrode.end - electrode.start
         )
         values *= share
-    taper = getattr(electrode, "taper", None)
-    if taper is not None:
+    for taper in electrode.tapers if isinstance(electrode, Electrode) else ():
         t = (coordinate(scene, taper.along, X) - taper.start) / (taper.end - taper.start)
         values *= (1 + np.cos(np.pi * np.clip(t, 0, 1))) / 2
     return values

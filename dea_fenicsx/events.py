@@ -16,6 +16,10 @@ from dea_fenicsx.solver import Attempt, NewtonSolver
 from dea_fenicsx.stability import Place, Spectrum
 
 
+MOST = 3
+"""Changes of the inertia that are located in one step; a slack film passes dozens at once."""
+
+
 @dataclass(frozen=True)
 class Alarm:
     """Something that fails when its margin turns negative.
@@ -174,10 +178,10 @@ class Sentinel:
     def _bifurcations(
         self, place: Place, before: int, after: int, rates: dict[str, float]
     ) -> list[Passed]:
-        """All states on the way at which the inertia changes, limit points left out."""
+        """The first states on the way at which the inertia changes, limit points left out."""
         found: list[Passed] = []
         low = 0.0
-        for _ in range(abs(after - before)):
+        for _ in range(min(abs(after - before), MOST)):
             critical = self._spectrum.locate(place, before, rates, low)
             if critical is None:
                 break

@@ -282,6 +282,10 @@ class Gauge:
         )
         return Worst(value, margin, name, place)
 
+    def margin(self) -> float:
+        """Margin of the worst point.  Collective."""
+        return self.worst().margin
+
     def by_cell(self) -> np.ndarray:
         """Worst value in each cell that this rank owns; NaN where nothing is watched."""
         out = np.full(self.problem.scene.device.owned_cells(), np.nan)

@@ -201,7 +201,7 @@ class _Session:
         self._step_started = time.perf_counter()
         sentinel = Sentinel(
             self.solver,
-            [Alarm(g.failure.name, lambda g=g: g.worst().margin) for g in self.gauges],
+            [Alarm(gauge.failure.name, gauge.margin) for gauge in self.gauges],
             stability=self.stability == "every",
             fired=[row["event"] for row in self.history],
         )

@@ -212,8 +212,8 @@ def _check_electrodes(scene: Scene) -> None:
             finite(electrode.coulombs, f"The charge of electrode {electrode.label!r}")
         else:
             finite(electrode.volts, f"The voltage of electrode {electrode.label!r}")
-            if electrode.taper is not None:
-                _check_taper(scene, electrode.taper, electrode.label)
+            for taper in electrode.tapers:
+                _check_taper(scene, taper, electrode.label)
         for name in electrode.names:
             known(name, [*device.surfaces, *device.regions], "facet group or region")
             if name in seen:

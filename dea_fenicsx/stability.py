@@ -99,13 +99,15 @@ class Spectrum:
         """Inertia, size of the eigenvalue nearest zero, and its vector in the free unknowns."""
         tangent = self.solver.refresh_inertia()
         count = self.solver.inertia.excess
+        if count is None:
+            return None
         v = self._start / np.sqrt(self._dot(self._start, self._start))
         value = np.inf
         for _ in range(60):
             load = np.zeros_like(v)
             load[self.u] = v[self.u]
             w = self.solver.linear_solve(tangent, load, 1e-8)
-            if w is None or count is None:
+            if w is None:
                 return None
             size = self._dot(w, w)
             new = self._dot(w, v) / size

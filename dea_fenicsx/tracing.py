@@ -122,10 +122,7 @@ def trace(
         spots = list(_spots(branch, item, here, there, arc, turns, sentinel))
         if spots:
             branch.restore(there)
-        events = sentinel.passed(
-            lambda share, here=here, arc=arc: branch.step(here, share * arc),
-            {item.what: 1.0}, count, int(turns),
-        )  # fmt: skip
+        events = sentinel.passed(branch.place(here, arc), branch.rates, count, int(turns))
         for event in events:
             slope = np.sign(there.factor - here.factor)
             factor = event.factors[item.what]

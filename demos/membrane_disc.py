@@ -50,7 +50,7 @@ def membrane(args, mesh, taper, field):
     elastic = dea.Gent(args.mu, args.jm)
     film = dea.Material(elastic, dea.IdealDielectric(args.eps_r))
     volts = args.thickness * np.sqrt(args.mu / (args.eps_r * EPSILON_0)) / 2
-    edge = dea.Taper(args.electrode, args.electrode + taper) if taper else None
+    edge = dea.Taper(args.electrode, args.electrode + taper) if taper else ()
     materials = dict.fromkeys(device.regions, film)
     if field == "thin":
         live = tuple(name for name in device.regions if name != "passive")
@@ -92,12 +92,13 @@ def area_of(args, run):
 def voltage_at(args, run, wanted):
     """Voltage in V at an area, by a spline through the steps; NaN if it is not reached."""
     area, volts = area_of(args, run)
-    first = int(np.argmax(area >= wanted)) if area.max() >= wanted else -1
-    if first < 1:
+    # events and turning points apart: the steps on which the area grows
+    grows = np.concatenate([[True], area[1:] > np.maximum.accumulate(area)[:-1]])
+    area, volts = area[grows], volts[grows]
+    if area[-1] < wanted:
         return float("nan")
     # the square of the voltage is the smooth one
-    rising = slice(0, min(first + 4, len(area)))
-    return float(np.sqrt(CubicSpline(area[rising], volts[rising] ** 2)(wanted)))
+    return float(np.sqrt(CubicSpline(area, volts**2)(wanted)))
 
 
 def main():
