@@ -109,7 +109,8 @@ class Kresling:
             raise InputError("Kresling: the printed chords are those of a square; give 4 sides.")
         for name, known in (("twist", TWISTS), ("chords", CHORDS)):
             if getattr(self, name) not in known:
-                raise InputError(f"Kresling: {name} is {getattr(self, name)!r}, not one of {known}.")
+                told = getattr(self, name)
+                raise InputError(f"Kresling: {name} is {told!r}, but must be one of {known}.")
         if self.height is None:
             if self.chords == "printed":
                 raise InputError(
@@ -150,6 +151,16 @@ class Kresling:
         return self.radius * (2.0 if self.chords == "right" else 1.0)
 
     @property
+    def contact_twist(self) -> float:
+        """pi - 2 pi/n: all diagonals meet on the axis and neighbouring panels lie on each other.
+
+        A solid box stops here.  At larger twists its panels would have gone through each other;
+        a box of flat cells is at rest exactly here, so what the thesis computes from its rest down
+        is the energy of the linkage only.
+        """
+        return np.pi - self.step
+
+    @property
     def lowest(self) -> float:
         """Least height in m; 0 if the edges are short enough to lie down."""
         return float(np.sqrt(max(self.edge**2 - self.longest_chord**2, 0.0)))
@@ -157,7 +168,7 @@ class Kresling:
     @cached_property
     def rest_twist(self) -> float:
         """phi at rest; pi - 2 pi/n for flat cells."""
-        flat = np.pi - self.step
+        flat = self.contact_twist
         phi = float(self.twist_at(self.height))
         return flat if self.chords == "right" and abs(phi - flat) < 1e-12 else phi
 
@@ -262,7 +273,7 @@ class Kresling:
             ratio = change / self._slope(phi)
         # 0/0 where a vertical edge is a state without strain; half angles take the zero out
         share = self.side / (self.radius * np.cos(phi / 2))
-        if self.rest_twist == np.pi - self.step:
+        if self.rest_twist == self.contact_twist:
             ratio = -share * np.sin((phi - self.rest_twist) / 2)
         elif self.rest_twist == 0:
             ratio = share * np.cos((phi + self.step) / 2)
@@ -380,7 +391,7 @@ def _fold(first: tuple[Any, ...], second: tuple[Any, ...]) -> Any:
 
 
 def torque_as_printed(storey: Kresling, state: State) -> Any:
-    """Eq 72b literally, R^2 k (pi/4 + theta0 + dtheta)(1 - c0/c): the sine is lost, the sign turned."""
+    """Eq 72b literally, R^2 k (pi/4 + theta0 + dtheta)(1 - c0/c): no sine, two signs turned."""
     theta0 = storey.rest_twist + np.pi / 4
     psi = np.pi / 4 + theta0 + (storey.rest_twist - state.twist)
     return storey.radius**2 * storey.stiffness * psi * (1 - storey.rest_diagonal / state.diagonal)
