@@ -114,6 +114,11 @@ class Box:
                 f"Box: panels of {self.panel:g} m do not reach up to {self.height:g} m."
             )
 
+    @property
+    def _slope_length(self) -> float:
+        assert self.panel is not None  # set by __post_init__
+        return self.panel
+
     def gamma(self, voltage: Any) -> Any:
         """Angle of the panels at a voltage in rad.
 
@@ -124,7 +129,7 @@ class Box:
         """
         found = np.asarray(self.angle(np.asarray(voltage, dtype=float)), dtype=float)
         if self.map == "panel":
-            found = found - float(self.angle(0.0)) + np.arcsin(self.height / self.panel)
+            found = found - float(self.angle(0.0)) + np.arcsin(self.height / self._slope_length)
         if not np.all((found >= -1e-12) & (found <= np.pi / 2 + 1e-12)):
             raise InputError("Box: the hinge turns the panels beyond 0 to 90 degrees.")
         return found[()]
@@ -134,7 +139,7 @@ class Box:
         gamma = self.gamma(voltage)
         if self.map == "proportional":
             return self.height * gamma / float(self.angle(0.0))
-        return self.panel * np.sin(gamma)
+        return self._slope_length * np.sin(gamma)
 
     def total_height(self, voltage: Any) -> Any:
         """Height of all storeys in m."""
@@ -156,7 +161,7 @@ class Box:
         """
         if self.map == "proportional":
             return self.cells * np.asarray(moment) * float(self.angle(0.0)) / self.height
-        return self.cells * np.asarray(moment) / (self.panel * np.cos(self.gamma(voltage)))
+        return self.cells * np.asarray(moment) / (self._slope_length * np.cos(self.gamma(voltage)))
 
 
 def blocked_force(
