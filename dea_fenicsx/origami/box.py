@@ -7,7 +7,7 @@ Lengths in m, angles in rad, voltages in V.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +22,7 @@ from dea_fenicsx.units import in_si, si
 MAPS = ("panel", "proportional")
 
 
-def table_of_angles(voltages: Sequence[Any], angles: Sequence[Any]) -> Callable[[Any], Any]:
+def table_of_angles(voltages: Any, angles: Any) -> Callable[[Any], Any]:
     """A hinge law through measured or computed points, monotone between them.
 
     Parameters

@@ -128,10 +128,10 @@ class Kresling:
                 f"Kresling: height is {self.height:g} m, but must be above 0 and at most the edge, "
                 f"{self.edge:g} m."
             )
-        elif self.height < self.lowest:
+        elif self.height < self._leaning:
             raise InputError(
                 f"Kresling: an edge of {self.edge:g} m does not lean down to {self.height:g} m; "
-                f"the least height is {self.lowest:g} m."
+                f"the least height is {self._leaning:g} m."
             )
 
     # ------------------------------------------------------------------ geometry
@@ -162,7 +162,11 @@ class Kresling:
 
     @property
     def lowest(self) -> float:
-        """Least height in m; 0 if the edges are short enough to lie down."""
+        """Least height in m; 0 if the edges are short enough to lie down, or not rigid."""
+        return self._leaning if self.twist == "free" else 0.0
+
+    @property
+    def _leaning(self) -> float:
         return float(np.sqrt(max(self.edge**2 - self.longest_chord**2, 0.0)))
 
     @cached_property
@@ -207,7 +211,7 @@ class Kresling:
             For a height that the storey cannot have.
         """
         h = np.asarray(si(height, "m", "Kresling: height"), dtype=float)
-        low, high = (self.lowest, self.edge) if self.twist == "free" else (0.0, np.inf)
+        low, high = self.lowest, self.edge if self.twist == "free" else np.inf
         if not np.all((h >= low * (1 - 1e-12)) & (h <= high * (1 + 1e-12))):
             raise InputError(f"Kresling: heights must lie between {low:g} and {high:g} m.")
         h = np.clip(h, low, high)

@@ -71,8 +71,8 @@ def _fold() -> list[Row]:
         answer(s, "e3_x_m_hat", [*fold.across.tolist(), 0.0], REPRODUCED),
         answer(s, "w_unit", width, WRONG,
                f"a share of sides of 3 and 4, so {1e3 * width:.3f} mm in the actual cell; a panel "
-               f"of 0.508 mm needs {1e3 * float(least_fold_width(PANEL)):.3f} mm to fold flat, with "
-               f"0.05 mm it may be {1e3 * 0.05e-3 * 2 / np.pi:.3f} mm thick"),
+               f"of 0.508 mm needs {1e3 * float(least_fold_width(PANEL)):.3f} mm to fold flat, "
+               f"with 0.05 mm it may be {1e3 * 0.05e-3 * 2 / np.pi:.3f} mm thick"),
         computed(s, "length_p1p2", fold.length, "-", "long side, in units of the 3:4:5 cell"),
     ]  # fmt: skip
     for i, corner in enumerate(fold.corners):
