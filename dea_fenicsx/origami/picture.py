@@ -113,9 +113,11 @@ def write_folding(storey: Kresling, twists: Any, folder: str | Path) -> Path:
     for frame, phi in enumerate(np.atleast_1d(np.asarray(twists, dtype=float))):
         strain = float(storey.at_twist(phi).strain)
         points = storey.vertices(phi).reshape(-1, 3)
-        text = ["# vtk DataFile Version 3.0", "Kresling storey", "ASCII", "DATASET POLYDATA"]
+        text = ["# vtk DataFile Version 3.0", "Kresling storey", "ASCII"]
+        text += ["DATASET UNSTRUCTURED_GRID"]
         text += [f"POINTS {2 * n} double", *(" ".join(f"{x:.9g}" for x in p) for p in points)]
-        text += [f"POLYGONS {2 * n} {8 * n}", *(f"3 {i} {j} {k}" for i, j, k in panels)]
+        text += [f"CELLS {2 * n} {8 * n}", *(f"3 {i} {j} {k}" for i, j, k in panels)]
+        text += [f"CELL_TYPES {2 * n}", *["5"] * (2 * n)]  # 5: triangle
         text += [f"CELL_DATA {2 * n}", "SCALARS diagonal_strain double 1", "LOOKUP_TABLE default"]
         text += [f"{strain:.9g}"] * (2 * n)
         name = f"folding_{frame:03d}.vtk"
