@@ -21,10 +21,12 @@ from dea_fenicsx.origami import (
     Kresling,
     SmoothFold,
     blocked_force,
+    fold_angles,
     least_fold_width,
     strokes,
     table_of_angles,
     torque_as_printed,
+    vertices,
     voltage_to_block,
 )
 from dea_fenicsx.origami.picture import write_folding
@@ -184,7 +186,7 @@ def test_printed_torque():
 
 def crossings(s: Kresling, phi: float) -> int:
     """How often a crease pierces a panel."""
-    v, n = s.vertices(phi), s.sides
+    v, n = vertices(s, phi), s.sides
     after = [(i + 1) % n for i in range(n)]
     panels = [(v[0, i], v[1, i], v[1, j]) for i, j in enumerate(after)]
     panels += [(v[0, i], v[0, j], v[1, j]) for i, j in enumerate(after)]
@@ -210,7 +212,7 @@ def test_panels_pierce_each_other_beyond_contact(s):
 
 def test_corners_and_folds():
     phi = np.radians([0.0, 20.0, 60.0, 89.9999])
-    v = FLAT.vertices(phi)
+    v = vertices(FLAT, phi)
     assert v.shape == (4, 2, 4, 3)
     state = FLAT.at_twist(phi)
     edge = np.linalg.norm(v[:, 1, 0] - v[:, 0, 0], axis=-1)
@@ -218,7 +220,7 @@ def test_corners_and_folds():
     assert edge == pytest.approx(np.full(4, B), rel=1e-13)
     assert diagonal == pytest.approx(state.diagonal, rel=1e-13)
     assert np.linalg.norm(v[:, :, 1] - v[:, :, 0], axis=-1) == pytest.approx(np.full((4, 2), A))
-    folds = {k: np.degrees(f) for k, f in FLAT.fold_angles(phi).items()}
+    folds = {k: np.degrees(f) for k, f in fold_angles(FLAT, phi).items()}
     assert [folds[k][0] for k in ("diagonal", "edge", "side")] == pytest.approx([0, 90, 0])
     assert np.all(folds["diagonal"][1:] < 0)  # valley
     assert np.all(folds["edge"] > 0) and np.all(folds["side"][1:] > 0)  # mountains
@@ -235,7 +237,7 @@ def test_folding_opens_elsewhere(tmp_path):
     series = json.loads(write_folding(FLAT, np.radians([0, 30, 60]), tmp_path).read_text("utf-8"))
     assert [f["time"] for f in series["files"]] == pytest.approx([0, 30, 60])
     mesh = meshio.read(tmp_path / series["files"][1]["name"])
-    assert mesh.points == pytest.approx(FLAT.vertices(np.radians(30)).reshape(-1, 3), abs=1e-8)
+    assert mesh.points == pytest.approx(vertices(FLAT, np.radians(30)).reshape(-1, 3), abs=1e-8)
     strain = np.ravel(mesh.cell_data["diagonal_strain"])
     assert strain == pytest.approx(np.full(8, FLAT.at_twist(np.radians(30)).strain), rel=1e-8)
 
@@ -354,6 +356,7 @@ def test_quantities_with_units():
         (lambda: FLAT.at_twist(2.5), "too short for a twist of 143.2"),
         (lambda: READINGS["right held"].at_twist(0.1), "give heights instead"),
         (lambda: READINGS["right free, vertical"].barrier(), "has one"),
+        (lambda: vertices(READINGS["printed free"], 0.1), "no solid"),
         (lambda: SmoothFold((0, 0), (1, 0), 0.1, (0.5, 0.5)), "nothing is left"),
         (lambda: CreasePattern(0.05, 0.04), "pattern cannot close"),
         (lambda: CreasePattern(thickness=0.508e-3, fold=0.05e-3), "at least 0.000797965 m wide"),

@@ -16,6 +16,7 @@ from dea_fenicsx.origami.box import (
 )
 from dea_fenicsx.origami.kresling import Kresling, State, strokes, torque_as_printed
 from dea_fenicsx.origami.pattern import CreasePattern, SmoothFold, least_fold_width
+from dea_fenicsx.origami.solid import fold_angles, vertices
 from dea_fenicsx.units import INCH, POUND_FORCE
 
 __all__ = [
@@ -23,6 +24,8 @@ __all__ = [
     "State",
     "strokes",
     "torque_as_printed",
+    "vertices",
+    "fold_angles",
     "CreasePattern",
     "SmoothFold",
     "least_fold_width",

@@ -357,42 +357,6 @@ class Kresling:
                 f"Kresling: {what} lies between two states without strain, but this storey has one."
             )
 
-    # ------------------------------------------------------------------ the solid
-
-    def vertices(self, twist: Any) -> np.ndarray:
-        """Corners in m, shape (..., 2, n, 3): bottom and top polygon; right chords."""
-        phi = np.asarray(twist, dtype=float)
-        h = np.broadcast_to(self.at_twist(phi).height, phi.shape)
-        corner = self.step * np.arange(self.sides)
-        angle = np.stack(np.broadcast_arrays(corner, phi[..., None] + corner), axis=-2)
-        z = np.stack(np.broadcast_arrays(0.0 * corner, h[..., None] + 0.0 * corner), axis=-2)
-        return np.stack([self.radius * np.cos(angle), self.radius * np.sin(angle), z], axis=-1)
-
-    def fold_angles(self, twist: Any) -> dict[str, Any]:
-        """Angles in rad by which the creases are folded: mountains positive, valleys negative.
-
-        ``diagonal``, ``edge``, and ``side``: the crease between two storeys alike.
-        """
-        v = self.vertices(twist)
-        b, t = v[..., 0, :, :], v[..., 1, :, :]
-        upper = (b[..., 0, :], t[..., 1, :], t[..., 0, :])  # counterclockwise from outside
-        lower = (b[..., 0, :], b[..., 1, :], t[..., 1, :])
-        beside = (b[..., 1, :], t[..., 2, :], t[..., 1, :])
-        gamma = self.at_twist(twist).panel_angle
-        return {
-            "diagonal": _fold(lower, upper),
-            "edge": _fold(lower, beside),
-            "side": np.pi - 2 * gamma,
-        }
-
-
-def _fold(first: tuple[Any, ...], second: tuple[Any, ...]) -> Any:
-    """Angle between the outward normals of two triangles, negative if they open outwards."""
-    n1, n2 = (np.cross(p[1] - p[0], p[2] - p[0]) for p in (first, second))
-    size = np.arctan2(np.linalg.norm(np.cross(n1, n2), axis=-1), np.sum(n1 * n2, axis=-1))
-    away = np.sum(n1 * (sum(second) - sum(first)), axis=-1)
-    return np.where(away > 0, -size, size)[()]
-
 
 def torque_as_printed(storey: Kresling, state: State) -> Any:
     """Eq 72b literally, R^2 k (pi/4 + theta0 + dtheta)(1 - c0/c): no sine, two signs turned."""

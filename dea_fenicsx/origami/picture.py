@@ -12,6 +12,7 @@ import numpy as np
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.origami.kresling import Kresling
 from dea_fenicsx.origami.pattern import STYLES, CreasePattern
+from dea_fenicsx.origami.solid import vertices
 
 
 def _figure(size: tuple[float, float]) -> Any:
@@ -112,7 +113,7 @@ def write_folding(storey: Kresling, twists: Any, folder: str | Path) -> Path:
     panels += [(i, (i + 1) % n, n + (i + 1) % n) for i in range(n)]
     for frame, phi in enumerate(np.atleast_1d(np.asarray(twists, dtype=float))):
         strain = float(storey.at_twist(phi).strain)
-        points = storey.vertices(phi).reshape(-1, 3)
+        points = vertices(storey, phi).reshape(-1, 3)
         text = ["# vtk DataFile Version 3.0", "Kresling storey", "ASCII"]
         text += ["DATASET UNSTRUCTURED_GRID"]
         text += [f"POINTS {2 * n} double", *(" ".join(f"{x:.9g}" for x in p) for p in points)]
