@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from dea_fenicsx.errors import install_hook
 
 if TYPE_CHECKING:
-    from dea_fenicsx import design, exact, materials, pictures
+    from dea_fenicsx import design, exact, materials, origami, pictures
     from dea_fenicsx.conditions import (
         AxialForce,
         AxialStretch,
@@ -108,7 +108,7 @@ _HOME = {
     "turns": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}
-_MODULES = ("design", "exact", "geometry", "materials", "pictures")
+_MODULES = ("design", "exact", "geometry", "materials", "origami", "pictures")
 __all__ = sorted([*_WHERE, *_MODULES])
 
 install_hook()

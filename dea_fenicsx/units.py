@@ -23,10 +23,16 @@ DIMENSIONS = {
     "rad/m": "a twist in rad/m",
     "N": "a force in N",
     "N*m": "a torque in N m",
+    "N/m": "a stiffness in N/m",
     "Pa": "a pressure or stress in Pa",
     "V/m": "an electric field in V/m",
 }
 """What can be expected: the SI unit (as pint writes it, empty for none), and in words."""
+
+INCH = 0.0254
+"""In m, exact."""
+POUND_FORCE = 4.4482216152605
+"""In N, exact."""
 
 
 def _is_quantity(value: Any) -> bool:

@@ -56,6 +56,39 @@ def check_hdea(out, printed):
         assert str(out / name) in printed
 
 
+def check_kresling(out, printed):
+    """Digest section 10: peaks in lbf, states without strain, barrier; 0.206 and 0.20 in."""
+    s = summary(out)
+    inch = 0.0254
+    peaks = {name: (r["peak_force_lbf"], r["peak_force_eq72a_lbf"], r["twist_of_collapse_deg"])
+             for name, r in s["readings"].items()}  # fmt: skip
+    expected = [(4.23, 4.23, 0), (2.54, 2.54, 0), (3.22, 1.96, 38.3), (3.56, 2.19, 42.4)]
+    for found, known in zip(peaks.values(), expected, strict=True):
+        assert found == pytest.approx(known, abs=0.05 if found[2] else 6e-3)
+    assert s["strain_free_heights_m"] == pytest.approx([2.75 * inch, 1.74553 * inch], rel=3e-6)
+    assert s["barrier_strain"] == pytest.approx(0.0746, abs=5e-5)
+    assert s["contact_twist_deg"] == pytest.approx(90, abs=1e-12)
+    assert [row["of_collapsed"] for row in s["strokes"]] == pytest.approx([7.0, 7.25])
+    for name in ("figure_5_2.png", "pattern.svg", "pattern.png", "folding/folding.vtk.series"):
+        assert (out / name).exists()
+    assert "7.46 % at 45 degrees" in printed
+
+
+def check_box(out, printed):
+    """Table 5.3 and digest section 12."""
+    s = summary(out)
+    losses = [np.array(b["stroke_m"]) / 0.0254 for b in s["boxes"].values()]
+    assert losses[0] == pytest.approx([0, 0.12222, 0.275, 0.70278], abs=5e-6)
+    assert losses[1] == pytest.approx([0, 0.08764, 0.20785, 0.59957], abs=5e-6)
+    assert s["blocked_force_of_hinge_N"][-1] == pytest.approx(2.156, abs=6e-4)
+    # incompressible: 50 um sqrt(mu/eps (l^-2 - l^-8)), l^6 = 4; the digest's 1445.7 V has nu 0.495
+    pull_in = 50e-6 * np.sqrt(73.7e3 / (4.7 * 8.8541878128e-12) * (4 ** (-1 / 3) - 4 ** (-4 / 3)))
+    assert s["free_film_pull_in_V"] == pytest.approx(pull_in, rel=1e-8)
+    assert s["printed_power_of_voltage"] == pytest.approx(1.79, abs=5e-3)
+    assert (out / "box.png").exists()
+    assert "42.6 % of the height, 74.2 % of what is left" in printed
+
+
 def check_snap_through(out, printed):
     """Gent film, digest section 13: 23.88 kV at 1.263, minimum at 5.545."""
     s = summary(out)
@@ -147,6 +180,8 @@ CHECKS = {
     "fit_rubber.py": (check_fit, []),
     "snap_through.py": (check_snap_through, ["--mesh", "irregular"]),
     "cube.py": (check_cube, []),
+    "kresling_box.py": (check_box, []),
+    "kresling_kinematics.py": (check_kresling, []),
     "hdea_helical_cell.py": (check_helical_cell, ["--steps", 3, "--linear"]),
     "hdea_two_turn.py": (check_hdea, ["--mesh", 1, "--steps", 4, "--trend"]),
 }

@@ -12,7 +12,7 @@ PACKAGE = ROOT / "dea_fenicsx"
 ORDER = [
     "errors", "units", "geometry", "compat", "mesh", "cells",
     "materials", "kinematics", "conditions", "scene",
-    "exact",
+    "exact", "origami",
     "forms", "loads", "constraints", "rigid", "ties", "weakform",
     "references", "solver", "stability", "events", "arclength", "tracing", "predictor", "stepping",
     "checks", "observables", "overall", "failures", "fields", "reading", "turns",

@@ -1,0 +1,205 @@
+"""Actuation of the spiral box by its hinges (thesis section 5.3, Table 5.3, chapter 6).
+
+A hinge law, any function that gives the panel angle gamma at a voltage, is put into the height of
+the box.  Rigid panels give h = L sin(gamma); the thesis's Table 5.3 is h = h0 gamma/gamma0.
+Lengths in m, angles in rad, voltages in V.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.materials import EPSILON_0
+from dea_fenicsx.origami.kresling import strokes
+from dea_fenicsx.units import in_si, si
+
+MAPS = ("panel", "proportional")
+
+
+def table_of_angles(voltages: Any, angles: Any) -> Callable[[Any], Any]:
+    """A hinge law through measured or computed points, monotone between them.
+
+    Parameters
+    ----------
+    voltages
+        Rising, in V.
+    angles
+        gamma at each in rad.
+
+    Raises
+    ------
+    InputError
+        If the points make no table, or the law is asked beyond them.
+    """
+    volts = np.asarray(si(voltages, "V", "table_of_angles: voltages"), dtype=float)
+    gamma = np.asarray(si(angles, "rad", "table_of_angles: angles"), dtype=float)
+    if volts.ndim != 1 or volts.shape != gamma.shape or len(volts) < 2:
+        raise InputError("table_of_angles: give as many angles as voltages, two or more.")
+    if not np.all(np.diff(volts) > 0):
+        raise InputError("table_of_angles: voltages must rise.")
+    through = PchipInterpolator(volts, gamma)
+
+    def law(voltage: Any) -> Any:
+        v = np.asarray(voltage, dtype=float)
+        if not np.all((v >= volts[0]) & (v <= volts[-1])):
+            raise InputError(
+                f"table_of_angles: the law is known from {volts[0]:g} to {volts[-1]:g} V only."
+            )
+        return through(v)[()]
+
+    return law
+
+
+@in_si(height="m", panel="m")
+@dataclass(frozen=True, eq=False)
+class Box:
+    """A box whose panels are tilted by hinges.
+
+    Parameters
+    ----------
+    angle
+        The hinge law: gamma in rad, from the base up to the panel, of a voltage in V.
+    height
+        h0 of one storey without voltage in m.
+    map
+        ``"panel"`` for rigid panels, ``"proportional"`` as in the thesis.
+    panel
+        Length L of a panel along its slope in m.  By default the one that makes height and angle
+        fit, h0/sin(gamma0).  If it is given, the angle at rest is asin(h0/L) and the law's changes
+        of angle count.
+    cells
+        Hinged cells of a storey; their forces add up.
+    storeys
+        One on the other; their strokes add up.
+
+    Raises
+    ------
+    InputError
+        For lengths and angles that make no box.
+    """
+
+    angle: Callable[[Any], Any]
+    height: float
+    map: str = "panel"
+    panel: float | None = None
+    cells: int = 4
+    storeys: int = 1
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.height) and self.height > 0):
+            raise InputError(f"Box: height is {self.height}, but must be finite and positive.")
+        if self.map not in MAPS:
+            raise InputError(f"Box: map is {self.map!r}, but must be one of {MAPS}.")
+        for name in ("cells", "storeys"):
+            if getattr(self, name) != int(getattr(self, name)) or getattr(self, name) < 1:
+                raise InputError(f"Box: {name} is {getattr(self, name)}, but must be 1 or more.")
+        rest = float(self.angle(0.0))
+        if not 0 < rest <= np.pi / 2:
+            raise InputError(
+                f"Box: the angle without voltage is {np.degrees(rest):g} degrees, but must lie "
+                "above 0 and at most at 90."
+            )
+        if self.panel is None:
+            object.__setattr__(self, "panel", self.height / np.sin(rest))
+        elif self.map == "proportional":
+            raise InputError("Box: the proportional map knows no panel; leave panel out.")
+        elif self.panel < self.height:
+            raise InputError(
+                f"Box: panels of {self.panel:g} m do not reach up to {self.height:g} m."
+            )
+
+    @property
+    def _slope_length(self) -> float:
+        assert self.panel is not None  # set by __post_init__
+        return self.panel
+
+    def gamma(self, voltage: Any) -> Any:
+        """Angle of the panels at a voltage in rad.
+
+        Raises
+        ------
+        InputError
+            If the hinge would fold a panel through its base or over the vertical.
+        """
+        found = np.asarray(self.angle(np.asarray(voltage, dtype=float)), dtype=float)
+        if self.map == "panel":
+            found = found - float(self.angle(0.0)) + np.arcsin(self.height / self._slope_length)
+        if not np.all((found >= -1e-12) & (found <= np.pi / 2 + 1e-12)):
+            raise InputError("Box: the hinge turns the panels beyond 0 to 90 degrees.")
+        return found[()]
+
+    def storey_height(self, voltage: Any) -> Any:
+        """Height of one storey at a voltage in m."""
+        gamma = self.gamma(voltage)
+        if self.map == "proportional":
+            return self.height * gamma / float(self.angle(0.0))
+        return self._slope_length * np.sin(gamma)
+
+    def total_height(self, voltage: Any) -> Any:
+        """Height of all storeys in m."""
+        return self.storeys * self.storey_height(voltage)
+
+    def stroke(self, voltage: Any) -> Any:
+        """Loss of height of all storeys in m."""
+        return self.storeys * (self.height - self.storey_height(voltage))
+
+    def strokes(self, voltage: Any, collapsed: Any) -> dict[str, Any]:
+        """The stroke over three lengths, see `strokes`; `collapsed` is of one storey in m."""
+        return strokes(self.height, self.storey_height(voltage), collapsed)
+
+    def force(self, moment: Any, voltage: Any = 0.0) -> Any:
+        """Axial force in N of hinges that each exert a moment in N m, at the height of a voltage.
+
+        Virtual work of rigid panels: force x dh = cells x moment x dgamma, dh = L cos(gamma)
+        dgamma; by the thesis's map dh = h0/gamma0 dgamma.
+        """
+        if self.map == "proportional":
+            return self.cells * np.asarray(moment) * float(self.angle(0.0)) / self.height
+        return self.cells * np.asarray(moment) / (self._slope_length * np.cos(self.gamma(voltage)))
+
+
+def blocked_force(
+    voltage: Any, eps_r: float, thickness: Any, width: Any, layers: Any = 1, cells: Any = 1
+) -> Any:
+    """Force in N along films that may not stretch: eps (V/t)^2 x layers x t x width.
+
+    An ideal film held at its undeformed size stays as thick as it is, so this holds at any voltage
+    below breakdown and goes with V^2.
+
+    Parameters
+    ----------
+    voltage
+        In V.
+    eps_r
+        Relative permittivity.
+    thickness, width
+        Of one film, and across the force, in m.
+    layers
+        Films on each other.
+    cells
+        Such hinges side by side.
+    """
+    volts = np.asarray(si(voltage, "V", "blocked_force: voltage"), dtype=float)
+    t = np.asarray(si(thickness, "m", "blocked_force: thickness"), dtype=float)
+    w = np.asarray(si(width, "m", "blocked_force: width"), dtype=float)
+    if not (np.all(t > 0) and np.all(w > 0) and eps_r > 0):
+        raise InputError("blocked_force: thickness, width and eps_r must be positive.")
+    if np.any(np.asarray(layers) < 1) or np.any(np.asarray(cells) < 1):
+        raise InputError("blocked_force: layers and cells must be 1 or more.")
+    return (eps_r * EPSILON_0 * volts**2 / t * w * layers * cells)[()]
+
+
+def voltage_to_block(
+    force: Any, eps_r: float, thickness: Any, width: Any, layers: Any = 1, cells: Any = 1
+) -> Any:
+    """Voltage in V at which `blocked_force` reaches a force in N."""
+    wanted = np.asarray(si(force, "N", "voltage_to_block: force"), dtype=float)
+    if np.any(wanted < 0):
+        raise InputError("voltage_to_block: force must not be negative.")
+    return np.sqrt(wanted / blocked_force(1.0, eps_r, thickness, width, layers, cells))[()]

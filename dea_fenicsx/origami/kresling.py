@@ -1,0 +1,376 @@
+"""Kinematics of one storey of the Kresling spiral box (thesis section 5.2.1, eq 63 to 72), mended.
+
+Two regular polygons of side a, one above the other at height h and turned by the twist phi, are
+joined by edges of length b, from each corner to its own partner above, and by diagonals of length
+c, to the next partner.  On the circle of the corners, of radius R = a/(2 sin(pi/n)):
+
+    b^2 = h^2 + s(phi)^2,   c^2 = h^2 + s(phi + 2 pi/n)^2,   s(x) = 2 R sin(x/2)
+
+The thesis prints s(x) = R sin(x) (eq 65 and 66) and theta = phi + pi/4.  Sides and edges are rigid
+panels; the diagonal is a spring k of rest length c0, and everything below is the energy
+U = k (c - c0)^2/2 (eq 69) of one diagonal.  Lengths in m, angles in rad, forces in N.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.units import in_si, si
+
+TWISTS = ("free", "held")
+CHORDS = ("right", "printed")
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A storey at one height, or at an array of heights.
+
+    Attributes
+    ----------
+    height, edge, diagonal : h, b and c in m
+    twist : phi in rad
+    strain : (c - c0)/c0 of the diagonal (eq 67)
+    energy_density : strain^2/2, over the modulus (eq 68; of a unit volume, not length)
+    energy : k (c - c0)^2/2 in J (eq 69)
+    force : dU/d(-h) along the path in N, positive if it must be pushed down
+    torque : in N m, that holds the twist, against it; 0 where the twist is free
+    partial_force : eq 72a in N, k h (c0/c - 1): dU/d(-h) at fixed twist
+    partial_torque : eq 72b mended in N m, dU/d(-phi) at fixed height
+    panel_angle : gamma in rad, from the base up to the panel that stands on it; NaN for the
+        chords of the thesis, which belong to no solid
+    """
+
+    height: Any
+    twist: Any
+    edge: Any
+    diagonal: Any
+    strain: Any
+    energy_density: Any
+    energy: Any
+    force: Any
+    torque: Any
+    partial_force: Any
+    partial_torque: Any
+    panel_angle: Any
+
+
+@in_si(side="m", edge="m", stiffness="N/m", height="m")
+@dataclass(frozen=True, eq=False)
+class Kresling:
+    """One storey of a Kresling box.
+
+    Parameters
+    ----------
+    side
+        Side a of the polygon in m: the width of a cell.
+    edge
+        Length b of the edges at rest in m: the height of a cell before it is folded.
+    stiffness
+        k of a diagonal in N/m.
+    height
+        At rest in m.  By default that of the folded box of flat rectangular cells a x b, whose
+        diagonal sqrt(a^2 + b^2) is without strain there and at height b.
+    sides
+        Of the polygon.
+    twist
+        ``"free"``: edges keep their length and the storey turns as it is pressed.  ``"held"``: the
+        twist at rest is kept, and edges change length without force.
+    chords
+        ``"right"``, or ``"printed"`` as in the thesis.
+
+    Raises
+    ------
+    InputError
+        For lengths that do not close.
+    """
+
+    side: float
+    edge: float
+    stiffness: float = 1.0
+    height: float | None = None
+    sides: int = 4
+    twist: str = "free"
+    chords: str = "right"
+
+    def __post_init__(self) -> None:
+        for name in ("side", "edge", "stiffness"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise InputError(f"Kresling: {name} is {value}, but must be finite and positive.")
+        if self.sides != int(self.sides) or self.sides < 3:
+            raise InputError(f"Kresling: sides is {self.sides}, but a box has 3 or more.")
+        if self.chords == "printed" and self.sides != 4:
+            raise InputError("Kresling: the printed chords are those of a square; give 4 sides.")
+        for name, known in (("twist", TWISTS), ("chords", CHORDS)):
+            if getattr(self, name) not in known:
+                told = getattr(self, name)
+                raise InputError(f"Kresling: {name} is {told!r}, but must be one of {known}.")
+        if self.height is None:
+            if self.chords == "printed":
+                raise InputError(
+                    "Kresling: with the printed chords a flat cell does not close; give a height."
+                )
+            least = self.side / np.tan(np.pi / self.sides)
+            if self.edge < least * (1 - 1e-12):
+                raise InputError(
+                    f"Kresling: the pattern cannot close: cells {self.side:g} m wide must be at "
+                    f"least {least:g} m high, but edge is {self.edge:g} m."
+                )
+            object.__setattr__(self, "height", float(np.sqrt(max(self.edge**2 - least**2, 0.0))))
+        elif not (0 < self.height <= self.edge):
+            raise InputError(
+                f"Kresling: height is {self.height:g} m, but must be above 0 and at most the edge, "
+                f"{self.edge:g} m."
+            )
+        elif self.height < self._leaning:
+            raise InputError(
+                f"Kresling: an edge of {self.edge:g} m does not lean down to {self.height:g} m; "
+                f"the least height is {self._leaning:g} m."
+            )
+
+    # ------------------------------------------------------------------ geometry
+
+    @property
+    def step(self) -> float:
+        """Angle of a side seen from the axis, 2 pi/n."""
+        return 2 * np.pi / self.sides
+
+    @property
+    def radius(self) -> float:
+        """R of the circle through the corners in m."""
+        return self.side / (2 * np.sin(self.step / 2))
+
+    @property
+    def longest_chord(self) -> float:
+        return self.radius * (2.0 if self.chords == "right" else 1.0)
+
+    @property
+    def contact_twist(self) -> float:
+        """pi - 2 pi/n: all diagonals meet on the axis and neighbouring panels lie on each other.
+
+        A solid box stops here.  At larger twists its panels would have gone through each other;
+        a box of flat cells is at rest exactly here, so what the thesis computes from its rest down
+        is the energy of the linkage only.
+        """
+        return np.pi - self.step
+
+    @property
+    def lowest(self) -> float:
+        """Least height in m; 0 if the edges are short enough to lie down, or not rigid."""
+        return self._leaning if self.twist == "free" else 0.0
+
+    @property
+    def _leaning(self) -> float:
+        return float(np.sqrt(max(self.edge**2 - self.longest_chord**2, 0.0)))
+
+    @cached_property
+    def rest_twist(self) -> float:
+        """phi at rest; pi - 2 pi/n for flat cells."""
+        flat = self.contact_twist
+        phi = float(self.twist_at(self.height))
+        return flat if self.chords == "right" and abs(phi - flat) < 1e-12 else phi
+
+    @cached_property
+    def rest_diagonal(self) -> float:
+        """c0 in m."""
+        return float(np.sqrt(self.height**2 + self._chord2(self.rest_twist + self.step)))  # type: ignore[operator]
+
+    def twist_at(self, height: Any) -> Any:
+        """phi >= 0 that a rigid edge has at a height; the least one, up to s(phi) = longest."""
+        h = np.asarray(height, dtype=float)
+        share = np.sqrt((self.edge - h) * (self.edge + h)) / self.longest_chord
+        angle = np.arcsin(np.minimum(share, 1.0))
+        return 2 * angle if self.chords == "right" else angle
+
+    def _chord2(self, x: Any) -> Any:
+        """Square of the chord that sees the angle x."""
+        if self.chords == "right":
+            return 4 * self.radius**2 * np.sin(x / 2) ** 2
+        return self.radius**2 * np.sin(x) ** 2
+
+    def _slope(self, x: Any) -> Any:
+        """Derivative of `_chord2`."""
+        if self.chords == "right":
+            return 2 * self.radius**2 * np.sin(x)
+        return self.radius**2 * np.sin(2 * x)
+
+    # ------------------------------------------------------------------ states
+
+    def at(self, height: Any) -> State:
+        """The state at a height, or at an array of heights.
+
+        Raises
+        ------
+        InputError
+            For a height that the storey cannot have.
+        """
+        h = np.asarray(si(height, "m", "Kresling: height"), dtype=float)
+        low, high = self.lowest, self.edge if self.twist == "free" else np.inf
+        if not np.all((h >= low * (1 - 1e-12)) & (h <= high * (1 + 1e-12))):
+            raise InputError(f"Kresling: heights must lie between {low:g} and {high:g} m.")
+        h = np.clip(h, low, high)
+        phi = self.twist_at(h) if self.twist == "free" else np.full(h.shape, self.rest_twist)
+        return self._state(h, phi)
+
+    def at_twist(self, twist: Any) -> State:
+        """The state at a twist phi in rad of a storey of free twist.
+
+        Raises
+        ------
+        InputError
+            If the twist is held, or the edges are too short for this one.
+        """
+        if self.twist == "held":
+            raise InputError("Kresling: the twist is held; give heights instead, with at().")
+        phi = np.asarray(si(twist, "rad", "Kresling: twist"), dtype=float)
+        left = self.edge**2 - self._chord2(phi)
+        if not np.all(left >= -1e-12 * self.edge**2):
+            raise InputError(
+                f"Kresling: the edge of {self.edge:g} m is too short for a twist of "
+                f"{np.degrees(np.abs(phi).max()):g} degrees."
+            )
+        return self._state(np.sqrt(np.maximum(left, 0.0)), phi)
+
+    def _state(self, h: Any, phi: Any) -> State:
+        psi, k, c0 = phi + self.step, self.stiffness, self.rest_diagonal
+        c = np.sqrt(h**2 + self._chord2(psi))
+        change = self._square_change(h, phi) / (c + c0)  # c - c0, without cancellation
+        partial_force = -k * h * change / c
+        partial_torque = -k * self._slope(psi) * change / (2 * c)
+        free = self.twist == "free"
+        force = self._path_force(h, phi, c) if free else partial_force
+        if self.chords == "right":
+            inward = self.radius * (np.cos(self.step / 2) - np.cos(phi + self.step / 2))
+            gamma = np.arctan2(h, inward)
+        else:
+            gamma = np.full(np.shape(phi), np.nan)
+        strain = change / c0
+        values = (h, phi, np.sqrt(h**2 + self._chord2(phi)), c, strain, strain**2 / 2,
+                  k * change**2 / 2, force, np.zeros(np.shape(phi)) if free else partial_torque,
+                  partial_force, partial_torque, gamma)  # fmt: skip
+        return State(*(np.asarray(v)[()] for v in values))
+
+    def _square_change(self, h: Any, phi: Any) -> Any:
+        """c^2 - c0^2."""
+        phi0 = self.rest_twist
+        if self.twist == "held":
+            return (h - self.height) * (h + self.height)
+        if self.chords == "right":  # 2 a R [sin(phi + pi/n) - sin(phi0 + pi/n)]
+            middle = np.cos((phi + phi0 + self.step) / 2)
+            return 4 * self.side * self.radius * middle * np.sin((phi - phi0) / 2)
+        return (h - self.height) * (h + self.height) + (
+            self._chord2(phi + self.step) - self._chord2(phi0 + self.step)
+        )
+
+    def _path_force(self, h: Any, phi: Any, c: Any) -> Any:
+        """dU/d(-h) with rigid edges: k h (1 - c0/c) [s2'(phi + 2 pi/n)/s2'(phi) - 1], s2 = s^2."""
+        change = self._square_change(h, phi)
+        if self.chords == "printed":  # sin(2 phi + pi)/sin(2 phi) - 1 = -2
+            return -2 * self.stiffness * h * change / (c * (c + self.rest_diagonal))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = change / self._slope(phi)
+        # 0/0 where a vertical edge is a state without strain; half angles take the zero out
+        share = self.side / (self.radius * np.cos(phi / 2))
+        if self.rest_twist == self.contact_twist:
+            ratio = -share * np.sin((phi - self.rest_twist) / 2)
+        elif self.rest_twist == 0:
+            ratio = share * np.cos((phi + self.step) / 2)
+        turn = self._slope(phi + self.step) - self._slope(phi)
+        return self.stiffness * h * ratio * turn / (c * (c + self.rest_diagonal))
+
+    # ------------------------------------------------------------------ what happens on the path
+
+    @property
+    def strain_free(self) -> list[tuple[float, float]]:
+        """Twist and height of all states without strain, deployed first.
+
+        With rigid edges the diagonal, c^2 = b^2 + 2 a R sin(phi + pi/n), has its rest length at
+        phi0 and at pi - 2 pi/n - phi0.  A negative twist is a box that leans the other way.
+        """
+        rest = (float(self.rest_twist), float(self.height))  # type: ignore[arg-type]
+        if self.twist == "held" or self.chords == "printed":
+            return [rest]
+        other = np.pi - self.step - self.rest_twist
+        left = self.edge**2 - self._chord2(other)
+        if left < 0 or other == self.rest_twist:
+            return [rest]
+        return sorted([rest, (float(other), float(np.sqrt(left)))])
+
+    def barrier(self) -> State:
+        """The state of largest strain between the two without, at phi = pi/2 - pi/n."""
+        self._need_two("a barrier")
+        return self.at_twist((np.pi - self.step) / 2)
+
+    def snap_forces(self) -> tuple[float, float]:
+        """Forces in N that take the storey over its barrier: pushed from deployed, and pulled back.
+
+        The first is largest, the second most negative, on the way from the state without strain
+        to the barrier; inf where the deployed state leans the other way and the storey must pass
+        the vertical.
+        """
+        self._need_two("a snap force")
+        (deployed, _), (folded, _) = self.strain_free
+        top = (np.pi - self.step) / 2
+        push = np.inf if deployed < 0 else self._extreme("force", deployed, top)[1]
+        return push, -self._extreme("force", top, folded, sign=-1)[1]
+
+    def peak(self, quantity: str = "force") -> tuple[float, float]:
+        """Height in m at which a quantity is largest between rest and the least height; its value.
+
+        Parameters
+        ----------
+        quantity
+            An attribute of `State`: ``"force"``, or ``"partial_force"`` as in eq 72a.
+        """
+        if self.twist == "held":
+            heights = np.linspace(self.height, 0.0, 401)  # type: ignore[arg-type]
+            return self._refine(lambda h: float(getattr(self.at(h), quantity)), heights)
+        start, end = self.rest_twist, float(self.twist_at(self.lowest))
+        twist, value = self._extreme(quantity, start, end)
+        return float(self.at_twist(twist).height), value
+
+    def _extreme(self, name: str, low: float, high: float, sign: int = 1) -> tuple[float, float]:
+        return self._refine(
+            lambda phi: sign * float(getattr(self.at_twist(phi), name)), np.linspace(low, high, 401)
+        )
+
+    @staticmethod
+    def _refine(f: Any, grid: np.ndarray) -> tuple[float, float]:
+        values = np.array([f(x) for x in grid])
+        best = int(np.nanargmax(values))
+        ends = sorted((grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]))
+        found = minimize_scalar(lambda x: -f(x), bounds=ends, method="bounded",
+                                options={"xatol": 1e-12 * abs(ends[1])})  # fmt: skip
+        if -found.fun > values[best]:
+            return float(found.x), float(-found.fun)
+        return float(grid[best]), float(values[best])
+
+    def _need_two(self, what: str) -> None:
+        if len(self.strain_free) < 2:
+            raise InputError(
+                f"Kresling: {what} lies between two states without strain, but this storey has one."
+            )
+
+
+def torque_as_printed(storey: Kresling, state: State) -> Any:
+    """Eq 72b literally, R^2 k (pi/4 + theta0 + dtheta)(1 - c0/c): no sine, two signs turned."""
+    theta0 = storey.rest_twist + np.pi / 4
+    psi = np.pi / 4 + theta0 + (storey.rest_twist - state.twist)
+    return storey.radius**2 * storey.stiffness * psi * (1 - storey.rest_diagonal / state.diagonal)
+
+
+def strokes(start: Any, end: Any, collapsed: Any) -> dict[str, Any]:
+    """A stroke from one height to another as a share of three lengths.
+
+    ``of_start`` is a contraction, at most 1.  ``of_end`` is that of the way back, an extension.
+    ``of_collapsed`` is over the height of the folded layers, by which the thesis's 400 % and 700 %
+    are meant (section 5.3).
+    """
+    loss = np.asarray(start) - np.asarray(end)
+    return {"of_start": loss / start, "of_end": loss / end, "of_collapsed": loss / collapsed}
