@@ -69,6 +69,7 @@ if TYPE_CHECKING:
         OverallTwist,
     )
     from dea_fenicsx.reading import read_history, read_summary
+    from dea_fenicsx.rotation import BendingAngle, Rotation
     from dea_fenicsx.run import Run, solve
     from dea_fenicsx.scene import Scene
     from dea_fenicsx.script import Parser
@@ -99,6 +100,7 @@ _HOME = {
         "OverallContraction", "OverallForce", "OverallStretch", "OverallTorque", "OverallTwist",
     ),
     "reading": ("read_history", "read_summary"),
+    "rotation": ("BendingAngle", "Rotation"),
     "run": ("Run", "solve"),
     "scene": ("Scene",),
     "script": ("Parser",),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,9 @@ from . import _check
 from ._structured import Floats, Ints, StructuredMesh, block, compact, joined_ends, lattice_points
 from .base import Geometry
 from .grading import graded
+from .sectors import Sector, angular_ends, checked_sectors
+
+Mask = np.ndarray
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,12 @@ class HDEA(Geometry):
         small ones lie at the electrode's edges and faces.
     order
         Degree of the cells' geometry.  Straight cells (1) at 12 a turn lose 4.5 % of the volume.
+    sectors
+        Patterned electrodes: angles in degrees about the axis between which there is electrode, the
+        same in every turn; the gaps, which there must be, are elastomer.  The helix begins at 0.
+        ``((0, 180),)`` is a half.  Pairs together make one electrode a and one b; a mapping of
+        names to pairs, as ``{"left": (10, 170), "right": (190, 350)}``, makes a pair of electrodes
+        of each, to be driven by itself.
 
     Notes
     -----
@@ -58,6 +68,9 @@ class HDEA(Geometry):
     With ``electrode=0`` the active groups are surfaces inside the elastomer, there are no rims, and
     the last turn's electrode b is the free surface ``electrode_b_top``, which ``top`` leaves out.
     A group without facets does not exist (``electrode_b_rim`` where ``inset=0``).
+
+    The rims of a patterned electrode include its radial edges.  Those of named sectors have the
+    name after the letter: ``electrode_a_left``, ``electrode_a_left_active``.
 
     Raises
     ------
@@ -79,6 +92,7 @@ class HDEA(Geometry):
     grading: float = 2.0
     grading_through: float = 1.0
     order: int = 2
+    sectors: Sequence[tuple[float, float]] | Mapping[str, tuple[float, float]] = ()
 
     def __post_init__(self) -> None:
         for name in ("outer_radius", "inner_radius", "elastomer"):
@@ -102,6 +116,8 @@ class HDEA(Geometry):
         for name in ("grading", "grading_through"):
             _check.ratio("HDEA", name, getattr(self, name))
         _check.order("HDEA", self.order)
+        object.__setattr__(self, "sectors", checked_sectors("HDEA", self.sectors))
+        self._angles()
 
     # ---- closed forms -----------------------------------------------------------------------
 
@@ -161,36 +177,46 @@ class HDEA(Geometry):
     def measures(self) -> dict[str, float]:
         """Exact volume (m^3) or area (m^2) of every group."""
         n, pitch = self.turns, self.pitch
-        r1, r2 = self.electrode_radii
-        broad = self.electrode_area_per_turn
         face = self.helicoid_area(self.inner_radius, self.outer_radius)
-        metal = n * self.electrode_volume_per_turn
-        found = {"elastomer": self.volume - 2 * metal}
-        if self.electrode > 0:
-            edges = 2 * math.pi * (r1 + r2) * n * self.electrode if self.inset > 0 else 0.0
-            found |= {
-                "electrode_a": metal,
-                "electrode_b": metal,
-                "electrode_a_active": (2 * n - 1) * broad,
-                "electrode_b_active": (2 * n - 1) * broad,
-                "electrode_a_rim": broad + edges,
-                "electrode_b_rim": edges,
-                "top": face,
-            }
-        else:
-            found |= {
-                "electrode_a_active": n * broad,
-                "electrode_b_active": (n - 1) * broad,
-                "electrode_b_top": broad,
-                "top": face - broad if self.inset > 0 else 0.0,
-            }
-        found |= {
+        found = {
             "bottom": face,
+            "top": face,
             "inner": 2 * math.pi * self.inner_radius * n * pitch,
             "outer": 2 * math.pi * self.outer_radius * n * pitch,
             "seam": 2 * (self.outer_radius - self.inner_radius) * pitch,
+            "elastomer": self.volume,
         }
+
+        def add(name: str, size: float) -> None:
+            found[name] = found.get(name, 0.0) + size
+
+        for sector in self._pattern:
+            a, b = (f"electrode_{e}{sector.suffix}" for e in "ab")
+            broad = sector.share * self.electrode_area_per_turn
+            if self.electrode == 0:
+                add(f"{a}_active", n * broad)
+                add(f"{b}_active", (n - 1) * broad)
+                add(f"{b}_top", broad)
+                found["top"] -= broad if self.inset > 0 or not sector.whole else face
+                continue
+            metal = n * sector.share * self.electrode_volume_per_turn
+            edges = self._edge_area(sector)
+            for e in (a, b):
+                add(e, metal)
+                add(f"{e}_active", (2 * n - 1) * broad)
+                add(f"{e}_rim", edges + (broad if e == a else 0.0))
+            found["elastomer"] -= 2 * metal
         return {name: value for name, value in found.items() if value > 0}
+
+    def _edge_area(self, sector: Sector) -> float:
+        """Area in m^2 of an electrode's edges towards the elastomer: along cylinders and radii."""
+        r1, r2 = self.electrode_radii
+        arcs = 2 * math.pi * sector.share * (r1 + r2) * self.turns if self.inset > 0 else 0.0
+        if sector.whole:
+            return arcs * self.electrode
+        # an edge at the angle 0 lies on the seam once: at the helix's beginning or its end
+        ends = sum(self.turns - (angle == 0) for angle in (sector.start, sector.end % 360))
+        return (arcs + ends * (r2 - r1)) * self.electrode
 
     # ---- mesh -------------------------------------------------------------------------------
 
@@ -209,6 +235,15 @@ class HDEA(Geometry):
         inner = np.linspace(self.inner_radius, r1, self.rim + 1)
         outer = np.linspace(r2, self.outer_radius, self.rim + 1)
         return joined_ends(inner, middle, outer), self.rim, self.rim + self.radial
+
+    @property
+    def _pattern(self) -> tuple[Sector, ...]:
+        """Its sectors; a whole ring where there is no pattern."""
+        return tuple(self.sectors) or (Sector(0.0, 360.0),)  # type: ignore[return-value]
+
+    def _angles(self) -> Floats:
+        """Cell ends over one turn in degrees."""
+        return angular_ends("HDEA", self._pattern, self.angular)
 
     def _layers(self) -> tuple[Floats, Ints]:
         """Cell ends in zeta, and the first row of each layer (and the row above the last)."""
@@ -236,58 +271,74 @@ class HDEA(Geometry):
         cells, used = compact(np.ravel_multi_index((kr, column, row), shape))
         kr, column, row = np.unravel_index(used, shape)
         turn, kz = np.divmod(row, len(lines[1]) - 1)
-        angle = 2 * math.pi * column / (q * per_turn)
+        around = lattice_points(self._angles() / 360, q)[column]
+        angle = 2 * math.pi * around
         r = lines[0][kr]
-        z = self.pitch * (turn + column / (q * per_turn)) + lines[1][kz]
+        z = self.pitch * (turn + around) + lines[1][kz]
         mesh = StructuredMesh(np.column_stack([r * np.cos(angle), r * np.sin(angle), z]), cells)
 
-        self._name_parts(mesh, cell, rows, (cell[0] >= first) & (cell[0] < beyond))
         wide, deep = len(radii) - 1, len(ends) - 1
         mesh.add_facets("bottom", (cell[2] == 0) & (cell[1] < per_turn), 2, 0)
         mesh.add_facets("inner", cell[0] == 0, 0, 0)
         mesh.add_facets("outer", cell[0] == wide - 1, 0, 1)
         mesh.add_facets("seam", cell[1] == 0, 1, 0)
         mesh.add_facets("seam", cell[1] == steps - 1, 1, 1)
-        end = (cell[2] == deep - 1) & (cell[1] >= steps - per_turn)
-        if self.electrode > 0:
-            mesh.add_facets("top", end, 2, 1)
-        else:
-            under = (cell[0] >= first) & (cell[0] < beyond)
-            mesh.add_facets("electrode_b_top", end & under, 2, 1)
-            mesh.add_facets("top", end & ~under, 2, 1)
+        soft = np.ones(len(cells), dtype=bool)
+        bare = (cell[2] == deep - 1) & (cell[1] >= steps - per_turn)
+        middle = np.convolve(self._angles(), [0.5, 0.5], "valid")[cell[1] % per_turn]
+        for sector in self._pattern:
+            under = (cell[0] >= first) & (cell[0] < beyond) & sector.holds(middle)
+            if self.electrode > 0:
+                soft &= ~self._add_electrodes(mesh, sector, cell, rows, under)
+            else:
+                self._add_surfaces(mesh, sector, cell, rows, under)
+                mesh.add_facets(f"electrode_b{sector.suffix}_top", bare & under, 2, 1)
+                bare &= ~under
+        mesh.regions = {"elastomer": np.flatnonzero(soft), **mesh.regions}
+        mesh.add_facets("top", bare, 2, 1)
         return mesh
 
-    def _name_parts(
-        self, mesh: StructuredMesh, cell: tuple[Ints, ...], rows: Ints, under: np.ndarray
+    def _add_surfaces(
+        self, mesh: StructuredMesh, sector: Sector, cell: tuple[Ints, ...], rows: Ints, under: Mask
     ) -> None:
-        """Regions and electrode faces; ``under`` marks the cells between the electrodes' edges."""
+        """Ideal electrodes of a sector; ``under`` marks the cells between their edges."""
         _, step, row = cell
+        last_turn = step >= (self.turns - 1) * self.angular
+        a, b = (f"electrode_{e}{sector.suffix}_active" for e in "ab")
+        mesh.add_facets(a, under & (row == rows[1] - 1), 2, 1)
+        mesh.add_facets(b, under & (row == rows[2] - 1) & ~last_turn, 2, 1)
+
+    def _add_electrodes(
+        self, mesh: StructuredMesh, sector: Sector, cell: tuple[Ints, ...], rows: Ints, under: Mask
+    ) -> Mask:
+        """Finite electrodes of a sector, and their faces; a mask of their cells."""
+        column, step, row = cell
         first_turn = step < self.angular
         last_turn = step >= (self.turns - 1) * self.angular
-        if self.electrode == 0:
-            mesh.add_region("elastomer", np.ones(len(row), dtype=bool))
-            mesh.add_facets("electrode_a_active", under & (row == rows[1] - 1), 2, 1)
-            mesh.add_facets("electrode_b_active", under & (row == rows[2] - 1) & ~last_turn, 2, 1)
-            return
-
         a = under & (row >= rows[1]) & (row < rows[2])
         b = under & (row >= rows[3])
-        mesh.add_region("elastomer", ~(a | b))
-        mesh.add_region("electrode_a", a)
-        mesh.add_region("electrode_b", b)
+        name_a, name_b = (f"electrode_{e}{sector.suffix}" for e in "ab")
+        mesh.add_region(name_a, a)
+        mesh.add_region(name_b, b)
         # Between a and the next b above lies elastomer everywhere; between b and the a above it
         # only where a further turn follows, between a and the b below only where one came before.
-        mesh.add_facets("electrode_a_active", a & (row == rows[2] - 1), 2, 1)
-        mesh.add_facets("electrode_a_active", a & (row == rows[1]) & ~first_turn, 2, 0)
-        mesh.add_facets("electrode_b_active", b & (row == rows[3]), 2, 0)
-        mesh.add_facets("electrode_b_active", b & (row == rows[4] - 1) & ~last_turn, 2, 1)
-        mesh.add_facets("electrode_a_rim", a & (row == rows[1]) & first_turn, 2, 0)
-        if self.inset > 0:
-            inmost = cell[0] == np.min(cell[0][under])
-            outmost = cell[0] == np.max(cell[0][under])
-            for name, part in (("electrode_a_rim", a), ("electrode_b_rim", b)):
-                mesh.add_facets(name, part & inmost, 0, 0)
-                mesh.add_facets(name, part & outmost, 0, 1)
+        mesh.add_facets(f"{name_a}_active", a & (row == rows[2] - 1), 2, 1)
+        mesh.add_facets(f"{name_a}_active", a & (row == rows[1]) & ~first_turn, 2, 0)
+        mesh.add_facets(f"{name_b}_active", b & (row == rows[3]), 2, 0)
+        mesh.add_facets(f"{name_b}_active", b & (row == rows[4] - 1) & ~last_turn, 2, 1)
+        mesh.add_facets(f"{name_a}_rim", a & (row == rows[1]) & first_turn, 2, 0)
+        steps = np.arange(self.turns * self.angular)
+        middles = np.convolve(self._angles(), [0.5, 0.5], "valid")[steps % self.angular]
+        held = sector.holds(middles)
+        begins, ends = held & ~np.roll(held, 1), held & ~np.roll(held, -1)
+        begins[0] = ends[-1] = False  # the seam
+        for name, part in ((f"{name_a}_rim", a), (f"{name_b}_rim", b)):
+            if self.inset > 0:
+                mesh.add_facets(name, part & (column == np.min(column[under])), 0, 0)
+                mesh.add_facets(name, part & (column == np.max(column[under])), 0, 1)
+            mesh.add_facets(name, part & begins[step], 1, 0)
+            mesh.add_facets(name, part & ends[step], 1, 1)
+        return a | b
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -42,6 +42,10 @@ DEVICES = {
     "hdea full": HDEA(inset=0.0),
     "hdea ideal": HDEA(electrode=0.0),
     "hdea ideal, one turn": HDEA(electrode=0.0, turns=1, inset=0.0),
+    "hdea half": HDEA(sectors=((0, 180),)),
+    "hdea ideal half": HDEA(electrode=0.0, sectors=((0, 180),)),
+    "hdea sectors": HDEA(sectors=((-60, 60), (90, 120), (180, 210)), inset=0.0),
+    "hdea named": HDEA(turns=3, sectors={"left": (30, 150), "right": (210, 360)}),
     "hdea steep": HDEA(outer_radius=5e-3, inner_radius=1e-3, elastomer=2e-3, electrode=0.2e-3),
 }
 STRAIGHT = {f"{name}, order 1": replace(device, order=1) for name, device in DEVICES.items()}
@@ -61,6 +65,8 @@ OUTER = {
     "hdea ideal": {"bottom", "top", "electrode_b_top", "inner", "outer", "seam"},
 }
 OUTER["cell"] = OUTER["cell full"] = OUTER["cell ideal"] = {"bottom", "top", "inner", "outer"}
+OUTER["hdea half"] = OUTER["hdea sectors"] = OUTER["hdea named"] = OUTER["hdea"]
+OUTER["hdea ideal half"] = OUTER["hdea ideal"]
 OUTER["hdea one turn"] = OUTER["hdea three turns"] = OUTER["hdea full"] = OUTER["hdea"]
 
 

@@ -15,7 +15,7 @@ ORDER = [
     "exact", "origami",
     "forms", "loads", "constraints", "rigid", "ties", "weakform",
     "references", "solver", "stability", "events", "arclength", "tracing", "predictor", "stepping",
-    "checks", "observables", "overall", "failures", "fields", "reading", "turns",
+    "checks", "observables", "overall", "rotation", "failures", "fields", "reading", "turns",
     "provenance", "summary", "results", "run", "script",
     "pictures_curves", "pictures_fields", "pictures_movie", "pictures_paraview", "pictures",
     "design", "thesis", "cli", "__main__",

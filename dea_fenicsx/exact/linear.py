@@ -20,10 +20,10 @@ def bonded_modulus(mu: float, outer: Any, inner: Any, thickness: Any, faces: int
     Inst. Mech. Eng. 173 (1959) 111), the ring taken as straight.  With ``faces=1`` the ring is
     bonded to one plate and slides on the other, which is half of a ring of twice the thickness.
 
-    Against finite elements (small strain, rings with r_i >= r_o/5) it is within 3 % for S >= 1,
-    and up to 7 % low around S = 1/4.  It needs plates that stay flat.  A uniform pressure on a
-    soft face instead moves the rubber at the edges only, so this is no formula for soft electrodes
-    on a rigid base.
+    Against finite elements (small strain) it is within 3 % for S >= 1 where r_i >= 2 r_o/5, 6 % low
+    at r_i = r_o/5, and up to 7 % low around S = 1/4.  It needs plates that stay flat.  A uniform
+    pressure on a soft face instead moves the rubber at the edges only, so this is no formula for
+    soft electrodes on a rigid base.
 
     Parameters
     ----------
