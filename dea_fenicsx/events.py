@@ -15,7 +15,6 @@ from dea_fenicsx.errors import SolverError
 from dea_fenicsx.solver import Attempt, NewtonSolver
 from dea_fenicsx.stability import Place, Spectrum
 
-
 MOST = 3
 """Changes of the inertia that are located in one step; a slack film passes dozens at once."""
 

@@ -150,7 +150,8 @@ def report(args, run):
     for row in s.get("study", ()):
         print(f"{row['field']:5} taper {1e3 * row['taper_m']:4.1f} mm  mesh {row['mesh']}  "
               f"to area {row['area_reached']:.3f}  "
-              + "  ".join(f"{v:9.2f} V" for k, v in row.items() if k.startswith("volt")))  # fmt: skip
+              + "  ".join(f"{v:9.2f} V" for k, v in row.items()
+                          if k.startswith("volt")))  # fmt: skip
     print(f"\nresults: {Path(args.out)}/history.csv, fields.xdmf (voltages there: half the film's)")
 
 

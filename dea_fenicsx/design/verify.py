@@ -165,7 +165,7 @@ def helix_stroke(
     inset: float = 0.0,
     steps: int = 4,
     comm: Any = MPI.COMM_SELF,
-    **cells: int,
+    **cells: Any,
 ) -> dict[str, float]:
     """A free helix with ideal electrodes, in three dimensions.
 
