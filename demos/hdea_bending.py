@@ -154,13 +154,14 @@ def curvature(args, comm, run, kappa, young, say):
 def reach(args, device, unit):
     """Bent to 4.2 degrees by a given pressure p, and the voltage T sqrt(p/eps) that stands for it.
 
-    With the undeformed thickness in the field, as in the thesis; on undeformed areas.
+    With the undeformed thickness in the field, as in the thesis; on undeformed areas, and on a
+    clamped base (see `curvature`).
     """
     wanted = np.radians(THESIS["angle_deg"])
     scene = dea.Scene(
         device,
         materials(args),
-        supports=[dea.FreeBody()],
+        supports=[dea.Clamp("bottom")],
         loads=[dea.DeadPressure(f"electrode_{e}_active", args.mu) for e in "ab"],
     )
     path = dea.Trace("load", first=0.2, steps=60, until=("bending_angle_rad", wanted))
