@@ -133,7 +133,7 @@ def curvature(args, comm, run, kappa, young, say):
     p = strain * young
     say("\ngiven pressure: what a turn adds to the angle of the end face, over p/E, in 1/m\nturns  "
         "unknowns  finite elements  closed form")  # fmt: skip
-    for turns in range(args.curvature - 2, args.curvature + 1):
+    for turns in (args.curvature - 1, args.curvature):
         geometry = HDEA(turns=turns, sectors=HALF, **MESHES[args.mesh])
         scene = dea.Scene(
             dea.read_gmsh(geometry, comm),
