@@ -133,7 +133,7 @@ def curvature(args, comm, run, kappa, young, say):
     p = strain * young
     say("\ngiven pressure: what a turn adds to the angle of the end face, over p/E, in 1/m\nturns  "
         "unknowns  finite elements  closed form")  # fmt: skip
-    for turns in range(args.curvature - 2, args.curvature + 1):
+    for turns in (args.curvature - 1, args.curvature):
         geometry = HDEA(turns=turns, sectors=HALF, **MESHES[args.mesh])
         scene = dea.Scene(
             dea.read_gmsh(geometry, comm),
@@ -154,13 +154,14 @@ def curvature(args, comm, run, kappa, young, say):
 def reach(args, device, unit):
     """Bent to 4.2 degrees by a given pressure p, and the voltage T sqrt(p/eps) that stands for it.
 
-    With the undeformed thickness in the field, as in the thesis; on undeformed areas.
+    With the undeformed thickness in the field, as in the thesis; on undeformed areas, and on a
+    clamped base (see `curvature`).
     """
     wanted = np.radians(THESIS["angle_deg"])
     scene = dea.Scene(
         device,
         materials(args),
-        supports=[dea.FreeBody()],
+        supports=[dea.Clamp("bottom")],
         loads=[dea.DeadPressure(f"electrode_{e}_active", args.mu) for e in "ab"],
     )
     path = dea.Trace("load", first=0.2, steps=60, until=("bending_angle_rad", wanted))

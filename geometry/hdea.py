@@ -239,7 +239,7 @@ class HDEA(Geometry):
     @property
     def _pattern(self) -> tuple[Sector, ...]:
         """Its sectors; a whole ring where there is no pattern."""
-        return tuple(self.sectors) or (Sector(0.0, 360.0),)  # type: ignore[return-value]
+        return tuple(self.sectors) or (Sector(0.0, 360.0),)  # type: ignore[arg-type,return-value]
 
     def _angles(self) -> Floats:
         """Cell ends over one turn in degrees."""
