@@ -21,6 +21,7 @@ _UNITS: dict[str, tuple[str, tuple[int, ...]]] = {
     "_V": ("V", (0, 3)),
     "_m": ("m", (-9, -6, -3, 0)),
     "_m3": ("m³", (-9, 0)),
+    "_m2": ("m²", (-6, 0)),
     "_C": ("C", (-12, -9, -6, -3, 0)),
     "_F": ("F", (-12, -9, -6, -3, 0)),
     "_rad_per_m": ("rad/m", (0,)),
@@ -76,8 +77,8 @@ def axis_label(name: str, largest: float) -> tuple[str, float]:
     if largest > 0 and math.isfinite(largest):
         fitting = [e for e in exponents if largest >= 10.0**e * 0.9995]
         power = max(fitting, default=exponents[0])
-    if ending == "_m3":
-        return f"{words} ({'mm³' if power else 'm³'})", 10.0**power
+    if ending in ("_m2", "_m3"):
+        return f"{words} ({'m' if power else ''}{unit})", 10.0**power
     return f"{words} ({_PREFIX[power]}{unit})", 10.0**power
 
 
@@ -100,6 +101,8 @@ def curve(
     formats: Sequence[str] = ("png", "svg"),
 ) -> list[Path]:
     """Draw one column of the history against another, for one run or several.
+
+    Events of the path (a maximum, a bifurcation, a way to fail) are marked by name.
 
     Parameters
     ----------
@@ -162,11 +165,21 @@ def curve(
         for k, ((a, b), label) in enumerate(zip(runs, labels, strict=True)):
             mark = markers[k % len(markers)] if markers else None
             axes.plot(a / x_unit, b / y_unit, marker=mark, markerfacecolor="white", label=label)
+        marked = [_events(p) for p in places]
+        names = list(dict.fromkeys(name for rows in marked for name, _ in rows))
+        for k, name in enumerate(names):
+            spots = [
+                (a[i] / x_unit, b[i] / y_unit)
+                for (a, b), rows in zip(runs, marked, strict=True)
+                for found, i in rows if found == name
+            ]  # fmt: skip
+            axes.plot(*np.transpose(spots), "XP*dhv"[k % 6], color=f"C{k % 8 + 1}", markersize=6,
+                      zorder=3, label=name)  # fmt: skip
         for (a, b), label, dash in zip(others, lines or {}, ["--", ":", "-."] * 9, strict=False):
             axes.plot(a / x_unit, b / y_unit, dash, color="0.2", linewidth=0.8, label=label)
         axes.set_xlabel(x_text)
         axes.set_ylabel(y_text)
-        if any(labels) or lines:
+        if any(labels) or lines or names:
             axes.legend()
         stem = Path(path) if path is not None else places[0] / f"{bare(y)}_{bare(x)}"
         stem = stem.with_suffix("") if stem.suffix in (".png", ".svg") else stem
@@ -186,6 +199,14 @@ def _numbers(folder: Path, name: str) -> np.ndarray:
     if columns[name].dtype.kind != "f":
         raise InputError(f"Column {name!r} of the history in {folder} does not hold numbers.")
     return columns[name]
+
+
+def _events(folder: Path) -> list[tuple[str, int]]:
+    """Events of a run with their rows, requested landings left out."""
+    column = read_history(folder).get("event")
+    if column is None or column.dtype.kind == "f":
+        return []
+    return [(str(e), i) for i, e in enumerate(column) if e and e != "landed"]
 
 
 def bare(name: str) -> str:

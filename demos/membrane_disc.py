@@ -76,8 +76,8 @@ def follow(args, mesh, taper, field, **options):
     return dea.solve(
         membrane(args, mesh, taper, field),
         [dea.Ramp("stretch", steps=4),
-         dea.Trace("voltage", first=0.05, until=("electrode_m2", grown), steps=100, longest=2.0)],
-        {"electrode": dea.Area("top_active")},
+         dea.Trace("voltage", until=("electrode_area_m2", grown), steps=100, longest=2.0)],
+        {"electrode_area": dea.Area("top_active")},
         **options,
     )  # fmt: skip
 
@@ -85,8 +85,8 @@ def follow(args, mesh, taper, field, **options):
 def area_of(args, run):
     """Electrode area over that after the pre-stretch, and twice the half's voltage, per step."""
     kept = [r for r in run.history if r["ramp"] == "voltage" or r["stretch_factor"] == 1]
-    area = np.array([r["electrode_m2"] for r in kept]) / kept[0]["electrode_m2"]
-    return area, 2 * np.array([r["voltage_V"] for r in kept])
+    area = np.array([r["electrode_area_m2"] for r in kept])
+    return area / area[0], 2 * np.array([r["voltage_V"] for r in kept])
 
 
 def voltage_at(args, run, wanted):
@@ -115,7 +115,7 @@ def main():
     if args.study:
         run.add(study=study(args))
     if MPI.COMM_WORLD.rank == 0:
-        dea.pictures.curve(args.out, x="electrode_m2", y="voltage_V")
+        dea.pictures.curve(args.out, x="electrode_area_m2", y="voltage_V")
         dea.pictures.deformed(args.out)
         if not args.quiet:
             report(args, run)

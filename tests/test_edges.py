@@ -8,7 +8,7 @@ from conftest import block
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.geometry import HelicalCell, MembraneDisc
+from dea_fenicsx.geometry import BoxStack, HelicalCell, Layer, MembraneDisc
 from dea_fenicsx.materials import EPSILON_0
 
 MU, EPS_R, T = 50e3, 4.7, 1e-3
@@ -85,6 +85,34 @@ def test_stack_goes_to_pull_in_on_every_mesh(quick_compile):
     # own values 12512, 12484 and 12472 V on meshes 1, 2 and 4
     assert limits == pytest.approx([12472.0, 12472.0], rel=4e-3)
     assert limits[1] == pytest.approx(12472.0, rel=1.5e-3)
+
+
+def test_bilayer_curls_to_a_full_circle():
+    """A strip of an active and a passive layer, clamped at one end, until its tip is back there.
+
+    At a full circle the middle of the end face has moved by -L along the strip; on the way it was
+    farthest up and on one side only, and every state is stable.
+    """
+    L, h = 8e-3, 0.1e-3
+    strip = BoxStack(L, None, [Layer("passive", h), Layer("active", h)], divisions=20)
+    scene = dea.Scene(
+        dea.read_gmsh(strip, MPI.COMM_SELF),
+        {"passive": dea.Material(dea.NeoHookean(MU)), "active": RUBBER},
+        [dea.Electrode("top", UNIT * h / T), dea.Ground("interface_1")],
+        [dea.Clamp("x_min")], kinematics=dea.PlaneStrain(),
+    )  # fmt: skip
+    tip = {a: dea.MeanDisplacement("x_max", a) for a in "xy"}
+    trace = dea.Trace("voltage", steps=160, until=("voltage_V", 2.06e3))
+    run = dea.solve(scene, trace, tip, quiet=True, stability="every")
+    x, y = run.column("x_m"), run.column("y_m")
+    lowest = int(np.argmin(y))
+    turned = int(np.argmin(x))  # the tip is farthest back at three quarters of the circle
+    assert 0 < lowest < turned < len(x) - 1
+    # back at the root: u_x = -L, and u_y = 0 up to the strip's own thickness
+    assert x[-1] > -L > x[turned]
+    at = np.interp(-L, x[turned:], y[turned:])
+    assert abs(at) < 2 * h
+    assert not [row for row in run.history if row["event"] or row["inertia"]]
 
 
 @pytest.mark.parametrize(
