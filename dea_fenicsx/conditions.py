@@ -189,6 +189,7 @@ class Displacement:
 
 
 @dataclass(frozen=True)
+@in_si(stretch="")
 class AxialStretch:
     """Prescribed axial stretch of a helical cell as a whole, reached at ramp factor 1."""
 
@@ -197,6 +198,7 @@ class AxialStretch:
 
 
 @dataclass(frozen=True)
+@in_si(radians_per_metre="rad/m")
 class Twist:
     """Prescribed twist of a helical cell: rotation per undeformed axial length, in rad/m."""
 
@@ -205,6 +207,7 @@ class Twist:
 
 
 @dataclass(frozen=True)
+@in_si(newtons="N")
 class AxialForce:
     """Force along the axis on a device of which a helical cell is a part, in N; tension is > 0.
 
@@ -216,6 +219,7 @@ class AxialForce:
 
 
 @dataclass(frozen=True)
+@in_si(newton_metres="N*m")
 class Torque:
     """Torque about the axis on a device of which a helical cell is a part, in N m."""
 

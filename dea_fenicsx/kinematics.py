@@ -150,6 +150,7 @@ class Axisymmetric(_Flat):
 
 
 @dataclass(frozen=True)
+@in_si(pitch="m")
 class Helical(_Flat):
     """One period of a body with helical symmetry, standing for any number of turns.
 

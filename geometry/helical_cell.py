@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dea_fenicsx.units import in_si
+
 from . import _check
 from ._structured import Floats, Ints, StructuredMesh, block, compact, joined_ends, lattice_points
 from .base import Geometry
@@ -14,6 +16,7 @@ from .hdea import HDEA
 
 
 @dataclass(frozen=True)
+@in_si(outer_radius="m", inner_radius="m", inset="m", elastomer="m", electrode="m")
 class HelicalCell(Geometry):
     """One pitch of `HDEA`'s cross-section in (r, zeta), for the kinematics ``Helical(pitch)``.
 
