@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import block
@@ -75,6 +77,35 @@ def test_snap_through_and_stability():
     for row in run.history:
         if not row["event"]:
             assert (row["inertia"] > 0) == (found["maximum"]["stretch"] < row["stretch"] < last)
+
+
+def test_traces_in_dead_load_charge_and_pressure():
+    """Closed forms of a neo-Hookean film; the dead load passes its maximum under a voltage."""
+    pull = [dea.DeadLoad("x_max", (MU, 0, 0)), dea.DeadLoad("y_max", (0, MU, 0))]
+    path = [dea.Ramp("voltage", to=0.3, steps=3),
+            dea.Trace("load", first=0.1, until=("stretch", 3.0))]  # fmt: skip
+    run = dea.solve(film(dea.NeoHookean(MU), pull), path, STRETCH, quiet=True, stability="never")
+    lam, load = run.column("stretch")[4:], run.column("load_factor")[4:]
+    assert load == pytest.approx(lam - lam**-5 - 0.09 * lam**3, rel=1e-8, abs=1e-8)
+    x = np.linspace(1.9, 2.1, 200001)
+    assert events(run)["maximum"]["load_factor"] == pytest.approx(
+        np.max(x - x**-5 - 0.09 * x**3), rel=1e-9
+    )
+
+    charged = [dea.ChargedElectrode("top", EPS_R * EPSILON_0 * UNIT * T), dea.Ground("bottom")]
+    scene = replace(film(dea.NeoHookean(MU)), electrodes=charged)
+    trace = dea.Trace("charge", first=0.1, until=("stretch", 1.8))
+    run = dea.solve(scene, trace, STRETCH, quiet=True, stability="never")
+    lam, charge = run.column("stretch")[1:], run.column("charge_factor")[1:]
+    assert charge == pytest.approx(np.sqrt((lam**2 - lam**-4) * lam**4), rel=1e-8)
+    assert not events(run)
+
+    pressure = [dea.FollowerPressure(side, -MU) for side in ("x_max", "y_max")]
+    trace = dea.Trace("load", first=0.1, until=("stretch", 2.0))
+    run = dea.solve(film(dea.NeoHookean(MU), pressure), trace, STRETCH, quiet=True,
+                    stability="never")  # fmt: skip
+    lam, load = run.column("stretch")[1:], run.column("load_factor")[1:]
+    assert load == pytest.approx(lam**2 - lam**-4, rel=1e-8)
 
 
 def test_load_derivative_is_exact():
