@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import math
 import os
-import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,7 +108,7 @@ def draw_sensitivities(found: Sensitivity, path: str | os.PathLike) -> Path:
             places = [k + (i - (count - 1) / 2) * 0.8 / count for k in range(len(row))]
             axes.bar(places, list(row.values()), 0.8 / count, label=name.replace("_", " "))
         axes.axhline(0, color="k", lw=0.6)
-        names = [textwrap.fill(v.replace("_", " "), 8) for v in found.design]
+        names = ["\n".join(v.split("_")) for v in found.design]
         axes.set_xticks(range(len(found.design)), names)
         axes.tick_params(axis="x", length=0)
         axes.set_ylabel("Change in % for 1 % of the variable")
