@@ -23,7 +23,7 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from dea_fenicsx.solver import Attempt, NewtonSolver
-from dea_fenicsx.stability import Place
+from dea_fenicsx.stability import Place, load_derivative
 from dea_fenicsx.weakform import Problem
 
 UNIT_STRETCH = 0.05
@@ -99,19 +99,13 @@ class Branch:
         self.problem.set_factors(self.factors_at(factor))
         self.problem.insert_fixed()
 
-    def _load_derivative(self) -> np.ndarray:
-        return sum(
-            (rate * self.problem.load_derivative(name) for name, rate in self.rates.items()),
-            np.zeros(len(self.problem.free)),
-        )
-
     def point(self, along: Point | None, sign: float = 1.0) -> Point | None:
         """The problem's present state with its tangent, oriented along another point's.
 
         Without another point the load's change has the given sign.  None if the solve fails.
         """
         tangent = self.solver.assemble()
-        x = self.solver.linear_solve(tangent, -self._load_derivative(), 1e-9)
+        x = self.solver.linear_solve(tangent, -load_derivative(self.problem, self.rates), 1e-9)
         if x is None:
             return None
         length = np.sqrt(self.dot(x, 1.0, x, 1.0))
@@ -149,7 +143,7 @@ class Branch:
                 return Attempt("diverged", iterations, norm)
             tangent = solver.assemble()
             r = solver.linear_solve(tangent, -problem.unbalanced(residual), 1e-6)
-            b = solver.linear_solve(tangent, -self._load_derivative(), 1e-6)
+            b = solver.linear_solve(tangent, -load_derivative(self.problem, self.rates), 1e-6)
             if r is None or b is None:
                 return Attempt(solver.trouble, iterations, norm)
             down = self.dot(r, 0.0, start.direction, start.slope)
@@ -159,6 +153,31 @@ class Branch:
             solver.counters.newton += 1
             iterations += 1
             previous = norm
+
+    def advance(self, here: Point, arc: float) -> tuple[Attempt, Point | None, str]:
+        """Go an arc along the branch: how the step ended, its point, and why it is refused.
+
+        The reason is empty, and there is a point, if the step is accepted.
+        """
+        attempt = self.step(here, arc)
+        there = self.point(along=here) if attempt.converged else None
+        if there is None:
+            return attempt, None, attempt.reason or self.solver.trouble
+        return attempt, there, self._objection(here, there, arc)
+
+    def _objection(self, here: Point, there: Point, arc: float) -> str:
+        """Why a step has not stayed on its branch: far off its plane's foot, or turned about.
+
+        The foot of the plane lies at distance `arc`; a point much farther away is on another
+        branch.
+        """
+        moved = (there.state - here.state)[self.problem.free]
+        change = there.factor - here.factor
+        distance = np.sqrt(self.dot(moved, change, moved, change))
+        turn = self.dot(here.direction, here.slope, there.direction, there.slope)
+        if not distance < 1.3 * arc:
+            return "on another branch"
+        return "" if turn > 0.6 else "turned too sharply"
 
     def place(self, start: Point, arc: float) -> Place:
         """How to find equilibria at a share of an arc behind a point."""
@@ -211,18 +230,3 @@ class Branch:
 
 class _OffBranch(Exception):
     """A trial step was lost."""
-
-
-def objection(branch: Branch, here: Point, there: Point, arc: float) -> str:
-    """Why a step has not stayed on its branch: far off its plane's foot, or turned about.
-
-    The foot of the plane lies at distance `arc`; a point much farther away is on another branch.
-    """
-    problem = branch.problem
-    moved = (there.state - here.state)[problem.free]
-    change = there.factor - here.factor
-    distance = np.sqrt(branch.dot(moved, change, moved, change))
-    turn = branch.dot(here.direction, here.slope, there.direction, there.slope)
-    if not distance < 1.3 * arc:
-        return "on another branch"
-    return "" if turn > 0.6 else "turned too sharply"

@@ -266,11 +266,26 @@ class Gauge:
             for name, cells, evaluate in self.parts if len(cells)
         ]  # fmt: skip
 
-    def worst(self) -> Worst:
-        """The point of least margin.  Collective."""
+    def measure(self) -> tuple[Worst, np.ndarray]:
+        """The point of least margin, and the worst value in each cell that this rank owns.
+
+        Collective.  The cells' values are NaN where nothing is watched.
+        """
+        parts = self._all()
+        by_cell = np.full(self.problem.scene.device.owned_cells(), np.nan)
+        for _, cells, values, margins in parts:
+            k = np.argmin(margins, axis=1)
+            by_cell[cells] = np.take_along_axis(values, k[:, None], axis=1)[:, 0]
+        return self._worst(parts), by_cell
+
+    def margin(self) -> float:
+        """Margin of the worst point.  Collective."""
+        return self._worst(self._all()).margin
+
+    def _worst(self, parts: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]) -> Worst:
         problem = self.problem
         best: tuple[float, float, str, np.ndarray] = (np.inf, np.nan, "", np.zeros(3))
-        for name, cells, values, margins in self._all():
+        for name, cells, values, margins in parts:
             k, q = np.unravel_index(int(np.argmin(margins)), margins.shape)
             if margins[k, q] < best[0]:
                 place = np.zeros(3)
@@ -281,18 +296,6 @@ class Gauge:
             problem.comm.allgather(best), key=lambda b: (b[0], *b[3])
         )
         return Worst(value, margin, name, place)
-
-    def margin(self) -> float:
-        """Margin of the worst point.  Collective."""
-        return self.worst().margin
-
-    def by_cell(self) -> np.ndarray:
-        """Worst value in each cell that this rank owns; NaN where nothing is watched."""
-        out = np.full(self.problem.scene.device.owned_cells(), np.nan)
-        for _, cells, values, margins in self._all():
-            k = np.argmin(margins, axis=1)
-            out[cells] = np.take_along_axis(values, k[:, None], axis=1)[:, 0]
-        return out
 
 
 def default_failures(scene: Scene) -> tuple[Failure, ...]:

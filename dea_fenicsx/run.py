@@ -267,8 +267,9 @@ class _Session:
             row["max_field_V_per_m"] = probe.max_field * scales.field
             for axis, x in zip("xyz", probe.place, strict=True):
                 row[f"max_field_{axis}_m"] = float(x) * length
-        worst = {g.failure.name: g.worst() for g in self.gauges}
-        row |= {g.failure.column: worst[g.failure.name].value for g in self.gauges}
+        read = [(g.failure, *g.measure()) for g in self.gauges]
+        worst = {failure.name: found for failure, found, _ in read}
+        row |= {failure.column: found.value for failure, found, _ in read}
         row |= {
             "min_J": probe.min_J,
             "volume_error": checked.volume_error,
@@ -289,11 +290,13 @@ class _Session:
         elif step.event == "maximum" and self.scene.is_electric(step.label):
             self._note_failure("pull-in", row, None)
         if self.folder and self.writer:
-            self._write(step, row)
+            self._write(step, row, {f.column: values for f, _, values in read})
         self._report(row, now - self._step_started)
         self._step_started = time.perf_counter()
 
-    def _write(self, step: Step, row: dict[str, Any]) -> None:
+    def _write(
+        self, step: Step, row: dict[str, Any], by_cell: Mapping[str, np.ndarray]
+    ) -> None:
         """Write an accepted step; the run can be resumed from it unless it is an event's."""
         assert self.folder and self.writer
         told = None if step.event else {
@@ -305,10 +308,10 @@ class _Session:
             "wall_s": row["wall_s"],
         }  # fmt: skip
         cells = self.writer.cell_fields()
-        for gauge in self.gauges:
-            values = self.writer.gather(gauge.by_cell())
+        for column, mine in by_cell.items():
+            values = self.writer.gather(mine)
             if cells is not None and values is not None:
-                cells[gauge.failure.column] = values
+                cells[column] = values
         nodes, state = self.writer.node_fields(), self.writer.gather_state()
         self.folder.write_step(step.cursor.step, told, self.history, nodes, cells, state)
         if step.mode is not None:

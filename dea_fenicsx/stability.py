@@ -19,6 +19,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.solver import Attempt, NewtonSolver
+from dea_fenicsx.weakform import Problem
 
 ORTHOGONAL = 1e-4
 """Cosine between load derivative and null vector below which a critical point is a bifurcation."""
@@ -63,6 +64,17 @@ class Critical:
     is_bifurcation: bool
     after: int
     attempt: Attempt
+
+
+def load_derivative(problem: Problem, rates: dict[str, float]) -> np.ndarray:
+    """dR/df in the free rows where each ramp's factor changes at its rate with f.
+
+    Uses the tangent of the latest call of `Problem.tangent`.
+    """
+    return sum(
+        (rate * problem.load_derivative(name) for name, rate in rates.items()),
+        np.zeros(len(problem.free)),
+    )
 
 
 class Spectrum:
@@ -178,10 +190,7 @@ class Spectrum:
         attempt: Attempt,
     ) -> Critical:
         problem = self.problem
-        slope = sum(
-            (rate * problem.load_derivative(name) for name, rate in rates.items()),
-            np.zeros_like(vector),
-        )
+        slope = load_derivative(problem, rates)
         total = problem.comm.allreduce(
             np.array([vector @ slope, vector @ vector, slope @ slope]), op=MPI.SUM
         )

@@ -249,9 +249,7 @@ def _follow_ramp(
     start = cursor.start
 
     def factors_at(position: float) -> dict[str, float]:
-        # weighted so that the end is hit to the last bit
-        moved = {n: (1 - position) * start[n] + position * ramp.to for n in names}
-        return cursor.factors | moved
+        return _factors_at(ramp, names, cursor, position)
 
     predictor = Predictor(solver, names)
     predictor.add(cursor.factors[names[0]])
@@ -313,6 +311,14 @@ def _follow_ramp(
         predictor.add(cursor.factors[names[0]])
 
 
+def _factors_at(
+    ramp: Ramp, names: Sequence[str], cursor: Cursor, position: float
+) -> dict[str, float]:
+    """Factors at a position of a ramp, weighted so that its end is hit to the last bit."""
+    moved = {n: (1 - position) * cursor.start[n] + position * ramp.to for n in names}
+    return cursor.factors | moved
+
+
 def _snap(
     solver: NewtonSolver,
     ramp: Ramp,
@@ -330,8 +336,7 @@ def _snap(
     except SolverError:
         raise lost from None
     landed = problem.get_state()
-    moved = {n: (1 - limit.factor) * cursor.start[n] + limit.factor * ramp.to for n in names}
-    factors = cursor.factors | moved
+    factors = _factors_at(ramp, names, cursor, limit.factor)
     cursor = replace(
         cursor, step=cursor.step + 1, position=limit.factor, factors=factors, size=0.0
     )

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dea_fenicsx.arclength import SHORTEST, Branch, Point, objection
+from dea_fenicsx.arclength import SHORTEST, Branch, Point
 from dea_fenicsx.errors import SolverError
 from dea_fenicsx.events import Sentinel
 from dea_fenicsx.scene import Scene
@@ -99,11 +99,7 @@ def trace(
         return
     retries = 0
     while True:
-        attempt = branch.step(here, arc)
-        there = branch.point(along=here) if attempt.converged else None
-        reason = attempt.reason
-        if there is not None:
-            reason = objection(branch, here, there, arc)
+        attempt, there, reason = branch.advance(here, arc)
         count = None
         turns = there is not None and here.slope * there.slope < 0
         if not reason:
@@ -225,9 +221,8 @@ def over_the_limit(
     for _ in range(steps):
         if here is None:
             break
-        attempt = branch.step(here, arc)
-        there = branch.point(along=here) if attempt.converged else None
-        if there is None or objection(branch, here, there, arc):
+        attempt, there, reason = branch.advance(here, arc)
+        if there is None or reason:
             arc /= 2
             branch.restore(here)
             if arc < SHORTEST:
