@@ -6,11 +6,12 @@ found only once ``dolfinx_solver`` has been imported.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import platform
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from petsc4py import PETSc
 from ufl.algorithms import expand_derivatives
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
+from ufl.domain import extract_unique_domain
 
 __all__ = ["PETSc", "collapse", "compile_form", "coordinate_element", "create_vector", "dolfinx",
            "expression", "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
@@ -106,7 +108,8 @@ def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.
     """
     # labels of ufl.variable carry running numbers, which would make every problem's code a new one
     expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
-    compiled = dolfinx.fem.Expression(expr, points, jit_options=jit_options())
+    with _compiling_alone(extract_unique_domain(expr)):
+        compiled = dolfinx.fem.Expression(expr, points, jit_options=jit_options())
     size = int(np.prod(expr.ufl_shape, dtype=int))
 
     def evaluate(mesh: Any, cells: np.ndarray) -> np.ndarray:
@@ -133,8 +136,27 @@ def geometry_dofmap(mesh: Any) -> np.ndarray:
 
 
 def compile_form(form: Any) -> Any:
-    """Compile a UFL form with this package's options."""
-    return dolfinx.fem.form(form, jit_options=jit_options())
+    """Compile a UFL form with this package's options.  Collective."""
+    with _compiling_alone(form.ufl_domains()[0]):
+        return dolfinx.fem.form(form, jit_options=jit_options())
+
+
+@contextmanager
+def _compiling_alone(domain: Any) -> Iterator[None]:
+    """Let one run at a time compile: FFCx fails where two write the same file of the cache.
+
+    The ranks of a run take turns by themselves, after rank 0; so that one alone waits.
+    """
+    if domain.ufl_cargo().comm.rank:
+        yield
+        return
+    folder = _cache_dir()
+    with ExitStack() as stack:
+        with suppress(OSError):  # a cache that cannot be locked can still be used
+            folder.mkdir(parents=True, exist_ok=True)
+            lock = stack.enter_context(open(folder / "lock", "w"))
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
 
 
 def create_vector(form: Any) -> Any:
