@@ -34,7 +34,14 @@ if TYPE_CHECKING:
         Torque,
         Twist,
     )
-    from dea_fenicsx.errors import DeaError, EquilibriumLost, InputError, SolverError
+    from dea_fenicsx.errors import (
+        DeaError,
+        EquilibriumLost,
+        InputError,
+        Interrupted,
+        MachineError,
+        SolverError,
+    )
     from dea_fenicsx.failures import ElectricalBreakdown, LossOfTension, StretchLimit
     from dea_fenicsx.kinematics import Axisymmetric, Helical, PlaneStrain, ThreeD
     from dea_fenicsx.materials import (
@@ -84,7 +91,9 @@ _HOME = {
         "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure", "FreeBody",
         "Ground", "Stretch", "Taper", "ThinFilm", "Torque", "Twist",
     ),
-    "errors": ("DeaError", "EquilibriumLost", "InputError", "SolverError"),
+    "errors": (
+        "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "SolverError",
+    ),
     "failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
     "kinematics": ("Axisymmetric", "Helical", "PlaneStrain", "ThreeD"),
     "materials": (

@@ -7,6 +7,7 @@
     checkpoint.npz  the last accepted state, to resume from
     modes/          the null vector of each critical point, on its deformed state
     script.py       the script that made it
+    run.log         what the run said, with the time of day
     previous/       an earlier run's files; those of later ones in previous_2/ and so on
 
 Each file is written under another name and then renamed, so that at any moment every file on disk
@@ -16,12 +17,15 @@ is whole.  Rank 0 writes.
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
+import re
 import shutil
 import tempfile
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -31,7 +35,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx import provenance
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.errors import InputError, MachineError
 from dea_fenicsx.fields import Grid
 from dea_fenicsx.reading import read_history, read_summary
 
@@ -46,14 +50,20 @@ _XDMF_CELLS = {
 _KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
 RUN_FILES = (
     "fields.xdmf", "fields.h5", "history.csv", "summary.json", "checkpoint.npz", "parts", "modes",
+    "run.log",
 )  # fmt: skip
 
 
 def replace_file(path: Path, write: Callable[[Path], None]) -> None:
     """Write a file through a temporary one beside it, so that a reader never sees half of it."""
     temporary = path.with_name(f".{path.name}.new")
-    write(temporary)
-    os.replace(temporary, path)
+    try:
+        write(temporary)
+        os.replace(temporary, path)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
 
 
 class Folder:
@@ -90,6 +100,21 @@ class Folder:
         if fault:
             raise InputError(fault if fault.endswith(".") else f"{fault} ({self.path}).")
         return result
+
+    def write(self, action: Callable[[], None]) -> None:
+        """Write on rank 0; if that fails, raise `MachineError` on all ranks.  Collective."""
+        fault = ""
+        if self.comm.rank == 0:
+            try:
+                action()
+            except (OSError, RuntimeError) as error:  # h5py raises either
+                fault = _reason(error)
+        fault = self.comm.bcast(fault, root=0)
+        if fault:
+            raise MachineError(
+                f"The results folder {self.path} cannot be written any more ({fault}); all steps "
+                "before are kept there, and the run can be resumed from them."
+            )
 
     def _check_writable(self) -> None:
         try:
@@ -173,11 +198,7 @@ class Folder:
         assert grid is not None
         (self.path / "parts").mkdir(exist_ok=True)
 
-        def write(target: Path) -> None:
-            with h5py.File(target, "w") as h5:
-                _put_grid(h5, grid)
-
-        replace_file(self.path / "parts" / "grid.h5", write)
+        replace_file(self.path / "parts" / "grid.h5", _h5(lambda h5: _put_grid(h5, grid)))
 
     def write_step(
         self,
@@ -195,15 +216,14 @@ class Folder:
         if self.comm.rank != 0:
             return
 
-        def write_fields(target: Path) -> None:
+        def put_fields(h5: Any) -> None:
             assert nodes is not None and cells is not None
-            with h5py.File(target, "w") as h5:
-                for group, fields in (("node", nodes), ("cell", cells)):
-                    for name, values in fields.items():
-                        h5[f"{group}/{name}"] = values
+            for group, fields in (("node", nodes), ("cell", cells)):
+                for name, values in fields.items():
+                    h5[f"{group}/{name}"] = values
 
         if nodes is not None:
-            replace_file(self._part(step), write_fields)
+            replace_file(self._part(step), _h5(put_fields))
             self.write_xdmf(history)
         self.write_history(history)
         if told is None:
@@ -288,13 +308,12 @@ class Folder:
         folder.mkdir(exist_ok=True)
         file = folder / f"mode_{step:05d}.h5"
 
-        def write(target: Path) -> None:
-            with h5py.File(target, "w") as h5:
-                _put_grid(h5, grid)
-                for name, values in (nodes | {"mode": mode}).items():
-                    h5[f"node/{name}"] = values
+        def put(h5: Any) -> None:
+            _put_grid(h5, grid)
+            for name, values in (nodes | {"mode": mode}).items():
+                h5[f"node/{name}"] = values
 
-        replace_file(file, write)
+        replace_file(file, _h5(put))
         text = _document(_grid_xml(f"mode of step {step}", 0.0, (file, ""), (file, ""), folder))
         replace_file(
             file.with_suffix(".xdmf"), lambda t: _discard(t.write_text(text, "utf-8"))
@@ -322,7 +341,7 @@ class Folder:
                         continue
                     if name in h5:
                         del h5[name]
-                    with h5py.File(source) as part:
+                    with h5py.File(source, locking=False) as part:
                         group = h5.create_group(name)
                         for key, value in part.attrs.items():
                             group.attrs[key] = value
@@ -344,6 +363,25 @@ def _document(grids: str) -> str:
     )
 
 
+def _h5(put: Callable[[Any], None]) -> Callable[[Path], None]:
+    """What writes an HDF5 file: built in memory, for HDF5 cannot close a file on a full disk."""
+
+    def write(target: Path) -> None:
+        image = io.BytesIO()
+        with h5py.File(image, "w") as h5:
+            put(h5)
+        target.write_bytes(image.getbuffer())
+
+    return write
+
+
+def _reason(error: Exception) -> str:
+    """Why a file could not be written, in a few words; HDF5's own account has many lines."""
+    text = str(getattr(error, "strerror", None) or error)
+    found = re.search(r"error message = '([^']*)'", text)
+    return found[1] if found else " ".join(text.split())[:160] or type(error).__name__
+
+
 def _put_grid(h5: Any, grid: Grid) -> None:
     h5["points"] = grid.points
     h5["cells"] = grid.cells
@@ -356,7 +394,7 @@ def _grid_xml(
 ) -> str:
     """One grid: its mesh and its fields, each a file and a group in it, seen from a folder."""
     (mesh_file, mesh_prefix), (file, prefix) = mesh, fields
-    with h5py.File(mesh_file) as h5:
+    with h5py.File(mesh_file, locking=False) as h5:
         where = h5[mesh_prefix] if mesh_prefix else h5
         n_cells, per_cell = where["cells"].shape
         n_points = where["points"].shape[0]
@@ -374,7 +412,7 @@ def _grid_xml(
         "    </Geometry>",
         _attribute("region", "Scalar", "Cell", (n_cells,), "Int", f"{source}regions"),
     ]
-    with h5py.File(file) as h5:
+    with h5py.File(file, locking=False) as h5:
         where = h5[prefix] if prefix else h5
         for group, center in (("node", "Node"), ("cell", "Cell")):
             for field, data in where.get(group, {}).items():
