@@ -76,8 +76,9 @@ if TYPE_CHECKING:
         OverallTwist,
     )
     from dea_fenicsx.reading import read_history, read_summary
+    from dea_fenicsx.results import Run
     from dea_fenicsx.rotation import BendingAngle, Rotation
-    from dea_fenicsx.run import Run, solve
+    from dea_fenicsx.run import solve
     from dea_fenicsx.scene import Scene
     from dea_fenicsx.script import Parser
     from dea_fenicsx.solver import NewtonOptions
@@ -110,7 +111,8 @@ _HOME = {
     ),
     "reading": ("read_history", "read_summary"),
     "rotation": ("BendingAngle", "Rotation"),
-    "run": ("Run", "solve"),
+    "results": ("Run",),
+    "run": ("solve",),
     "scene": ("Scene",),
     "script": ("Parser",),
     "solver": ("NewtonOptions",),

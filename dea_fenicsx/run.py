@@ -26,7 +26,7 @@ from dea_fenicsx.fields import FieldWriter
 from dea_fenicsx.interruption import Interruption
 from dea_fenicsx.observables import Measurement, Observable
 from dea_fenicsx.progress import Progress, step_line
-from dea_fenicsx.results import Folder
+from dea_fenicsx.results import Folder, Run
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import NewtonOptions, NewtonSolver
 from dea_fenicsx.stepping import Cursor, Ramp, Step, check_path, follow
@@ -40,54 +40,6 @@ STATUS = {
     MachineError: "machine failed", Interrupted: "interrupted",
 }  # fmt: skip
 """What summary.json calls the end of a run, besides "running" and "completed"."""
-
-
-@dataclass
-class Run:
-    """A finished or ended run.
-
-    Attributes
-    ----------
-    history
-        A row for each accepted step: column name to value.
-    summary
-        What summary.json holds.
-    problem
-        The discrete problem in its last accepted state.
-    folder
-        The results folder's writer, or None.
-    """
-
-    history: list[dict[str, Any]]
-    summary: dict[str, Any]
-    problem: Problem
-    folder: Folder | None = None
-
-    @property
-    def out(self) -> Path | None:
-        """The results folder."""
-        return self.folder.path if self.folder else None
-
-    def add(self, **values: Any) -> None:
-        """Add a script's own findings to the summary, in memory and on disk (by rank 0).
-
-        A key ends in its unit (``height_m``) unless it is a pure number.
-        """
-        self.summary |= values
-        if self.folder:
-            self.folder.write_summary(self.summary)
-
-    def column(self, name: str) -> np.ndarray:
-        """A column of the history as an array."""
-        if name not in self.history[0]:
-            raise InputError(
-                f"The history has no column {name!r}; it has: {', '.join(self.history[0])}."
-            )
-        return np.array([row[name] for row in self.history], dtype=float)
-
-    def __getitem__(self, name: str) -> float:
-        """Value of a column at the last step."""
-        return float(self.column(name)[-1])
 
 
 def solve(
