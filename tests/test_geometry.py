@@ -56,6 +56,15 @@ DEVICES = {
     "hdea ideal half": HDEA(electrode=0.0, sectors=((0, 180),)),
     "hdea sectors": HDEA(sectors=((-60, 60), (90, 120), (180, 210)), inset=0.0),
     "hdea named": HDEA(turns=3, sectors={"left": (30, 150), "right": (210, 360)}),
+    "hdea two strands": HDEA(strands=2, through=2),
+    "hdea two strands, ideal": HDEA(strands=2, electrode=0.0, turns=1),
+    "hdea flat": HDEA(ends="flat"),
+    "hdea flat full": HDEA(ends="flat", inset=0.0, turns=1, order=2),
+    "hdea flat ideal": HDEA(ends="flat", electrode=0.0, cap=2e-4),
+    "hdea caps": HDEA(ends="flat", cap=1e-3, through_cap=2, strands=2),
+    "hdea flat sectors": HDEA(ends="flat", cap=1e-3, sectors={"a": (-60, 60), "b": (90, 180)}),
+    "hdea flat half": HDEA(ends="flat", sectors=((0, 180),)),
+    "hdea flat ideal half": HDEA(ends="flat", electrode=0.0, sectors=((180, 360),)),
     "hdea steep": HDEA(outer_radius=5e-3, inner_radius=1e-3, elastomer=2e-3, electrode=0.2e-3),
 }
 STRAIGHT = {f"{name}, order 1": replace(device, order=1) for name, device in DEVICES.items()}
@@ -77,6 +86,9 @@ OUTER = {
 OUTER["cell"] = OUTER["cell full"] = OUTER["cell ideal"] = {"bottom", "top", "inner", "outer"}
 OUTER["hdea half"] = OUTER["hdea sectors"] = OUTER["hdea named"] = OUTER["hdea"]
 OUTER["hdea ideal half"] = OUTER["hdea ideal"]
+OUTER["hdea two strands"], OUTER["hdea two strands, ideal"] = OUTER["hdea"], OUTER["hdea ideal"]
+FLAT = {"bottom", "top", "inner", "outer", "notch"}
+OUTER |= {name: FLAT for name in DEVICES if "flat" in name or "caps" in name}
 OUTER["hdea one turn"] = OUTER["hdea three turns"] = OUTER["hdea full"] = OUTER["hdea"]
 
 
