@@ -114,12 +114,12 @@ def run(
     dim, exact = made.dimension, made.measures()
     cells = sum(number for d, number, _ in found.values() if d == dim)
     print(f"{target}: {nodes} nodes, {cells} cells, lengths in metres")
-    print(f"{'group':<22}{'dim':>4}{'count':>8}{'measure':>15}{'closed form':>15}{'error':>10}")
-    for name, (d, number, size) in sorted(found.items(), key=lambda item: -item[1][0]):
-        off = size / exact[name] - 1
-        print(f"{name:<22}{d:>4}{number:>8}{size:>15.6e}{exact[name]:>15.6e}{off:>10.1e}")
     print(
         f"cells: least scaled Jacobian {quality['least_scaled_jacobian']:.3f} (1 is a right angle), "
         f"longest over shortest edge up to {quality['largest_aspect']:.1f}"
     )
+    print(f"{'group':<22}{'dim':>4}{'count':>8}{'measure':>15}{'closed form':>15}{'error':>10}")
+    for name, (d, number, size) in sorted(found.items(), key=lambda item: -item[1][0]):
+        off = size / exact[name] - 1
+        print(f"{name:<22}{d:>4}{number:>8}{size:>15.6e}{exact[name]:>15.6e}{off:>10.1e}")
     return 0

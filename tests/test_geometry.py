@@ -234,6 +234,24 @@ def test_groups_are_disjoint_and_nodes_unique(name):
     assert len(distinct) == len(tags)
 
 
+def test_flat_ends_are_planes():
+    device = DEVICES["hdea caps"]
+    mesh = device.mesh()
+    low, high = (mesh.points[np.unique(mesh.facets[end]), 2] for end in ("bottom", "top"))
+    assert np.ptp(low) == 0 and low[0] == pytest.approx(-1e-3, rel=1e-12)
+    assert np.ptp(high) < 1e-15 and high[0] == pytest.approx(3 * 2.2e-3 + 1e-3, rel=1e-12)
+    assert device.height == pytest.approx(high[0] - low[0], rel=1e-12)
+    # the wall of the helix at the seam is bonded to the wedge: no slit is left in the cylinders
+    around = np.arctan2(mesh.points[:, 1], mesh.points[:, 0]) / (2 * math.pi) % 1.0
+    seam = np.unique(np.round(mesh.points[around < 1e-9], 12), axis=0)
+    assert len(seam) == np.count_nonzero(around < 1e-9)
+    # a wedge fills half of the last turn of pitch, but for the notch
+    notch = 1 - (1 / device.angular) ** 2
+    assert device.cap_volume == pytest.approx(
+        math.pi * 45e-6 * (2e-3 + device.pitch * notch), rel=1e-12
+    )
+
+
 def test_electrode_faces_by_their_neighbours():
     """Active means: beyond the elastomer layer lies the other electrode (found from the cells)."""
     device = HDEA(turns=3, angular=6, radial=2, grading=1.0)
@@ -413,6 +431,10 @@ def test_hdea_refuses_counts(name, value):
         (lambda: HDEA(inner_radius=7e-3), "not below outer_radius"),
         (lambda: HDEA(electrode=-1e-5), "zero or a positive length"),
         (lambda: HDEA(grading=0), "positive ratio"),
+        (lambda: HDEA(strands=1.5), "strands is 1.5"),
+        (lambda: HDEA(ends="round"), "must be one of ramp, flat"),
+        (lambda: HDEA(cap=1e-3), 'give ends="flat" with it'),
+        (lambda: HDEA(ends="flat", cap=-1e-3), "zero or a positive length"),
         (lambda: HDEA(order=3), "order is 3"),
         (lambda: HDEA().refine(0), "factor is 0"),
         (lambda: HDEA().lead_angle(0.0), "r is 0.0"),
