@@ -46,6 +46,7 @@ def parse():
                  "42 000 unknowns a turn)")  # fmt: skip
     parser.number("--cap", None, "m", "flat ends with passive discs of this thickness")
     parser.add_argument("--no-cell", action="store_true", help="skip the helically periodic cell")
+    parser.add_argument("--no-pictures", action="store_true", help="draw nothing")
     parser.add_argument("--table", nargs="*", type=int, metavar="TURNS", help="run these turns "
                         "(1 2 5 10 if none is named), each by an mpirun of its own, and write "
                         "unknowns, time and memory to growth.csv")  # fmt: skip
@@ -105,7 +106,7 @@ def main():
     )
     run.add(
         height_m=geometry.height,
-        stroke_m=run["contraction"] * (geometry.height - geometry.pitch),
+        stroke_m=run["contraction"] * (geometry.height - (geometry.pitch if not flat else 0)),
         bending_angle_deg=float(np.degrees(run["bending_angle_rad"])),
         exact_volume_m3=geometry.volume,
     )
@@ -113,11 +114,11 @@ def main():
     report(args, run, say)
     if not args.no_cell and args.turns > 1:
         cell(args, comm, run, geometry, say)
-    if comm.rank == 0:
+    if comm.rank == 0 and not args.no_pictures:
         curve = dea.pictures.curve(args.out, x="voltage_V", y="contraction")[0]
         picture = dea.pictures.deformed(args.out, warp=5.0, say=say)
-        say(f"\nfields:  {run.out / 'fields.xdmf'}\nhistory: {run.out / 'history.csv'}")
-        say(f"curve:   {curve}\npicture: {picture}")
+        say(f"\ncurve:   {curve}\npicture: {picture}")
+    say(f"fields:  {run.out / 'fields.xdmf'}\nhistory: {run.out / 'history.csv'}")
 
 
 def report(args, run, say):
@@ -222,7 +223,7 @@ def alone(args, ranks, turns, folder):
     mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
     command = [sys.executable, __file__, "--turns", turns, "--voltage", args.voltage, "--steps",
                args.steps, "--mu", args.mu, "--eps-r", args.eps_r, "--mesh", args.mesh,
-               "--no-cell", "--quiet", "--out", folder]  # fmt: skip
+               "--no-cell", "--no-pictures", "--quiet", "--out", folder]  # fmt: skip
     if args.electrode_mu is not None:
         command += ["--electrode-mu", args.electrode_mu]
     if ranks > 1:

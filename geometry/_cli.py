@@ -115,8 +115,8 @@ def run(
     cells = sum(number for d, number, _ in found.values() if d == dim)
     print(f"{target}: {nodes} nodes, {cells} cells, lengths in metres")
     print(
-        f"cells: least scaled Jacobian {quality['least_scaled_jacobian']:.3f} (1 is a right angle), "
-        f"longest over shortest edge up to {quality['largest_aspect']:.1f}"
+        f"cells: least scaled Jacobian {quality['least_scaled_jacobian']:.3f} (1 is a right "
+        f"angle), longest over shortest edge up to {quality['largest_aspect']:.1f}"
     )
     print(f"{'group':<22}{'dim':>4}{'count':>8}{'measure':>15}{'closed form':>15}{'error':>10}")
     for name, (d, number, size) in sorted(found.items(), key=lambda item: -item[1][0]):

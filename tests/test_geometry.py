@@ -72,6 +72,7 @@ DEVICES |= {
     "cell": HelicalCell(through_electrode=3),
     "cell full": HelicalCell(inset=0.0),
     "cell ideal": HelicalCell(electrode=0.0),
+    "cell films": HelicalCell(films=True),
 }
 OUTER = {
     "box": {"x_min", "x_max", "y_min", "y_max", "bottom", "top"},
@@ -83,12 +84,12 @@ OUTER = {
     "hdea": {"bottom", "top", "inner", "outer", "seam"},
     "hdea ideal": {"bottom", "top", "electrode_b_top", "inner", "outer", "seam"},
 }
-OUTER["cell"] = OUTER["cell full"] = OUTER["cell ideal"] = {"bottom", "top", "inner", "outer"}
+WALLS = {"bottom", "top", "inner", "outer"}
+OUTER |= {name: WALLS for name in ("cell", "cell films", "cell full", "cell ideal")}
 OUTER["hdea half"] = OUTER["hdea sectors"] = OUTER["hdea named"] = OUTER["hdea"]
 OUTER["hdea ideal half"] = OUTER["hdea ideal"]
 OUTER["hdea two strands"], OUTER["hdea two strands, ideal"] = OUTER["hdea"], OUTER["hdea ideal"]
-FLAT = {"bottom", "top", "inner", "outer", "notch"}
-OUTER |= {name: FLAT for name in DEVICES if "flat" in name or "caps" in name}
+OUTER |= {name: WALLS | {"notch"} for name in DEVICES if "flat" in name or "caps" in name}
 OUTER["hdea one turn"] = OUTER["hdea three turns"] = OUTER["hdea full"] = OUTER["hdea"]
 
 
@@ -431,6 +432,7 @@ def test_hdea_refuses_counts(name, value):
         (lambda: HDEA(inner_radius=7e-3), "not below outer_radius"),
         (lambda: HDEA(electrode=-1e-5), "zero or a positive length"),
         (lambda: HDEA(grading=0), "positive ratio"),
+        (lambda: HelicalCell(electrode=0.0, films=True), "give electrode > 0"),
         (lambda: HDEA(strands=1.5), "strands is 1.5"),
         (lambda: HDEA(ends="round"), "must be one of ramp, flat"),
         (lambda: HDEA(cap=1e-3), 'give ends="flat" with it'),
