@@ -98,8 +98,8 @@ def install_hook() -> None:
             alone = "" if world is None or together else f" on rank {world.rank} alone"
             _tell(previous, kind, error, trace, alone)
         if world is not None and not together:
-            if not speaks:
-                time.sleep(GRACE_S)  # the speaker ends this rank too
+            # the speaker ends this rank too; and its launcher must pass on what it has said
+            time.sleep(0.5 if speaks else GRACE_S + 0.5)
             world.Abort(status)
         raise SystemExit(status)
 
