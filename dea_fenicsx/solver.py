@@ -8,6 +8,7 @@ and renewed only when the Krylov iterations grow.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -153,6 +154,11 @@ class NewtonSolver:
         What is to be solved.
     options
         Tolerances and limits.
+
+    Attributes
+    ----------
+    notify
+        Called on all ranks before each long stage, with its name; what it raises ends the solve.
     """
 
     def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
@@ -162,10 +168,12 @@ class NewtonSolver:
         self.inertia = Inertia()
         self.references = References(problem)
         self.trouble = ""
+        self.notify: Callable[[str], None] = lambda stage: None
         self.tangent = Tangent(problem)
         self._whole = WholeFactor(problem)
         self._split = SplitFactor(problem) if self._splits() else None
-        self._factor: WholeFactor | SplitFactor = self._whole
+        self._preferred: WholeFactor | SplitFactor = self._split or self._whole
+        self._factor = self._preferred
         self._ksp = self._gmres()
         self._stale, self._wasted, self._best_rate = True, 0.0, np.inf
 
@@ -233,6 +241,7 @@ class NewtonSolver:
             if reason:
                 return Attempt(reason, iteration, norm)
             history.append(norm)
+            self.notify(f"Newton {iteration}: residual {norm:.1e}")
             if not np.isfinite(norm) or (iteration > 3 and norm > 1e4 * min(history[1:])):
                 return Attempt("diverged", iteration, norm)
         probe = problem.probe()
@@ -301,7 +310,7 @@ class NewtonSolver:
         """Solve for the increment; renew the factor where the old one no longer serves."""
         fresh = False
         if self._stale or not self.options.keep_factor:
-            if not self._factorise(self._split or self._whole):
+            if not self._factorise(self._preferred):
                 return None
             fresh = True
         for _ in range(3):
@@ -311,8 +320,10 @@ class NewtonSolver:
                 return solution
             if fresh and self._factor is self._whole:
                 break
-            # a split factor that fails when it is new has met more coupling than it can bear
-            if not self._factorise(self._whole if fresh else self._split or self._whole):
+            if fresh:
+                # a split factor that fails when it is new has met more coupling than it can bear
+                self._preferred = self._whole
+            if not self._factorise(self._preferred):
                 return None
             fresh = True
         self.trouble = "stagnation"
@@ -332,11 +343,12 @@ class NewtonSolver:
 
     def _factorise(self, factor: WholeFactor | SplitFactor) -> bool:
         """Make a new factor of the tangent; False if MUMPS fails however much room it gets."""
+        matrix = self._assemble()
+        self.notify("factorising")
         start = time.perf_counter()
-        matrix = self.tangent.matrix()
-        now = time.perf_counter()
-        self.counters.assembly_s += now - start
         self.counters.factorisations += 1
+        if factor is not self._factor:
+            self._factor.release()
         self._factor = factor
         self._ksp.getPC().setPythonContext(factor)
         ok = factor.make(matrix)
@@ -346,8 +358,16 @@ class NewtonSolver:
         elif isinstance(factor, WholeFactor):
             self.inertia = Inertia(factor.excess, dict(self.problem.factors))
         self._stale, self._wasted, self._best_rate = not ok, 0.0, np.inf
-        self.counters.factor_s += time.perf_counter() - now
+        self.counters.factor_s += time.perf_counter() - start
         return ok
+
+    def _assemble(self) -> Any:
+        """The tangent as a matrix, which the caller destroys."""
+        self.notify("assembling")
+        start = time.perf_counter()
+        matrix = self.tangent.matrix()
+        self.counters.assembly_s += time.perf_counter() - start
+        return matrix
 
     def refresh_inertia(self) -> None:
         """Factorise the tangent at the problem's present state, to know its inertia.
@@ -363,8 +383,9 @@ class NewtonSolver:
             self.inertia = Inertia()
 
     def _proves_stable(self, split: SplitFactor) -> bool:
+        matrix = self._assemble()
+        self.notify("counting negative eigenvalues")
         start = time.perf_counter()
-        matrix = self.tangent.matrix()
         found = split.excess(matrix)
         matrix.destroy()
         self.counters.factorisations += 1
@@ -377,6 +398,7 @@ class NewtonSolver:
 
     def _krylov(self, rhs: np.ndarray, rtol: float) -> tuple[np.ndarray | None, int]:
         """GMRES on the tangent with the kept factor; None if it does not converge."""
+        self.notify("solving")
         start = time.perf_counter()
         ksp = self._ksp
         ksp.setTolerances(rtol=rtol, atol=0.0, max_it=2 * self.options.krylov_limit)
