@@ -73,6 +73,9 @@ class NewtonOptions:
 LARGE = 20_000
 """Unknowns in space above which the kept factor is a split one, unless told otherwise."""
 
+ASSEMBLY = 30
+"""Krylov iterations that take as long as assembling the tangent, in a small problem."""
+
 STAGNANT = 1e3
 """How far above the tolerance a residual may come to rest and still count as rounding."""
 
@@ -338,7 +341,8 @@ class NewtonSolver:
         self._best_rate = min(self._best_rate, rate)
         self._wasted += (rate - self._best_rate) * -np.log10(rtol)
         self._stale = (
-            iterations > self.options.krylov_limit or self._wasted > max(self._factor.worth, 10)
+            iterations > self.options.krylov_limit
+            or self._wasted > ASSEMBLY + self._factor.worth
         )
 
     def _factorise(self, factor: WholeFactor | SplitFactor) -> bool:

@@ -118,7 +118,7 @@ def test_an_aged_factor_is_renewed_when_its_age_has_cost_a_new_one():
     assert 1 < worth < 1000
     solver._judge_factor(3, 1e-3)
     assert not solver._stale
-    for _ in range(int(max(worth, 10))):
+    for _ in range(int(worth) + 31):
         solver._judge_factor(5, 1e-3)
     assert solver._stale
 
