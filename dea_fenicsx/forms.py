@@ -17,14 +17,17 @@ constant never recompiles anything.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import ufl
 
 from dea_fenicsx.compat import dolfinx
+from dea_fenicsx.conditions import PreStretch
 from dea_fenicsx.kinematics import Helix, StrainOf, cofactor
 from dea_fenicsx.materials import Elastic
 from dea_fenicsx.mesh import Device
@@ -96,6 +99,9 @@ class Kernel:
         The elastic model with cell-wise coefficients in place of its constants.
     eps, kappa
         Cell-wise permittivity and bulk modulus, dimensionless, or None.
+    prestretch
+        For each ramp of a `PreStretch` the cell-wise logarithms of the three stretches; empty for
+        regions without one.
     regions
         Names of the regions.
     cells
@@ -105,6 +111,7 @@ class Kernel:
     elastic: Elastic
     eps: Any | None
     kappa: Any | None
+    prestretch: dict[str, list[Any]]
     regions: tuple[str, ...]
     cells: np.ndarray
 
@@ -113,11 +120,13 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
     """Group the regions of a scene by the shape of their energy."""
     device = scene.device
     groups: dict[tuple, list[str]] = {}
+    prestretches = [item for item in scene.prescribed if isinstance(item, PreStretch)]
     for name in sorted(scene.materials, key=lambda n: device.regions[n]):
         m = scene.materials[name]
         field_lives = m.is_dielectric and scene.has_potential
+        stretched = any(name in item.names for item in prestretches)
         groups.setdefault(
-            (type(m.elastic), _shape(m.elastic), field_lives, m.bulk_modulus is None), []
+            (type(m.elastic), _shape(m.elastic), field_lives, m.bulk_modulus is None, stretched), []
         ).append(name)
     constant = dolfinx.fem.functionspace(device.mesh, ("DG", 0))
     owned = device.owned_cells()
@@ -129,7 +138,13 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
 
     made = []
-    for (_, _, field_lives, incompressible), names in groups.items():
+    def log_stretch(ramp: str, axis: int, name: str) -> float:
+        return sum(
+            float(np.log(item.stretches[axis])) for item in prestretches
+            if item.ramp == ramp and name in item.names
+        )  # fmt: skip
+
+    for (_, _, field_lives, incompressible, stretched), names in groups.items():
         cells = {n: device.cells_of(n) for n in names}
 
         def cellwise(value: Callable[[str], float], cells: Any = cells) -> Any:
@@ -138,12 +153,17 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
                 f.x.array[c] = value(n)
             return f
 
+        ramps = sorted({item.ramp for item in prestretches}) if stretched else []
         together = np.sort(np.concatenate(list(cells.values())))
         made.append(
             Kernel(
                 elastic=_bind({n: scene.materials[n].elastic for n in names}, cellwise),
                 eps=cellwise(permittivity) if field_lives else None,
                 kappa=None if incompressible else cellwise(bulk_modulus),
+                prestretch={
+                    ramp: [cellwise(partial(log_stretch, ramp, axis)) for axis in range(3)]
+                    for ramp in ramps
+                },
                 regions=tuple(names),
                 cells=together[together < owned],
             )
@@ -174,9 +194,13 @@ def _bind(elastics: dict[str, Elastic], cellwise: Callable) -> Elastic:
 
 @dataclass(frozen=True)
 class State:
-    """Symbolic fields of a kernel: F, J, nominal and true electric field, and the energy."""
+    """Symbolic fields of a kernel: F, J, true electric field, and the energy.
+
+    `total` is F times the pre-stretch: what the material has undergone.
+    """
 
     F: Any
+    total: Any
     J: Any
     true_field: Any
     energy: Any
@@ -185,18 +209,29 @@ class State:
 
 def state(
     scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any | None,
-    helix: Helix | None = None,
+    helix: Helix | None = None, factors: Mapping[str, Any] = MappingProxyType({}),
 ) -> State:  # fmt: skip
-    """Energy density of a kernel, dimensionless, and the measures of deformation and field."""
+    """Energy density of a kernel, dimensionless, and the measures of deformation and field.
+
+    `factors` are the symbolic factors of the ramps of pre-stretches.
+    """
     x = ufl.SpatialCoordinate(scene.device.mesh)
     kin = scene.kinematics
     F = ufl.variable(ufl.Identity(3) + kin.displacement_gradient(u, x, helix))
     cof, J = cofactor(F)
+    total = F
+    if kernel.prestretch:
+        powers = [
+            sum(factors[ramp] * logs[i] for ramp, logs in kernel.prestretch.items())
+            for i in range(3)
+        ]
+        # its determinant is 1, so that volumes and J are those of the mesh
+        total = ufl.dot(F, ufl.diag(ufl.as_vector([ufl.exp(power) for power in powers])))
     per_mu = 1 / scales.stress
     # the scale enters as a constant of the form, not of the code
     unit = dolfinx.fem.Constant(scene.device.mesh, per_mu)
     if kernel.kappa is None:
-        strain = StrainOf(F)
+        strain = StrainOf(total)
         energy = unit * (
             kernel.elastic.energy(strain) - kernel.elastic.spherical_slope() * ufl.ln(J)
         )
@@ -213,7 +248,7 @@ def state(
         energy -= kernel.eps / 2 * ufl.dot(pulled, pulled) / J
         true_field = pulled / J
     margin = kernel.elastic.chain_margin(strain)
-    return State(F, J, true_field, energy, margin if margin is not None else ufl.as_ufl(1.0))
+    return State(F, total, J, true_field, energy, margin if margin is not None else ufl.as_ufl(1.0))
 
 
 def _mean_stress(elastic: Elastic, strain: StrainOf) -> Any:

@@ -61,7 +61,7 @@ class Loads:
             return
         sides = [
             _pressed_side(scene, load)
-            if isinstance(load, DeadPressure)
+            if isinstance(load, DeadPressure | FollowerPressure)
             else one_sided(scene.device, load.where)
             for load in loads
         ]
@@ -87,7 +87,7 @@ class Loads:
             self.work += self.factors[load.ramp] * unit_work
 
 
-def _pressed_side(scene: Scene, load: DeadPressure) -> np.ndarray:
+def _pressed_side(scene: Scene, load: DeadPressure | FollowerPressure) -> np.ndarray:
     """Facets of a pressure, seen from the material it presses on."""
     device, materials = scene.device, scene.materials
     pairs = {name: one_sided(device, load.where, frozenset([device.regions[name]]))
@@ -100,6 +100,7 @@ def _pressed_side(scene: Scene, load: DeadPressure) -> np.ndarray:
     if sum(counts[n] for n in touching) != total:
         raise InputError(
             f"It is not clear which side the pressure on {load.where!r} presses; name the "
-            f"region with DeadPressure(..., on=...), one of: {', '.join(sorted(materials))}."
+            f"region with {type(load).__name__}(..., on=...), one of: "
+            f"{', '.join(sorted(materials))}."
         )
     return np.concatenate([pairs[n] for n in touching])

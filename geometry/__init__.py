@@ -15,17 +15,20 @@ from .grading import graded
 
 if TYPE_CHECKING:
     from .box_stack import BoxStack
+    from .dea_hinge import DEAHinge
     from .disk_stack import DiskStack
     from .hdea import HDEA
     from .helical_cell import HelicalCell
     from .membrane_disc import MembraneDisc
 
 __all__ = [
-    "BoxStack", "DiskStack", "Geometry", "HDEA", "HelicalCell", "Layer", "MembraneDisc", "graded",
+    "BoxStack", "DEAHinge", "DiskStack", "Geometry", "HDEA", "HelicalCell", "Layer", "MembraneDisc",
+    "graded",
 ]  # fmt: skip
 
 _HOME = {
     "BoxStack": "box_stack",
+    "DEAHinge": "dea_hinge",
     "DiskStack": "disk_stack",
     "HDEA": "hdea",
     "HelicalCell": "helical_cell",

@@ -22,6 +22,7 @@ from dea_fenicsx.errors import InputError
 from dea_fenicsx.geometry import (
     HDEA,
     BoxStack,
+    DEAHinge,
     DiskStack,
     HelicalCell,
     Layer,
@@ -46,6 +47,9 @@ DEVICES = {
     "membrane": MembraneDisc(12e-3, 4e-3, 1e-3, angular=16),
     "membrane tapered": MembraneDisc(12e-3, 4e-3, 1e-3, taper=1e-4, angular=16, layers=2),
     "membrane section": MembraneDisc(12e-3, 4e-3, 1e-3, taper=3e-3),
+    "hinge": DEAHinge(width=3e-3, across=2),
+    "hinge section": DEAHinge(through=2),
+    "hinge thin only": DEAHinge(thick=0.0, films=1),
     "hdea": HDEA(),
     "hdea one turn": HDEA(turns=1),
     "hdea three turns": HDEA(turns=3, angular=8, through=2, through_electrode=2, rim=2),
@@ -115,7 +119,7 @@ def test_measures_against_closed_form(name):
     assert {n: d for n, (d, _, _) in found.items()} == device.groups()
     for group, (_, _, size) in found.items():
         # a parabola through three points of an arc of angle a encloses a^4/480 too little area
-        flat = device.dimension == 2 or isinstance(device, BoxStack)
+        flat = device.dimension == 2 or isinstance(device, BoxStack | DEAHinge)
         arc = 0.0 if flat else 2 * math.pi / device.angular
         tolerance = 1e-12 + 1.05 * arc**4 / 480
         assert size == pytest.approx(exact[group], rel=tolerance), group

@@ -100,6 +100,8 @@ EXPECTED = {  # (system, name): value, or values, and the relative error its dig
         [0.0, 0.08764 * 0.0254, 0.20785 * 0.0254, 0.59957 * 0.0254], 6e-5),
     ("kresling_box_actuation", "deformation_percent_4kV"): ([0.426, 0.742, 3.41], 1e-3),
     ("dea_hinge", "block_force_width"): (0.465, 4e-4),
+    ("dea_hinge", "total_thickness"): (220e-6, 1e-12),
+    ("dea_hinge", "voltage_control"): ([1445.7, 3826.0], 2e-3),
     ("materials.table_5_2", "C10"): (36850.0, 1e-9),
     ("materials.table_5_2", "D1"): (2.7137e-07, 2e-5),
     ("materials.table_5_2", "nu_from_C10_D1"): (0.40625, 1e-9),
