@@ -17,10 +17,9 @@ constant never recompiles anything.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import partial
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -100,8 +99,8 @@ class Kernel:
     eps, kappa
         Cell-wise permittivity and bulk modulus, dimensionless, or None.
     prestretch
-        For each ramp of a `PreStretch` the cell-wise logarithms of the three stretches; empty for
-        regions without one.
+        For each ramp of a `PreStretch` its factor, a constant, and the cell-wise logarithms of the
+        three stretches; empty for regions without one.
     regions
         Names of the regions.
     cells
@@ -111,7 +110,7 @@ class Kernel:
     elastic: Elastic
     eps: Any | None
     kappa: Any | None
-    prestretch: dict[str, list[Any]]
+    prestretch: dict[str, tuple[Any, list[Any]]]
     regions: tuple[str, ...]
     cells: np.ndarray
 
@@ -121,6 +120,7 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
     device = scene.device
     groups: dict[tuple, list[str]] = {}
     prestretches = [item for item in scene.prescribed if isinstance(item, PreStretch)]
+    factors = {item.ramp: dolfinx.fem.Constant(device.mesh, 0.0) for item in prestretches}
     for name in sorted(scene.materials, key=lambda n: device.regions[n]):
         m = scene.materials[name]
         field_lives = m.is_dielectric and scene.has_potential
@@ -153,7 +153,7 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
                 f.x.array[c] = value(n)
             return f
 
-        ramps = sorted({item.ramp for item in prestretches}) if stretched else []
+        ramps = sorted(factors) if stretched else []
         together = np.sort(np.concatenate(list(cells.values())))
         made.append(
             Kernel(
@@ -161,7 +161,8 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
                 eps=cellwise(permittivity) if field_lives else None,
                 kappa=None if incompressible else cellwise(bulk_modulus),
                 prestretch={
-                    ramp: [cellwise(partial(log_stretch, ramp, axis)) for axis in range(3)]
+                    ramp: (factors[ramp],
+                           [cellwise(partial(log_stretch, ramp, axis)) for axis in range(3)])
                     for ramp in ramps
                 },
                 regions=tuple(names),
@@ -196,7 +197,8 @@ def _bind(elastics: dict[str, Elastic], cellwise: Callable) -> Elastic:
 class State:
     """Symbolic fields of a kernel: F, J, true electric field, and the energy.
 
-    `total` is F times the pre-stretch: what the material has undergone.
+    `total` is F times the pre-stretch: what the material has undergone.  `rates` are the energy's
+    derivatives by the factors of pre-stretches.
     """
 
     F: Any
@@ -205,24 +207,22 @@ class State:
     true_field: Any
     energy: Any
     chain_margin: Any
+    rates: dict[str, Any]
 
 
 def state(
     scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any | None,
-    helix: Helix | None = None, factors: Mapping[str, Any] = MappingProxyType({}),
+    helix: Helix | None = None,
 ) -> State:  # fmt: skip
-    """Energy density of a kernel, dimensionless, and the measures of deformation and field.
-
-    `factors` are the symbolic factors of the ramps of pre-stretches.
-    """
+    """Energy density of a kernel, dimensionless, and the measures of deformation and field."""
     x = ufl.SpatialCoordinate(scene.device.mesh)
     kin = scene.kinematics
     F = ufl.variable(ufl.Identity(3) + kin.displacement_gradient(u, x, helix))
     cof, J = cofactor(F)
-    total = F
-    if kernel.prestretch:
+    total, factors = F, {r: ufl.variable(t) for r, (t, _) in kernel.prestretch.items()}
+    if factors:
         powers = [
-            sum(factors[ramp] * logs[i] for ramp, logs in kernel.prestretch.items())
+            sum(factors[ramp] * logs[i] for ramp, (_, logs) in kernel.prestretch.items())
             for i in range(3)
         ]
         # its determinant is 1, so that volumes and J are those of the mesh
@@ -248,7 +248,9 @@ def state(
         energy -= kernel.eps / 2 * ufl.dot(pulled, pulled) / J
         true_field = pulled / J
     margin = kernel.elastic.chain_margin(strain)
-    return State(F, total, J, true_field, energy, margin if margin is not None else ufl.as_ufl(1.0))
+    rates = {ramp: ufl.diff(energy, t) for ramp, t in factors.items()}
+    return State(F, total, J, true_field, energy, margin if margin is not None else ufl.as_ufl(1.0),
+                 rates)  # fmt: skip
 
 
 def _mean_stress(elastic: Elastic, strain: StrainOf) -> Any:

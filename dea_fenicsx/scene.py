@@ -24,8 +24,8 @@ from dea_fenicsx.conditions import (
     FollowerPressure,
     FreeBody,
     Load,
-    PreStretch,
     Prescribed,
+    PreStretch,
     Stretch,
     Support,
     Taper,
@@ -55,7 +55,8 @@ class Scene:
     supports
         `Fix`, `Clamp` or `FreeBody`.
     prescribed
-        Prescribed stretches and displacements, and `PreStretch`; of a helical cell also `AxialStretch` and `Twist`,
+        Prescribed stretches and displacements, and `PreStretch`; of a helical cell also
+        `AxialStretch` and `Twist`,
         in generalised plane strain `AxialStretch`.
     loads
         Dead loads; on a helical cell also `AxialForce` and `Torque`, in generalised plane strain
@@ -362,6 +363,11 @@ def _check_prestretch(scene: Scene, item: PreStretch) -> None:
                 "has a bulk modulus; leave it out."
             )
     label = "+".join(item.names)
+    if any(item.ramp == load.ramp for load in scene.loads):
+        raise InputError(
+            f"The pre-stretch of {label!r} and a load share the ramp {item.ramp!r}; give them two, "
+            'and move both in one Ramp(("prestretch", "load")).'
+        )
     given = [s for s in (item.x, item.y, item.z) if s is not None]
     for value in given:
         finite(value, f"A pre-stretch of {label!r}")

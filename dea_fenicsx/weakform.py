@@ -242,10 +242,7 @@ class Problem:
         x = ufl.SpatialCoordinate(self.mesh)
         weight = scene.kinematics.weight(x)
         u, p, phi, helix = self._split(self.w)
-        ramps = {r for k in self.kernels for r in k.prestretch}
-        self._prestretch = {r: dolfinx.fem.Constant(self.mesh, 0.0) for r in sorted(ramps)}
-        live = {r: ufl.variable(factor) for r, factor in self._prestretch.items()}
-        self.states = [state(scene, k, scales, u, p, phi, helix, live) for k in self.kernels]
+        self.states = [state(scene, k, scales, u, p, phi, helix) for k in self.kernels]
         dx = measure(scene.device, [k.cells for k in self.kernels], degree)
         energy = sum(s.energy * weight * dx(k) for k, s in enumerate(self.states))
         test = ufl.TestFunction(self.W)
@@ -253,15 +250,11 @@ class Problem:
         v, _, _, virtual = self._split(test)
         self.loads = Loads(scene, scales.stress, u, v, virtual)
         residual = residual - self.loads.work
+        for k, s in enumerate(self.states):
+            for ramp, rate in s.rates.items():
+                work = -ufl.derivative(rate * weight * dx(k), self.w, test)
+                self.loads.add_strain(ramp, self.kernels[k].prestretch[ramp][0], work)
         tangent = ufl.derivative(residual, self.w, ufl.TrialFunction(self.W))
-        self._by_prestretch = {
-            r: ufl.derivative(
-                sum(ufl.diff(s.energy, t) * weight * dx(k) for k, s in enumerate(self.states)
-                    if r in self.kernels[k].prestretch),
-                self.w, test,
-            )
-            for r, t in live.items()
-        }  # fmt: skip
         self._load_vectors: dict[str, np.ndarray] = {}
         self._residual = compat.compile_form(residual)
         self._tangent = compat.compile_form(tangent)
@@ -315,7 +308,7 @@ class Problem:
     def set_factors(self, factors: dict[str, float]) -> None:
         """Set the ramp factors: dead loads at once, fixed values at `insert_fixed`."""
         self.factors = dict(factors)
-        for ramp, constant in [*self.loads.factors.items(), *self._prestretch.items()]:
+        for ramp, constant in self.loads.factors.items():
             constant.value = factors[ramp]
 
     def insert_fixed(self) -> np.ndarray:
@@ -424,22 +417,20 @@ class Problem:
         Exact: fixed values are linear in the factor and act through the tangent's columns (those of
         the latest call of `tangent`); loads and charges are linear themselves.
         """
-        moving = ramp in self.loads.following or ramp in self._by_prestretch
-        if ramp not in self._load_vectors or moving:
+        if ramp not in self._load_vectors or ramp in self.loads.changing:
             vector = np.zeros(len(self.free))
             if ramp in self.loads.unit_work:
-                vector = self.restrict(self._assembled(-self.loads.unit_work[ramp]))
-            if ramp in self._by_prestretch:
-                vector = vector + self.restrict(self._assembled(self._by_prestretch[ramp]))
+                vector = self.restrict(self._load_vector(ramp))
             self._add_sources(vector, ramp, 1.0)
             self._load_vectors[ramp] = vector
         return self._load_vectors[ramp] + self.tangent_times_fixed(
             self.constraints.base[ramp][self.fixed]
         )
 
-    def _assembled(self, form: Any) -> np.ndarray:
-        """A linear form at all owned unknowns."""
-        assembled = dolfinx.fem.assemble_vector(compat.compile_form(form))
+    def _load_vector(self, ramp: str) -> np.ndarray:
+        """Minus the forces of a ramp's surface loads at factor 1, at all owned unknowns."""
+        form = compat.compile_form(-self.loads.unit_work[ramp])
+        assembled = dolfinx.fem.assemble_vector(form)
         assembled.scatter_reverse(dolfinx.la.InsertMode.add)
         return assembled.array[: self.owned]
 
@@ -447,7 +438,7 @@ class Problem:
         """In a periodic cell nothing can bear a resultant of surface loads.  Collective."""
         _, hoop, axial = self.displacement
         for ramp in self.loads.unit_work:
-            forces = self._assembled(-self.loads.unit_work[ramp])
+            forces = self._load_vector(ramp)
             for part, what in ((axial, "force"), (hoop, "torque")):
                 mine = part.dofs < self.owned
                 arm = part.space.tabulate_dof_coordinates()[mine, 0] if what == "torque" else 1.0

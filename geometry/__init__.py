@@ -20,10 +20,11 @@ if TYPE_CHECKING:
     from .hdea import HDEA
     from .helical_cell import HelicalCell
     from .membrane_disc import MembraneDisc
+    from .stiffened_film import StiffenedFilm, StiffenedSection
 
 __all__ = [
     "BoxStack", "DEAHinge", "DiskStack", "Geometry", "HDEA", "HelicalCell", "Layer", "MembraneDisc",
-    "graded",
+    "StiffenedFilm", "StiffenedSection", "graded",
 ]  # fmt: skip
 
 _HOME = {
@@ -33,6 +34,8 @@ _HOME = {
     "HDEA": "hdea",
     "HelicalCell": "helical_cell",
     "MembraneDisc": "membrane_disc",
+    "StiffenedFilm": "stiffened_film",
+    "StiffenedSection": "stiffened_film",
 }
 
 

@@ -27,6 +27,8 @@ from dea_fenicsx.geometry import (
     HelicalCell,
     Layer,
     MembraneDisc,
+    StiffenedFilm,
+    StiffenedSection,
     graded,
 )
 from dea_fenicsx.geometry import _gmsh as to_gmsh
@@ -76,6 +78,10 @@ DEVICES |= {
     "cell": HelicalCell(through_electrode=3),
     "cell full": HelicalCell(inset=0.0),
     "cell ideal": HelicalCell(electrode=0.0),
+    "stiffened": StiffenedFilm(),
+    "stiffened inside": StiffenedFilm(offset=2e-5).refine(2),
+    "stiffened section": StiffenedSection(),
+    "stiffened section inside": StiffenedSection(offset=0.0, strip=(0.0, 9e-3)),
     "cell films": HelicalCell(films=True),
 }
 OUTER = {
@@ -132,7 +138,7 @@ def test_measures_against_closed_form(name):
     assert {n: d for n, (d, _, _) in found.items()} == device.groups()
     for group, (_, _, size) in found.items():
         # a parabola through three points of an arc of angle a encloses a^4/480 too little area
-        flat = device.dimension == 2 or isinstance(device, BoxStack | DEAHinge)
+        flat = device.dimension == 2 or isinstance(device, BoxStack | DEAHinge | StiffenedFilm)
         arc = 0.0 if flat else 2 * math.pi / device.angular
         tolerance = 1e-12 + 1.05 * arc**4 / 480
         assert size == pytest.approx(exact[group], rel=tolerance), group

@@ -50,9 +50,11 @@ def test_the_exact_film(sides):
         supports.append(dea.Fix("y_max", "y"))
     branch = trace(film)
     volts = branch.at_stretch(2.75 * 1.2)[0].voltage
-    run = dea.solve(membrane((2.75, 2.125), nominal, volts, supports=supports),
-                    [FIRST, dea.Ramp("voltage", steps=6)], RECORD, quiet=True,
-                    stability="never", failures=[dea.LossOfTension("z"), dea.StretchLimit(3.0)])  # fmt: skip
+    run = dea.solve(
+        membrane((2.75, 2.125), nominal, volts, supports=supports),
+        [FIRST, dea.Ramp("voltage", steps=6)], RECORD, quiet=True, stability="never",
+        failures=[dea.LossOfTension("z"), dea.StretchLimit(3.0)],
+    )  # fmt: skip
     at = next(row for row in run.history if row["prestretch_factor"] == 1)
     assert (at["x"], at["y"]) == pytest.approx((1, 1), abs=1e-9)
     assert at["largest_stretch"] == pytest.approx(2.75, rel=1e-8)  # the limit knows the pre-stretch

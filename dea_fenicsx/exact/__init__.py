@@ -10,6 +10,7 @@ NumPy and SciPy only; nothing here needs a mesh.
 """
 
 from dea_fenicsx.exact.activation import activation_voltage
+from dea_fenicsx.exact.bending import Bent, bend
 from dea_fenicsx.exact.branch import Branch, Event, State, trace
 from dea_fenicsx.exact.failure import MODES, Failure, FailureMap, failure_map, first_failure, limits
 from dea_fenicsx.exact.film import CONTROLS, FREE, Dead, Film, Held, TrueStress
@@ -55,6 +56,8 @@ __all__ = [
     "bonded_ring_modulus",
     "stack_share",
     "bending_curvature",
+    "bend",
+    "Bent",
     "Laminate",
     "Ply",
     "timoshenko_curvature",
