@@ -35,7 +35,14 @@ if TYPE_CHECKING:
         Torque,
         Twist,
     )
-    from dea_fenicsx.errors import DeaError, EquilibriumLost, InputError, SolverError
+    from dea_fenicsx.errors import (
+        DeaError,
+        EquilibriumLost,
+        InputError,
+        Interrupted,
+        MachineError,
+        SolverError,
+    )
     from dea_fenicsx.failures import ElectricalBreakdown, LossOfTension, StretchLimit
     from dea_fenicsx.kinematics import (
         Axisymmetric,
@@ -76,8 +83,9 @@ if TYPE_CHECKING:
         OverallTwist,
     )
     from dea_fenicsx.reading import read_history, read_summary
+    from dea_fenicsx.results import Run
     from dea_fenicsx.rotation import BendingAngle, Rotation
-    from dea_fenicsx.run import Run, solve
+    from dea_fenicsx.run import solve
     from dea_fenicsx.scene import Scene
     from dea_fenicsx.script import Parser
     from dea_fenicsx.solver import NewtonOptions
@@ -91,7 +99,9 @@ _HOME = {
         "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure", "FreeBody",
         "Ground", "PreStretch", "Stretch", "Taper", "ThinFilm", "Torque", "Twist",
     ),
-    "errors": ("DeaError", "EquilibriumLost", "InputError", "SolverError"),
+    "errors": (
+        "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "SolverError",
+    ),
     "failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
     "kinematics": (
         "Axisymmetric", "GeneralisedPlaneStrain", "Helical", "PlaneStrain", "ThreeD",
@@ -110,7 +120,8 @@ _HOME = {
     ),
     "reading": ("read_history", "read_summary"),
     "rotation": ("BendingAngle", "Rotation"),
-    "run": ("Run", "solve"),
+    "results": ("Run",),
+    "run": ("solve",),
     "scene": ("Scene",),
     "script": ("Parser",),
     "solver": ("NewtonOptions",),
