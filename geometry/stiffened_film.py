@@ -16,7 +16,7 @@ from .base import Geometry
 from .grading import graded
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 @in_si(thickness="m", stiffener="m", offset="m")
 class _Stiffened(Geometry):
     """What section and sheet share: the layers.

@@ -316,6 +316,27 @@ def check_hinge(out, printed):
     assert (out / "fold_angle_voltage.png").exists()
 
 
+def check_stiffened(out, printed):
+    """Digest sections 13 to 15: exact curves, strains at loss of tension, bounds, bending."""
+    s = summary(out)
+    assert s["max_relative_error"] < 1e-6
+    slack = {"gent, 2.125": 0.136, "gent, 2.75": 0.091}
+    assert s["loss_of_tension_strain"] == pytest.approx(slack, abs=5e-4)
+    stiff, bare, mixed = (
+        np.array(s[f"{k}_voltage_V"]) for k in ("stiffened", "bare", "mixture")
+    )
+    assert np.all(bare < stiff) and np.all(stiff < mixed)
+    assert 0 < s["voltage_rise"] < 0.1
+    assert s["mid_plane_bending_angle_deg"] < 1e-4
+    assert abs(s["bending_angle_deg"]) > 1e3 * s["mid_plane_bending_angle_deg"]
+    assert len(s["element_angle_deg"]) == 32
+    assert sum(s["element_angle_deg"]) == pytest.approx(s["bending_angle_deg"], rel=0.02)
+    assert s["bilayer_exact_angle_deg"][-1] == pytest.approx(90, abs=0.5)
+    assert s["bilayer_largest_difference"] < 0.02
+    for name in ("fields.xdmf", "voltage_strain.png", "element_angle.png", "section/fields.xdmf"):
+        assert (out / name).exists()
+
+
 CHECKS = {
     "buckling_strip.py": (check_buckling, []),
     "cube.py": (check_cube, []),
@@ -333,6 +354,7 @@ CHECKS = {
     "membrane_disc.py": (check_disc, ["--mesh", 1]),
     "sldea.py": (check_sldea, []),
     "snap_through.py": (check_snap_through, ["--mesh", "irregular"]),
+    "stiffened_membrane.py": (check_stiffened, ["--models", "gent", "--model", "gent"]),
     "wrinkling_film.py": (check_wrinkles, []),
 }
 NEEDS = {"design_search.py": "pymoo"}  # an optional extra

@@ -93,14 +93,15 @@ def test_a_bilayer_bends_as_exact_theory_says_up_to_90_degrees():
     """Asked: 2 %.  The clamp, which holds the thickness, costs 0.1 % at a length of 30 layers."""
     length = 30 * H
     plies = [Ply(FILM, H, driven=True), Ply(BACK, H / 2)]
-    volts = np.linspace(0.1, 0.95, 86) * UNIT
+    volts = np.linspace(0.1, 0.95, 18) * UNIT
     exact = -np.array([s.angle_per_length * length for s in bend(plies, volts)])
     assert exact[-1] > np.pi / 2
     top = float(np.interp(np.pi / 2, exact, volts))
     shape = StiffenedSection(length=length, strip=(0.0, length), thickness=H, stiffener=H / 2,
                              cells=(1, 15, 1), through=1)  # fmt: skip
     run = dea.solve(section(shape, top), dea.Ramp("voltage", steps=5), ANGLE, quiet=True)
-    theory = np.interp(run.column("voltage_V")[1:], volts, exact)
+    states = bend(plies, run.column("voltage_V")[1:])
+    theory = [-s.angle_per_length * length for s in states]
     assert run.column("angle_rad")[1:] == pytest.approx(theory, rel=5e-3)
     assert run.summary["stable"] is True
 
