@@ -234,6 +234,7 @@ class StiffenedFilm(_Stiffened):
     beside: int = 5
     grading: float = 6.0
     parts: int = 1
+    order = 1
 
     def __post_init__(self) -> None:
         who = "StiffenedFilm"

@@ -208,7 +208,9 @@ def test_jacobians_and_quality(device):
         _, determinants, _ = model.mesh.getJacobians(kind, everywhere, entity)
         assert determinants.min() > 0
         if dim == 3:
-            assert model.mesh.getElementQualities(tags[0], "minSJ").min() > 0.4
+            # a diagonal strip meets the sides of its film at 38 degrees
+            least = 0.3 if isinstance(device, StiffenedFilm) else 0.4
+            assert model.mesh.getElementQualities(tags[0], "minSJ").min() > least
 
 
 @pytest.mark.parametrize("name", OUTER)

@@ -12,7 +12,7 @@ from dea_fenicsx.weakform import Problem
 
 EPS_R, T = 4.7, 1e-3
 pytestmark = pytest.mark.usefixtures("quick_compile")
-RUBBER = dea.Material(dea.Gent(50e3, 120.0), dea.IdealDielectric(EPS_R))
+RUBBER = dea.Material(dea.NeoHookean(50e3), dea.IdealDielectric(EPS_R))
 
 
 def membrane(stretches, nominal=(0.0, 0.0), volts=0.0, thickness=None, **more):
@@ -49,7 +49,7 @@ def test_the_exact_film(sides):
     if sides == "width held":
         supports.append(dea.Fix("y_max", "y"))
     branch = trace(film)
-    volts = branch.at_stretch(2.75 * 1.2)[0].voltage
+    volts = branch.at_stretch(2.75 * 1.1)[0].voltage
     run = dea.solve(
         membrane((2.75, 2.125), nominal, volts, supports=supports),
         [FIRST, dea.Ramp("voltage", steps=6)], RECORD, quiet=True, stability="never",
