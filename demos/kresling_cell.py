@@ -1,0 +1,249 @@
+"""One storey of the Kresling box by finite elements: force over stroke (thesis 5.2.2).
+
+Thin panels and rubber hinges as solids, the four lower sides clamped, the four upper ones pushed
+down.  With free twist the storey folds, linear (the tangent at rest, as in the thesis) and at large
+displacements; with held twist it can't, and its panels buckle.
+
+Height 1.65 in and angle 45 degrees are those of Table 5.1, the angle read as the twist at rest.
+With sides of 2.125 in the edges are then 2.011 in long, not the 2.75 in of the flat cell: with
+those, panels meet on the axis at a height of 1.7455 in, and no storey that starts at 2.75 in or
+below has a stroke of 1.4 in (`--height 0.063453 --stroke 0.018` takes such a one down to contact).
+
+Run it with `mpirun -n 2 python demos/kresling_cell.py`.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from mpi4py import MPI
+
+import dea_fenicsx as dea
+from dea_fenicsx.geometry import KreslingCell
+from dea_fenicsx.materials import bulk_modulus_of
+from dea_fenicsx.origami import INCH, Kresling
+
+MODULI = (100e6, 90e6, 80e6, 70e6, 60e6, 50e6)  # Pa, of the hinges
+RATIOS = (0.5, 1, 2, 4, 8, 16, 32, 64)  # panel over hinge modulus, for the two springs
+SMALL = 1e-6  # of the height: what makes a step linear to six digits
+
+
+def parse():
+    parser = dea.Parser(__doc__.split("\n")[0], out="results/kresling_cell")
+    parser.number("--side", 2.125 * INCH, "m", "side of the square")
+    parser.number("--height", 1.65 * INCH, "m", "height at rest")
+    parser.number("--twist", 45.0, "deg", "twist at rest")
+    parser.number("--stroke", 1.4 * INCH, "m", "how far the upper sides are pushed down")
+    parser.number("--held-stroke", 0.01 * INCH, "m", "the same, with held twist")
+    parser.number("--thickness", 0.02 * INCH, "m", "of panels and hinges")
+    parser.number("--hinge", 2e-3, "m", "width of the hinges (not given in the thesis)")
+    parser.number("--panel-modulus", 2.1e9, "Pa", "Young's modulus of PETG (not given)")
+    parser.number("--poisson", 0.38, "-", "Poisson's ratio of PETG (not given)")
+    parser.number("--hinge-modulus", MODULI[0], "Pa", "Young's modulus of the hinges")
+    parser.count("--mesh", 4, "cells along half a hinge; a half as many across half of one")
+    parser.count("--steps", 28, "landings on the way, besides one at 1e-4 of it")
+    parser.add_argument("--study", action="store_true", help="also the same on finer meshes")
+    return parser, parser.parse_args()
+
+
+def storey(args):
+    """The linkage of the same size, and the least height that its panels can reach, in m."""
+    turn, radius = np.radians(args.twist), args.side / np.sqrt(2)
+    edge = float(np.hypot(args.height, 2 * radius * np.sin(turn / 2)))
+    linkage = Kresling(args.side, edge, height=args.height)
+    reach = linkage.contact_twist
+    flat = edge <= 2 * radius * np.sin(reach / 2)
+    return linkage, 0.0 if flat else float(linkage.at_twist(reach).height)
+
+
+def scene(args, device, stroke, held, hinge=None, panel=None):
+    """The storey with its upper sides pushed down by `stroke` in m at ramp factor 1."""
+    young, nu = panel or args.panel_modulus, args.poisson
+    mu = young / (2 * (1 + nu))
+    petg = dea.Material(dea.NeoHookean(mu), bulk_modulus=bulk_modulus_of(mu, nu))
+    rubber = dea.Material(dea.NeoHookean((hinge or args.hinge_modulus) / 3))
+    return dea.Scene(
+        device,
+        {"panel": petg, "side": rubber, "edge": rubber, "diagonal": rubber},
+        supports=[dea.Clamp("bottom"), *([dea.Fix("top", "xy")] if held else [])],
+        prescribed=[dea.Displacement("top", "z", -stroke)],
+    )
+
+
+RECORD = {
+    "stroke": dea.MeanDisplacement("top", "z"),
+    "force": dea.Reaction("top", "z"),
+    "twist": dea.Rotation("top", "z"),
+}
+
+
+def stiffness(args, device, held=False, **moduli):
+    """Of the linear solution, the tangent at rest, in N/m."""
+    small = SMALL * args.height
+    run = dea.solve(
+        scene(args, device, small, held, **moduli), dea.Ramp("stretch", steps=1), RECORD,
+        quiet=True, stability="never",
+    )  # fmt: skip
+    return -run["force_N"] / small
+
+
+def springs(args, device, held=False):
+    """Hinge and panel as springs in series, from one alone: N/m at the moduli of `args`.
+
+    Stiffnesses are of degree one in both moduli, so only their ratio is varied.  Returned as
+    well: the panel modulus over the hinge's at which half the hinge modulus takes 30 %.
+    """
+    E = args.hinge_modulus
+    ratio = np.array(RATIOS)
+    k = np.array([stiffness(args, device, held, hinge=E, panel=E * x) for x in ratio])
+    drop = 1 - k[1:] / 2 / k[:-1]  # hinges of E/2 at x are half as stiff as those of E at 2 x
+    at = np.interp(0.3, drop, ratio[:-1])
+    own = [stiffness(args, device, held, hinge=h, panel=p) for h, p in
+           ((E, 1e4 * E), (1e4 * E, E))]  # fmt: skip
+    return {"hinges_alone": own[0], "panels_alone": own[1], "ratio": at,
+            "spring_ratio": own[0] / (own[1] * at), "drop": drop.tolist()}  # fmt: skip
+
+
+def main():
+    parser, args = parse()
+    comm = MPI.COMM_WORLD
+    linkage, lowest = storey(args)
+    if args.stroke > args.height - lowest:
+        raise dea.InputError(
+            f"--stroke is {args.stroke:g} m, but panels of this storey lie on each other after "
+            f"{args.height - lowest:g} m."
+        )
+
+    def device(mesh):
+        return dea.read_gmsh(
+            KreslingCell(args.side, args.height, float(np.radians(args.twist)), args.thickness,
+                         args.hinge, along=mesh, strip=max(1, mesh // 2)), comm,
+        )  # fmt: skip
+
+    cell = device(args.mesh)
+    landings = (1e-4, *np.linspace(0, 1, args.steps + 1)[1:-1])
+    run = dea.solve(
+        scene(args, cell, args.stroke, False),
+        dea.Ramp("stretch", steps=args.steps, at=landings),
+        RECORD, out=args.out, resume=args.resume, quiet=args.quiet, stability="every",
+        settings=parser.settings(args),
+    )  # fmt: skip
+    held = dea.solve(
+        scene(args, cell, args.held_stroke, True), dea.Ramp("stretch", steps=4), RECORD,
+        out=Path(args.out) / "held", resume=args.resume, quiet=True, stability="every",
+    )  # fmt: skip
+    at_rest = {k: stiffness(args, cell, held=k) for k in (False, True)}
+    softer = {k: [stiffness(args, cell, held=k, hinge=E) for E in MODULI] for k in at_rest}
+    pair = springs(args, cell)
+
+    strokes, forces = -run.column("stroke_m"), -run.column("force_N")
+    turn = np.degrees(run.column("twist_rad"))
+    buckled = [row for row in held.history if row["event"] == "bifurcation"]
+    small = forces[1] / strokes[1]
+    run.add(
+        edge_m=linkage.edge,
+        panels_meet_at_height_m=lowest,
+        stiffness_N_per_m=at_rest[False],
+        stiffness_held_N_per_m=at_rest[True],
+        linear_force_at_stroke_N=at_rest[False] * args.stroke,
+        force_at_stroke_N=forces[-1],
+        largest_force_N=float(np.max(forces)),
+        small_stroke_over_linear=small / at_rest[False],
+        twist_at_stroke_deg=turn[-1],
+        linkage_twist_at_stroke_deg=float(
+            np.degrees(linkage.twist_at(args.height - args.stroke)) - args.twist
+        ),
+        hinge_moduli_Pa=MODULI,
+        stiffness_of_moduli_N_per_m=softer[False],
+        stiffness_held_of_moduli_N_per_m=softer[True],
+        drop=1 - softer[False][-1] / softer[False][0],
+        drop_held=1 - softer[True][-1] / softer[True][0],
+        held_buckling_stroke_m=-buckled[0]["stroke_m"] if buckled else float("nan"),
+        held_buckling_force_N=-buckled[0]["force_N"] if buckled else float("nan"),
+        hinges_alone_N_per_m=pair["hinges_alone"],
+        panels_alone_N_per_m=pair["panels_alone"],
+        modulus_ratio_for_30_percent=pair["ratio"],
+        spring_ratio_for_30_percent=pair["spring_ratio"],
+    )
+    if args.study:
+        run.add(study=study(args, device, run))
+    if comm.rank == 0:
+        draw(Path(args.out) / "force_stroke.png", args, run, held, linkage)
+        dea.pictures.deformed(args.out)
+        if not args.quiet:
+            report(run, args)
+
+
+def study(args, device, run):
+    """Stiffness and force on finer meshes."""
+    rows = []
+    for mesh in (args.mesh, 3 * args.mesh // 2, 2 * args.mesh):
+        cell = device(mesh)
+        done = dea.solve(
+            scene(args, cell, args.stroke, False), dea.Ramp("stretch", steps=14), RECORD,
+            quiet=True, stability="never",
+        )  # fmt: skip
+        rows.append({
+            "unknowns": done.problem.unknowns,
+            "stiffness_N_per_m": stiffness(args, cell),
+            "stiffness_held_N_per_m": stiffness(args, cell, held=True),
+            "force_at_stroke_N": -done["force_N"],
+        })  # fmt: skip
+    return rows
+
+
+def draw(path, args, run, held, linkage):
+    figure = Figure(figsize=(7.2, 2.8), layout="constrained")
+    force, turn, drop = figure.subplots(1, 3)
+    s = run.summary
+    strokes = -1e3 * run.column("stroke_m")
+    force.plot(strokes, -run.column("force_N"), "C0", lw=1, label="free twist")
+    force.plot(strokes, s["stiffness_N_per_m"] * strokes / 1e3, "C0--", lw=1,
+               label="free twist, linear")  # fmt: skip
+    force.plot(-1e3 * held.column("stroke_m"), -held.column("force_N"), "C1", lw=1,
+               label="held twist")  # fmt: skip
+    for row in held.history:
+        if row["event"] == "bifurcation":
+            force.plot(-1e3 * row["stroke_m"], -row["force_N"], "C1x", ms=4)
+    heights = np.linspace(args.height, args.height - args.stroke, 100)
+    turn.plot(strokes, np.degrees(run.column("twist_rad")), "C0", lw=1, label="finite elements")
+    turn.plot(1e3 * (args.height - heights), np.degrees(linkage.twist_at(heights)) - args.twist,
+              "k:", lw=1, label="rigid panels")  # fmt: skip
+    turn.legend(fontsize=6, frameon=False)
+    for k, (name, label) in enumerate((("stiffness_of_moduli_N_per_m", "free twist"),
+                                       ("stiffness_held_of_moduli_N_per_m", "held twist"))):  # fmt: skip
+        values = np.array(s[name])
+        drop.plot(np.array(MODULI) / 1e6, values / values[0], f"C{k}o-", ms=3, lw=1, label=label)
+    drop.plot(MODULI[-1] / 1e6, 0.7, "ks", ms=4, mfc="none", label="thesis")
+    drop.plot([50, 100], [0.5, 1], "k:", lw=1, label="hinges alone")
+    drop.legend(fontsize=6, frameon=False)
+    force.set(xlabel="Stroke (mm)", ylabel="Force (N)", ylim=(0, 1.6 * s["largest_force_N"]))
+    turn.set(xlabel="Stroke (mm)", ylabel="Turn (degrees)")
+    drop.set(xlabel="Modulus of the hinges (MPa)", ylabel="Stiffness over that at 100 MPa")
+    figure.legend(*force.get_legend_handles_labels(), fontsize=7, frameon=False, ncols=3,
+                  loc="outside upper center")  # fmt: skip
+    figure.savefig(path, dpi=200)
+
+
+def report(run, args):
+    s = run.summary
+    print(f"\nstiffness at rest: {s['stiffness_N_per_m']:.5g} N/m with free twist, "
+          f"{s['stiffness_held_N_per_m']:.5g} N/m with held twist")  # fmt: skip
+    print(f"force at {args.stroke / INCH:g} in: {s['force_at_stroke_N']:.2f} N, linear "
+          f"{s['linear_force_at_stroke_N']:.2f} N; turn {s['twist_at_stroke_deg']:.2f} degrees, of "
+          f"rigid panels {s['linkage_twist_at_stroke_deg']:.2f}")  # fmt: skip
+    print(f"held twist: the panels buckle after {1e3 * s['held_buckling_stroke_m']:.3g} mm at "
+          f"{s['held_buckling_force_N']:.4g} N")  # fmt: skip
+    print(f"hinges of {MODULI[-1] / 1e6:g} instead of {MODULI[0] / 1e6:g} MPa: stiffness falls by "
+          f"{100 * s['drop']:.1f} %, with held twist by {100 * s['drop_held']:.1f} % (thesis 30 %; "
+          "hinges alone 50 %)")  # fmt: skip
+    print(f"it falls by 30 % with panels {s['modulus_ratio_for_30_percent']:.3g} times as stiff as "
+          f"the hinges: K_hinge/K_panel = {s['spring_ratio_for_30_percent']:.3g} from hinges and "
+          "panels alone (two springs: 4/3)")  # fmt: skip
+    for row in s.get("study", ()):
+        print("  ".join(f"{k} {v:.6g}" for k, v in row.items()))
+    print(f"\nresults: {run.out}/history.csv, force_stroke.png, fields.xdmf; held/")
+
+
+if __name__ == "__main__":
+    main()
