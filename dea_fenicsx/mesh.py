@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from dea_fenicsx import compat
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.geometry._gmsh import quality
 from dea_fenicsx.units import si
 
 
@@ -33,6 +34,9 @@ class Device:
         Length unit of the coordinates in metres: the largest extent of the device.
     source
         Where the mesh came from, for reports.
+    quality
+        ``least_scaled_jacobian`` of its cells (1 in a cell with right angles) and
+        ``largest_aspect``, the longest over the shortest edge of a cell.
     """
 
     mesh: Any
@@ -42,6 +46,7 @@ class Device:
     surfaces: dict[str, int]
     length: float
     source: str = ""
+    quality: dict[str, float] = field(default_factory=dict)
     _cache: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @property
@@ -94,14 +99,15 @@ def read_gmsh(
         raise InputError(f"The mesh unit is {unit!r}, but must be a length in metres > 0.")
     label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__
     names: dict[str, tuple[int, int]] = {}
-    fault, cell_dim, model = "", 0, None
+    fault, cell_dim, model, good = "", 0, None, {}
     if comm.rank == 0:
         try:
             model = _open(source)
             names, cell_dim = _read_names(model, label)
+            good = quality(model)
         except InputError as error:
             fault = str(error)
-    fault, names, cell_dim = comm.bcast((fault, names, cell_dim), root=0)
+    fault, names, cell_dim, good = comm.bcast((fault, names, cell_dim, good), root=0)
     if fault:
         raise InputError(fault)
     try:
@@ -132,6 +138,7 @@ def read_gmsh(
         surfaces={n: tag for n, (d, tag) in names.items() if d == tdim - 1},
         length=extent * unit,
         source=label,
+        quality=good,
     )
 
 
