@@ -66,8 +66,8 @@ class KreslingCell(Geometry):
     Raises
     ------
     InputError
-        A parameter is not usable: panels would go through each other, hinges leave no panel, or
-        panels are too thick for a fold.
+        A parameter is not usable: panels would go through each other or are too thick for a fold,
+        hinges leave no panel or reach round a corner.
     """
 
     side: float
@@ -114,7 +114,6 @@ class KreslingCell(Geometry):
                 f"KreslingCell: hinges of {self.hinge:g} m leave no panel between them; make them "
                 f"narrower than {0.9 / share * self.hinge:g} m."
             )
-
         if self.relief <= self._cut():
             raise InputError(
                 f"KreslingCell: relief is {self.relief:g}, but with hinges of {self.hinge:g} m "
@@ -252,7 +251,8 @@ class KreslingCell(Geometry):
             director = np.cos(angle)[:, None] * normal + np.sin(angle)[:, None] * out
             points[own] = middle[:, None] + z[:, None] * director[:, None]
 
-        cells, base, level = sweep(numbers[:, quads].reshape(-1, *quads.shape[1:]), self.through, ORDER)
+        plane = numbers[:, quads].reshape(-1, *quads.shape[1:])
+        cells, base, level = sweep(plane, self.through, ORDER)
         mesh = StructuredMesh(points.reshape(-1, 3), cells)
         triangle, quad = np.divmod(base, len(quads))
         row = 2 * self.along  # cells of a strip in one row; the rows beside the rim come first
@@ -334,6 +334,8 @@ class KreslingCell(Geometry):
         _, chosen, number = np.unique(
             np.rint(places * 1e9).astype(np.int64), axis=0, return_index=True, return_inverse=True
         )
+        side, patch = 4 * self.along + 1, 2 * (self.tip + self.along)
+        assert len(chosen) == 3 * (2 * self.strip * side + patch * (patch + 1)) + 1
         number, first, quads, rims = number.ravel(), 0, [], []
         for grid in grids:
             rows, columns = grid.shape[:2]
