@@ -40,7 +40,7 @@ def parse():
     parser.number("--panel-modulus", 2.1e9, "Pa", "Young's modulus of PETG (not given)")
     parser.number("--poisson", 0.38, "-", "Poisson's ratio of PETG (not given)")
     parser.number("--hinge-modulus", MODULI[0], "Pa", "Young's modulus of the hinges")
-    parser.count("--mesh", 4, "cells along half a hinge; a half as many across half of one")
+    parser.count("--mesh", 4, "cells along half a hinge; half as many and one across half of one")
     parser.count("--steps", 28, "landings on the way, besides one at 1e-4 of it")
     parser.add_argument("--study", action="store_true", help="also the same on finer meshes")
     return parser, parser.parse_args()
@@ -128,7 +128,7 @@ def main():
     def device(mesh):
         return dea.read_gmsh(
             KreslingCell(args.side, args.height, float(np.radians(args.twist)), args.thickness,
-                         args.hinge, along=mesh, strip=max(1, mesh // 2)), comm,
+                         args.hinge, along=mesh, strip=mesh // 2 + 1), comm,
         )  # fmt: skip
 
     cell = device(args.mesh)
@@ -181,7 +181,7 @@ def main():
         run.add(study=study(args, device, run))
     if comm.rank == 0:
         draw(Path(args.out) / "force_stroke.png", args, run, held, linkage)
-        dea.pictures.deformed(args.out)
+        dea.pictures.deformed(args.out, "displacement_m")
         if not args.quiet:
             report(run, args)
 
