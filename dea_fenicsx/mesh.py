@@ -116,6 +116,8 @@ def read_gmsh(
             fault = str(error)
     fault, groups, cell_dim = comm.bcast((fault, groups, cell_dim), root=0)
     if fault:
+        if model is not None:
+            model.remove()
         raise InputError(fault)
     try:
         mesh, cells, facets = compat.model_to_mesh(model, comm, dim or cell_dim)

@@ -23,7 +23,10 @@ def run(options: argparse.Namespace) -> int:
 
     unit, size = lengths(options.file, options.unit, options.size)
     model = open_file(options.file, None if size is None else size / unit)
-    groups = groups_of(model, str(options.file))
+    try:
+        groups = groups_of(model, str(options.file))
+    finally:
+        model.remove()
     dim = groups[0].dim
     width = max(len(g.name) for g in groups)
     for d, title in ((dim, "regions (materials)"), (dim - 1, "surfaces (electrodes, supports)")):
