@@ -20,6 +20,7 @@ from dea_fenicsx.materials import EPSILON_0
 
 def parse():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/first_actuator")
+    parser.number("--mu", 80e3, "Pa", "shear modulus")
     parser.number("--voltage", 8e3, "V", "end of the ramp")
     parser.count("--cells", 20, "cells along the strip")
     return parser, parser.parse_args()
@@ -28,7 +29,7 @@ def parse():
 def main():
     parser, args = parse()
     comm = MPI.COMM_WORLD
-    L, h, mu, eps_r = 20e-3, 0.5e-3, 80e3, 2.8  # m, m, Pa, -
+    L, h, mu, eps_r = 20e-3, 0.5e-3, args.mu, 2.8  # m, m, Pa, -
 
     # 1. Geometry.  A flat strip, layers from the bottom up.  Each layer is a named region, and the
     #    surfaces have names: x_min, x_max, bottom, interface_1, top.

@@ -22,6 +22,7 @@ DATA = Path(__file__).parent / "own_geometry_data"
 
 def parse():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/own_geometry")
+    parser.number("--mu", 50e3, "Pa", "shear modulus")
     parser.number("--size", 4e-3, "m", "largest element")
     parser.number("--voltage", 6e3, "V", "end of the ramp")
     return parser, parser.parse_args()
@@ -38,7 +39,7 @@ def main():
     names = {"bottom": "surface_5", "top": "surface_6", "edge": ["surface_1", "surface_2"]}
     step = dea.read_gmsh(DATA / "clover.step", comm, size=args.size, names=names)
 
-    film = dea.Material(dea.NeoHookean(mu=50e3), dea.IdealDielectric(eps_r=2.8))
+    film = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(eps_r=2.8))
     runs = []
     for device, out in ((geo, args.out), (step, None)):
         scene = dea.Scene(

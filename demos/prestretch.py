@@ -22,6 +22,7 @@ from dea_fenicsx.geometry import BoxStack, Layer
 
 def parse():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/prestretch")
+    parser.number("--mu", 50e3, "Pa", "shear modulus")
     parser.number("--prestretch", 2.5, "-", "stretch in both directions of the plane")
     parser.number("--voltage", 3000.0, "V", "end of the ramp of the film on weights")
     return parser, parser.parse_args()
@@ -30,7 +31,7 @@ def parse():
 def main():
     parser, args = parse()
     comm = MPI.COMM_WORLD
-    T, mu, lam = 0.5e-3, 50e3, args.prestretch  # m, Pa, -
+    T, mu, lam = 0.5e-3, args.mu, args.prestretch  # m, Pa, -
     film = dea.Material(dea.NeoHookean(mu), dea.IdealDielectric(eps_r=2.8))
     # All lengths are those of the film before it is stretched.  A quarter of it is enough: x_min
     # and y_min are planes of symmetry.

@@ -26,6 +26,7 @@ from dea_fenicsx.geometry import BoxStack, Layer
 
 def parse():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/read_results")
+    parser.number("--mu", 50e3, "Pa", "shear modulus")
     parser.number("--voltage", 2e3, "V", "end of the ramp")
     parser.add_argument("--read", metavar="FOLDER", help="read this folder and run nothing")
     return parser, parser.parse_args()
@@ -33,7 +34,7 @@ def parse():
 
 def make(parser, args):
     """Something to read: a film on a rigid base, from 0 to --voltage in 4 steps."""
-    film = dea.Material(dea.NeoHookean(mu=50e3), dea.IdealDielectric(eps_r=2.8))
+    film = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(eps_r=2.8))
     block = BoxStack(2e-3, 1.5e-3, [Layer("film", 0.5e-3)], divisions=(2, 2))
     scene = dea.Scene(
         dea.read_gmsh(block, MPI.COMM_WORLD),

@@ -18,7 +18,7 @@ ORDER = [
     "checks", "observables", "overall", "rotation", "failures", "fields", "reading", "turns",
     "provenance", "summary", "results", "run", "script",
     "pictures_curves", "pictures_fields", "pictures_movie", "pictures_paraview", "pictures",
-    "design", "thesis", "cli", "__main__",
+    "design", "thesis", "docs", "cli", "__main__",
 ]  # fmt: skip
 
 
