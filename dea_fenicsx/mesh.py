@@ -13,6 +13,7 @@ from mpi4py import MPI
 from dea_fenicsx import compat
 from dea_fenicsx.cad import Names, lengths, open_file, read_names
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.geometry._gmsh import quality
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,9 @@ class Device:
         Length unit of the coordinates in metres: the largest extent of the device.
     source
         Where the mesh came from, for reports.
+    quality
+        ``least_scaled_jacobian`` of its cells (1 in a cell with right angles) and
+        ``largest_aspect``, the longest over the shortest edge of a cell.
     """
 
     mesh: Any
@@ -42,6 +46,7 @@ class Device:
     surfaces: dict[str, int]
     length: float
     source: str = ""
+    quality: dict[str, float] = field(default_factory=dict)
     _cache: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @property
@@ -107,14 +112,15 @@ def read_gmsh(
     label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__
     unit, size = lengths(label, unit, size)
     groups: dict[str, tuple[int, int]] = {}
-    fault, cell_dim, model = "", 0, None
+    fault, cell_dim, model, good = "", 0, None, {}
     if comm.rank == 0:
         try:
             model = _open(source, None if size is None else size / unit, names)
             groups, cell_dim = read_names(model, label)
+            good = quality(model)
         except InputError as error:
             fault = str(error)
-    fault, groups, cell_dim = comm.bcast((fault, groups, cell_dim), root=0)
+    fault, groups, cell_dim, good = comm.bcast((fault, groups, cell_dim, good), root=0)
     if fault:
         if model is not None:
             model.remove()
@@ -147,6 +153,7 @@ def read_gmsh(
         surfaces={n: tag for n, (d, tag) in groups.items() if d == tdim - 1},
         length=extent * unit,
         source=label,
+        quality=good,
     )
 
 

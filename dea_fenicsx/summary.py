@@ -22,6 +22,7 @@ def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str
         "unknowns": problem.unknowns,
         "unknowns_by_field": problem.counts,
         "cells": comm.allreduce(problem.scene.device.owned_cells(), op=MPI.SUM),
+        "mesh_quality": dict(problem.scene.device.quality),
         "volume_m3": problem.volume * problem.scales.volume,
         "ranks": comm.size,
         "peak_memory_GB": comm.allreduce(_peak_memory_GB(), op=MPI.SUM),

@@ -59,7 +59,7 @@ def parse_layer(text: str) -> Layer:
 def parameter_parser(
     module: str, summary: str, device: Callable[..., Geometry], about: Mapping[str, str]
 ) -> argparse.ArgumentParser:
-    """A parser with one option for each number among the device's fields named in ``about``."""
+    """A parser with one option for each number or word among the fields named in ``about``."""
     parser = Parser(prog=f"python -m {module}", description=summary)
     parser.add_argument("output", help="mesh file to write, ending in .msh")
     for field in fields(device):  # type: ignore[arg-type]
@@ -68,7 +68,7 @@ def parameter_parser(
         needed = field.default is MISSING
         parser.add_argument(
             "--" + field.name.replace("_", "-"),
-            type=value,
+            type=str if isinstance(field.default, str) else value,
             required=needed,
             default=None if needed else field.default,
             help=about[field.name] + ("" if needed else " (default %(default)s)"),
@@ -105,6 +105,7 @@ def run(
         target = _gmsh.checked_path(output)
         with _gmsh.temporary_model(made.mesh(), type(made).__name__) as model:
             found = _gmsh.measure(model)
+            quality = _gmsh.quality(model)
             nodes = len(model.mesh.getNodes()[0])
             _gmsh.write_current(target)
     except InputError as error:
@@ -113,6 +114,10 @@ def run(
     dim, exact = made.dimension, made.measures()
     cells = sum(number for d, number, _ in found.values() if d == dim)
     print(f"{target}: {nodes} nodes, {cells} cells, lengths in metres")
+    print(
+        f"cells: least scaled Jacobian {quality['least_scaled_jacobian']:.3f} (1 is a right "
+        f"angle), longest over shortest edge up to {quality['largest_aspect']:.1f}"
+    )
     print(f"{'group':<22}{'dim':>4}{'count':>8}{'measure':>15}{'closed form':>15}{'error':>10}")
     for name, (d, number, size) in sorted(found.items(), key=lambda item: -item[1][0]):
         off = size / exact[name] - 1

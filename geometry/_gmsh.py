@@ -152,3 +152,21 @@ def measure(model: Any, rule: str = "Gauss6") -> dict[str, tuple[int, int, float
                 number += len(members)
         found[model.getPhysicalName(dim, tag)] = (int(dim), number, total)
     return found
+
+
+def quality(model: Any) -> dict[str, float]:
+    """How good the cells of highest dimension are, by gmsh's measures.
+
+    ``least_scaled_jacobian`` is 1 in a cell with right angles, and must be above 0;
+    ``largest_aspect`` is the longest over the shortest edge of a cell, large in thin layers.
+    """
+    dim = max(d for d, tag in model.getEntities() if len(model.mesh.getElementTypes(d, tag)))
+    tags = np.concatenate([t for part in model.getEntities(dim)
+                           for t in model.mesh.getElements(*part)[1]])  # fmt: skip
+    least, shortest, longest = (
+        model.mesh.getElementQualities(tags, name) for name in ("minSJ", "minEdge", "maxEdge")
+    )
+    return {
+        "least_scaled_jacobian": float(np.min(least)),
+        "largest_aspect": float(np.max(np.asarray(longest) / shortest)),
+    }

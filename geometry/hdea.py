@@ -12,24 +12,27 @@ from dea_fenicsx.errors import InputError
 from dea_fenicsx.units import in_si
 
 from . import _check
-from ._structured import Floats, Ints, StructuredMesh, block, compact, joined_ends, lattice_points
+from ._helix import helix_mesh
+from ._structured import Floats, Ints, StructuredMesh, joined_ends
 from .base import Geometry
 from .grading import graded
-from .sectors import Sector, angular_ends, checked_sectors
+from .sectors import TOUCH, Sector, angular_ends, checked_sectors
 
-Mask = np.ndarray
+ENDS = ("ramp", "flat")
 
 
 @dataclass(frozen=True)
-@in_si(outer_radius="m", inner_radius="m", inset="m", elastomer="m", electrode="m")
+@in_si(
+    outer_radius="m", inner_radius="m", inset="m", elastomer="m", electrode="m", cap="m"
+)
 class HDEA(Geometry):
     """Two electrodes wound as helicoids in an elastomer ring, every turn bonded to the next.
 
     In helical coordinates r, Theta in [0, 2 pi turns] and zeta in [0, pitch] the body is
     z = pitch Theta / (2 pi) + zeta.  One pitch holds, from below, elastomer, electrode a,
-    elastomer, electrode b; the face zeta = pitch of a turn is the face zeta = 0 of the next.
-    The electrodes fill inner_radius + inset < r < outer_radius - inset within their layer; the
-    rims of that layer are elastomer.
+    elastomer, electrode b, once for each strand; the face zeta = pitch of a turn is the face
+    zeta = 0 of the next.  The electrodes fill inner_radius + inset < r < outer_radius - inset
+    within their layer; the rims of that layer are elastomer.
 
     Parameters
     ----------
@@ -37,8 +40,9 @@ class HDEA(Geometry):
         In metres.
     elastomer, electrode
         Thicknesses in metres, measured along the axis.  ``electrode=0`` gives ideal surfaces.
-    turns
-        Whole number of turns.
+    turns, strands
+        Whole number of turns, and of actuators wound into one another: two strands have twice the
+        pitch.
     angular, radial, rim, through, through_electrode
         Cells per turn, over the electrode's width, over each rim, through each elastomer layer and
         through each electrode.
@@ -53,6 +57,12 @@ class HDEA(Geometry):
         ``((0, 180),)`` is a half.  Pairs together make one electrode a and one b; a mapping of
         names to pairs, as ``{"left": (10, 170), "right": (190, 350)}``, makes a pair of electrodes
         of each, to be driven by itself.
+    ends
+        ``"ramp"``: the helix ends in two helicoidal faces with a step of one pitch.  ``"flat"``:
+        wedges of passive material fill them up to planes.  The thin end of a wedge is left open
+        over the first or last cell around, a notch that shrinks as ``angular`` grows.
+    cap, through_cap
+        With flat ends: thickness in metres of a passive disc on each, and cells through it.
 
     Notes
     -----
@@ -65,8 +75,13 @@ class HDEA(Geometry):
     - ``bottom``, ``top``: helicoidal end faces, electrode b's free top face included;
     - ``inner``, ``outer``: cylinders; ``seam``: the radial walls at the two ends of the helix.
 
+    With flat ends the wedges and discs are the region ``caps``, ``bottom`` and ``top`` are plane,
+    ``notch`` is the surface of the two notches, the seam is bonded, and electrode faces on the caps
+    belong to the rims.  The lower end of the helix lies at z = 0, the lower disc below.
+
     With ``electrode=0`` the active groups are surfaces inside the elastomer, there are no rims, and
-    the last turn's electrode b is the free surface ``electrode_b_top``, which ``top`` leaves out.
+    the last turn's electrode b is the free surface ``electrode_b_top``, which ``top`` leaves out
+    (with flat ends a surface below the upper cap, which ends at the notch).
     A group without facets does not exist (``electrode_b_rim`` where ``inset=0``).
 
     The rims of a patterned electrode include its radial edges.  Those of named sectors have the
@@ -93,6 +108,10 @@ class HDEA(Geometry):
     grading_through: float = 1.0
     order: int = 2
     sectors: Sequence[tuple[float, float]] | Mapping[str, tuple[float, float]] = ()
+    strands: int = 1
+    ends: str = "ramp"
+    cap: float = 0.0
+    through_cap: int = 1
 
     def __post_init__(self) -> None:
         for name in ("outer_radius", "inner_radius", "elastomer"):
@@ -110,31 +129,58 @@ class HDEA(Geometry):
                 f"HDEA: inset {self.inset:g} m leaves no electrode on a ring {ring:g} m wide; it "
                 f"must be below {ring / 2:g} m."
             )
-        for name in ("turns", "radial", "rim", "through", "through_electrode"):
+        for name in (
+            "turns", "radial", "rim", "through", "through_electrode", "strands", "through_cap"
+        ):  # fmt: skip
             _check.count("HDEA", name, getattr(self, name))
+        _check.length("HDEA", "cap", self.cap, zero=True)
+        if self.ends not in ENDS:
+            raise InputError(f"HDEA: ends is {self.ends!r}; it must be one of {', '.join(ENDS)}.")
+        if self.cap > 0 and self.ends == "ramp":
+            raise InputError(
+                f'HDEA: a cap of {self.cap:g} m needs a plane to lie on; give ends="flat" with it.'
+            )
         _check.count("HDEA", "angular", self.angular, least=3)
         for name in ("grading", "grading_through"):
             _check.ratio("HDEA", name, getattr(self, name))
         _check.order("HDEA", self.order)
         object.__setattr__(self, "sectors", checked_sectors("HDEA", self.sectors))
-        self._angles()
+        self.angular_ends()
 
     # ---- closed forms -----------------------------------------------------------------------
 
     @property
     def pitch(self) -> float:
-        """Axial advance per turn, 2 (elastomer + electrode), in metres."""
-        return 2 * (self.elastomer + self.electrode)
+        """Axial advance per turn, strands times 2 (elastomer + electrode), in metres."""
+        return self.strands * 2 * (self.elastomer + self.electrode)
 
     @property
     def height(self) -> float:
-        """Total height (turns + 1) pitch in metres."""
-        return (self.turns + 1) * self.pitch
+        """Total height (turns + 1) pitch + 2 cap in metres."""
+        return (self.turns + 1) * self.pitch + 2 * self.cap
 
     @property
     def volume(self) -> float:
-        """pi (r_o^2 - r_i^2) turns pitch, in m^3: shearing along z keeps it."""
-        return math.pi * (self.outer_radius**2 - self.inner_radius**2) * self.turns * self.pitch
+        """In m^3: pi (r_o^2 - r_i^2) turns pitch, as shearing along z keeps it, and the caps."""
+        return self._ring * self.turns * self.pitch + self.cap_volume
+
+    @property
+    def _ring(self) -> float:
+        """Area across the axis in m^2."""
+        return math.pi * (self.outer_radius**2 - self.inner_radius**2)
+
+    @property
+    def _notches(self) -> tuple[float, float]:
+        """Angle of the notches below and above, as shares of a turn."""
+        around = self.angular_ends() / 360
+        return float(around[1]), float(1 - around[-2])
+
+    @property
+    def cap_volume(self) -> float:
+        """Volume of wedges and discs in m^3; 0 where the ends are ramps."""
+        if self.ends == "ramp":
+            return 0.0
+        return self._ring * sum(self.cap + self.pitch * (1 - s * s) / 2 for s in self._notches)
 
     @property
     def electrode_radii(self) -> tuple[float, float]:
@@ -176,57 +222,81 @@ class HDEA(Geometry):
 
     def measures(self) -> dict[str, float]:
         """Exact volume (m^3) or area (m^2) of every group."""
-        n, pitch = self.turns, self.pitch
+        n, pitch, flat = self.turns, self.pitch, self.ends == "flat"
+        layers = n * self.strands
         face = self.helicoid_area(self.inner_radius, self.outer_radius)
+        wall = n * pitch + self.cap_volume / self._ring
         found = {
             "bottom": face,
             "top": face,
-            "inner": 2 * math.pi * self.inner_radius * n * pitch,
-            "outer": 2 * math.pi * self.outer_radius * n * pitch,
+            "inner": 2 * math.pi * self.inner_radius * wall,
+            "outer": 2 * math.pi * self.outer_radius * wall,
             "seam": 2 * (self.outer_radius - self.inner_radius) * pitch,
-            "elastomer": self.volume,
+            "elastomer": self.volume - self.cap_volume,
         }
+        free = face  # of the helicoid's upper face, but for ideal electrodes on it
+        if flat:
+            below, above = self._notches
+            disc = self.cap > 0
+            open_wall = (self.outer_radius - self.inner_radius) * pitch
+            found |= {
+                "bottom": self._ring * (1 if disc else 1 - below),
+                "top": self._ring * (1 if disc else 1 - above),
+                "seam": 0.0,
+                "notch": (below + above) * (open_wall + disc * self._ring) + below * face,
+                "caps": self.cap_volume,
+            }
+            free = above * face
 
         def add(name: str, size: float) -> None:
             found[name] = found.get(name, 0.0) + size
 
-        for sector in self._pattern:
+        for sector in self.pattern:
             a, b = (f"electrode_{e}{sector.suffix}" for e in "ab")
             broad = sector.share * self.electrode_area_per_turn
+            bare = broad  # of b's uppermost face: over the notch, or over all of the ramp
+            if flat:
+                over = bool(sector.holds(np.array(360 * (1 - above / 2))))
+                bare = over * above * self.electrode_area_per_turn
             if self.electrode == 0:
-                add(f"{a}_active", n * broad)
-                add(f"{b}_active", (n - 1) * broad)
-                add(f"{b}_top", broad)
-                found["top"] -= broad if self.inset > 0 or not sector.whole else face
+                add(f"{a}_active", layers * broad)
+                add(f"{b}_active", (layers - 1) * broad)
+                add(f"{b}_top", broad - bare if flat else broad)
+                if not flat:
+                    free -= broad if self.inset > 0 or not sector.whole else face
                 continue
-            metal = n * sector.share * self.electrode_volume_per_turn
-            edges = self._edge_area(sector)
+            metal = layers * sector.share * self.electrode_volume_per_turn
+            edges = self.strands * self._edge_area(sector)
             for e in (a, b):
                 add(e, metal)
-                add(f"{e}_active", (2 * n - 1) * broad)
-                add(f"{e}_rim", edges + (broad if e == a else 0.0))
+                add(f"{e}_active", (2 * layers - 1) * broad)
+                add(f"{e}_rim", edges + (broad if e == a else broad - bare))
             found["elastomer"] -= 2 * metal
+        add("notch" if flat else "top", free - (0.0 if flat else face))
         return {name: value for name, value in found.items() if value > 0}
 
     def _edge_area(self, sector: Sector) -> float:
-        """Area in m^2 of an electrode's edges towards the elastomer: along cylinders and radii."""
+        """Area in m^2 of a strand's edges towards the elastomer: along cylinders and radii."""
         r1, r2 = self.electrode_radii
         arcs = 2 * math.pi * sector.share * (r1 + r2) * self.turns if self.inset > 0 else 0.0
+        # the two ends of the helix are radial edges only where a cap lies against them
+        cut = 2 * (sector.whole or sector.end > 360 + TOUCH) if self.ends == "flat" else 0
         if sector.whole:
-            return arcs * self.electrode
+            return (arcs + cut * (r2 - r1)) * self.electrode
         # an edge at the angle 0 lies on the seam once: at the helix's beginning or its end
-        ends = sum(self.turns - (angle == 0) for angle in (sector.start, sector.end % 360))
-        return (arcs + ends * (r2 - r1)) * self.electrode
+        seam = self.ends == "ramp"
+        ends = sum(self.turns - (seam and a == 0) for a in (sector.start, sector.end % 360))
+        return (arcs + (ends + cut) * (r2 - r1)) * self.electrode
 
     # ---- mesh -------------------------------------------------------------------------------
 
     def refine(self, factor: int) -> HDEA:
         """The same device with all divisions multiplied by ``factor``."""
         k = _check.count("HDEA.refine", "factor", factor)
-        names = ("angular", "radial", "rim", "through", "through_electrode")
+        names = ("angular", "radial", "rim", "through", "through_electrode", "through_cap")
         return replace(self, **{name: k * getattr(self, name) for name in names})
 
-    def _radii(self) -> tuple[Floats, int, int]:
+    def radial_ends(self) -> tuple[Floats, int, int]:
         """Cell ends in r, and the first electrode column and the first one beyond."""
         r1, r2 = self.electrode_radii
         middle = r1 + (r2 - r1) * graded(self.radial, self.grading)
@@ -237,108 +307,27 @@ class HDEA(Geometry):
         return joined_ends(inner, middle, outer), self.rim, self.rim + self.radial
 
     @property
-    def _pattern(self) -> tuple[Sector, ...]:
+    def pattern(self) -> tuple[Sector, ...]:
         """Its sectors; a whole ring where there is no pattern."""
         return tuple(self.sectors) or (Sector(0.0, 360.0),)  # type: ignore[arg-type,return-value]
 
-    def _angles(self) -> Floats:
+    def angular_ends(self) -> Floats:
         """Cell ends over one turn in degrees."""
-        return angular_ends("HDEA", self._pattern, self.angular)
+        return angular_ends("HDEA", self.pattern, self.angular)
 
-    def _layers(self) -> tuple[Floats, Ints]:
-        """Cell ends in zeta, and the first row of each layer (and the row above the last)."""
+    def layer_ends(self) -> tuple[Floats, Ints]:
+        """Cell ends in zeta over the pitch; first row of each layer of a period, and the end."""
         soft = self.elastomer * graded(self.through, self.grading_through)
         hard = np.linspace(0.0, self.electrode, self.through_electrode + 1)
-        pieces = [soft, hard, soft, hard] if self.electrode > 0 else [soft, soft]
+        period = [soft, hard, soft, hard] if self.electrode > 0 else [soft, soft]
+        pieces = self.strands * period
         starts = np.cumsum([0.0] + [piece[-1] for piece in pieces[:-1]])
         ends = joined_ends(*(a + piece for a, piece in zip(starts, pieces, strict=True)))
-        rows = np.cumsum([0] + [len(piece) - 1 for piece in pieces])
-        return ends, rows
+        return ends, np.cumsum([0] + [len(piece) - 1 for piece in period])
 
     def mesh(self) -> StructuredMesh:
         """Nodes, cells and named parts as plain arrays."""
-        radii, first, beyond = self._radii()
-        ends, rows = self._layers()
-        q, per_turn, steps = self.order, self.angular, self.turns * self.angular
-        cell, (kr, kt, kz) = block((len(radii) - 1, steps, len(ends) - 1), q)
-
-        # A node is known by r, its angle within the turn, and its height in node rows counted from
-        # the first turn's underside: so the top of a turn and the underside of the next are one.
-        lines = lattice_points(radii, q), lattice_points(ends, q)
-        column, turn = kt % (q * per_turn), kt // (q * per_turn)
-        row = turn * (len(lines[1]) - 1) + kz
-        shape = (len(lines[0]), q * per_turn, (self.turns + 1) * (len(lines[1]) - 1) + 1)
-        cells, used = compact(np.ravel_multi_index((kr, column, row), shape))
-        kr, column, row = np.unravel_index(used, shape)
-        turn, kz = np.divmod(row, len(lines[1]) - 1)
-        around = lattice_points(self._angles() / 360, q)[column]
-        angle = 2 * math.pi * around
-        r = lines[0][kr]
-        z = self.pitch * (turn + around) + lines[1][kz]
-        mesh = StructuredMesh(np.column_stack([r * np.cos(angle), r * np.sin(angle), z]), cells)
-
-        wide, deep = len(radii) - 1, len(ends) - 1
-        mesh.add_facets("bottom", (cell[2] == 0) & (cell[1] < per_turn), 2, 0)
-        mesh.add_facets("inner", cell[0] == 0, 0, 0)
-        mesh.add_facets("outer", cell[0] == wide - 1, 0, 1)
-        mesh.add_facets("seam", cell[1] == 0, 1, 0)
-        mesh.add_facets("seam", cell[1] == steps - 1, 1, 1)
-        soft = np.ones(len(cells), dtype=bool)
-        bare = (cell[2] == deep - 1) & (cell[1] >= steps - per_turn)
-        middle = np.convolve(self._angles(), [0.5, 0.5], "valid")[cell[1] % per_turn]
-        for sector in self._pattern:
-            under = (cell[0] >= first) & (cell[0] < beyond) & sector.holds(middle)
-            if self.electrode > 0:
-                soft &= ~self._add_electrodes(mesh, sector, cell, rows, under)
-            else:
-                self._add_surfaces(mesh, sector, cell, rows, under)
-                mesh.add_facets(f"electrode_b{sector.suffix}_top", bare & under, 2, 1)
-                bare &= ~under
-        mesh.regions = {"elastomer": np.flatnonzero(soft), **mesh.regions}
-        mesh.add_facets("top", bare, 2, 1)
-        return mesh
-
-    def _add_surfaces(
-        self, mesh: StructuredMesh, sector: Sector, cell: tuple[Ints, ...], rows: Ints, under: Mask
-    ) -> None:
-        """Ideal electrodes of a sector; ``under`` marks the cells between their edges."""
-        _, step, row = cell
-        last_turn = step >= (self.turns - 1) * self.angular
-        a, b = (f"electrode_{e}{sector.suffix}_active" for e in "ab")
-        mesh.add_facets(a, under & (row == rows[1] - 1), 2, 1)
-        mesh.add_facets(b, under & (row == rows[2] - 1) & ~last_turn, 2, 1)
-
-    def _add_electrodes(
-        self, mesh: StructuredMesh, sector: Sector, cell: tuple[Ints, ...], rows: Ints, under: Mask
-    ) -> Mask:
-        """Finite electrodes of a sector, and their faces; a mask of their cells."""
-        column, step, row = cell
-        first_turn = step < self.angular
-        last_turn = step >= (self.turns - 1) * self.angular
-        a = under & (row >= rows[1]) & (row < rows[2])
-        b = under & (row >= rows[3])
-        name_a, name_b = (f"electrode_{e}{sector.suffix}" for e in "ab")
-        mesh.add_region(name_a, a)
-        mesh.add_region(name_b, b)
-        # Between a and the next b above lies elastomer everywhere; between b and the a above it
-        # only where a further turn follows, between a and the b below only where one came before.
-        mesh.add_facets(f"{name_a}_active", a & (row == rows[2] - 1), 2, 1)
-        mesh.add_facets(f"{name_a}_active", a & (row == rows[1]) & ~first_turn, 2, 0)
-        mesh.add_facets(f"{name_b}_active", b & (row == rows[3]), 2, 0)
-        mesh.add_facets(f"{name_b}_active", b & (row == rows[4] - 1) & ~last_turn, 2, 1)
-        mesh.add_facets(f"{name_a}_rim", a & (row == rows[1]) & first_turn, 2, 0)
-        steps = np.arange(self.turns * self.angular)
-        middles = np.convolve(self._angles(), [0.5, 0.5], "valid")[steps % self.angular]
-        held = sector.holds(middles)
-        begins, ends = held & ~np.roll(held, 1), held & ~np.roll(held, -1)
-        begins[0] = ends[-1] = False  # the seam
-        for name, part in ((f"{name_a}_rim", a), (f"{name_b}_rim", b)):
-            if self.inset > 0:
-                mesh.add_facets(name, part & (column == np.min(column[under])), 0, 0)
-                mesh.add_facets(name, part & (column == np.max(column[under])), 0, 1)
-            mesh.add_facets(name, part & begins[step], 1, 0)
-            mesh.add_facets(name, part & ends[step], 1, 1)
-        return a | b
+        return helix_mesh(self)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -356,6 +345,10 @@ def main(arguments: list[str] | None = None) -> int:
             "elastomer": "thickness of an elastomer layer in m",
             "electrode": "thickness of an electrode in m; 0 for ideal surfaces",
             "turns": "whole number of turns",
+            "strands": "whole number of actuators wound into one another",
+            "ends": "ramp (helicoidal faces) or flat (wedges up to a plane)",
+            "cap": "thickness in m of a passive disc on each flat end",
+            "through_cap": "cells through each of these discs",
             "angular": "cells per turn",
             "radial": "cells over the electrode's width",
             "rim": "cells over each rim",

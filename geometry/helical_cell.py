@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dea_fenicsx.errors import InputError
 from dea_fenicsx.units import in_si
 
 from . import _check
@@ -35,13 +36,17 @@ class HelicalCell(Geometry):
     grading, grading_rim, grading_through
         Largest over smallest cell over the electrode's width, over each rim and through each
         elastomer layer; the small ones lie at the electrodes' edges and faces.
+    films
+        Gives the elastomer between the electrodes names of its own, for `ThinFilm`: ``film_below``
+        and ``film_above`` electrode a, at the heights of ``film_spans``.  Not with ideal
+        electrodes, where the period cuts a film in two.
 
     Notes
     -----
-    Regions: ``elastomer``, ``electrode_a``, ``electrode_b``.  Facet groups: ``electrode_a_active``,
-    ``electrode_b_active`` (broad faces, or ideal electrodes), ``electrode_a_rim``,
-    ``electrode_b_rim`` (edges of finite electrodes off the cylinders), ``bottom``, ``top`` (the two
-    ends of the period), ``inner``, ``outer``.
+    Regions: ``elastomer``, ``electrode_a``, ``electrode_b``, and the films where wanted.  Facet
+    groups: ``electrode_a_active``, ``electrode_b_active`` (broad faces, or ideal electrodes),
+    ``electrode_a_rim``, ``electrode_b_rim`` (edges of finite electrodes off the cylinders),
+    ``bottom``, ``top`` (the two ends of the period), ``inner``, ``outer``.
 
     Raises
     ------
@@ -61,12 +66,18 @@ class HelicalCell(Geometry):
     grading: float = 8.0
     grading_rim: float = 2.0
     grading_through: float = 2.0
+    films: bool = False
     order = 1  # all edges are straight
 
     def __post_init__(self) -> None:
         self.device(1)  # checks what both share
         _check.count("HelicalCell", "through", self.through, least=2)
         _check.ratio("HelicalCell", "grading_rim", self.grading_rim)
+        if self.films and self.electrode == 0:
+            raise InputError(
+                "HelicalCell: films need electrodes with a thickness; give electrode > 0, or leave "
+                "films out."
+            )
 
     @property
     def dimension(self) -> int:
@@ -77,6 +88,12 @@ class HelicalCell(Geometry):
     def pitch(self) -> float:
         """Height of the cell and rise per turn, 2 (elastomer + electrode), in metres."""
         return 2 * (self.elastomer + self.electrode)
+
+    @property
+    def film_spans(self) -> dict[str, tuple[float, float]]:
+        """Height in metres of each film's face on electrode b and on electrode a."""
+        b, a = self.electrode / 2, self.electrode / 2 + self.elastomer
+        return {"film_below": (b, a), "film_above": (self.pitch - b, self.pitch - a)}
 
     def device(self, turns: int) -> HDEA:
         """The three-dimensional device of this cross-section."""
@@ -92,6 +109,9 @@ class HelicalCell(Geometry):
         ring = self.outer_radius - self.inner_radius
         width = ring - 2 * self.inset
         found = {"elastomer": ring * self.pitch - 2 * width * self.electrode}
+        if self.films:
+            found |= dict.fromkeys(self.film_spans, width * self.elastomer)
+            found["elastomer"] -= 2 * width * self.elastomer
         faces = 2 if self.electrode > 0 else 1
         for e in ("electrode_a", "electrode_b"):
             found |= {
@@ -150,7 +170,15 @@ class HelicalCell(Geometry):
         if self.electrode > 0:
             a = under & (row >= rows[2]) & (row < rows[3])
             b = under & ((row < rows[1]) | (row >= rows[4]))
-            mesh.add_region("elastomer", ~(a | b))
+            films = {}
+            if self.films:
+                films = {"film_below": under & (row >= rows[1]) & (row < rows[2]),
+                         "film_above": under & (row >= rows[3]) & (row < rows[4])}  # fmt: skip
+            rest = ~(a | b | np.logical_or.reduce([*films.values(), np.zeros_like(a)]))
+            for name, cells in films.items():
+                mesh.add_region(name, cells)
+            if np.any(rest):
+                mesh.add_region("elastomer", rest)
             mesh.add_region("electrode_a", a)
             mesh.add_region("electrode_b", b)
             mesh.add_facets("electrode_b_active", b & (row == rows[1] - 1), 1, 1)

@@ -143,6 +143,39 @@ def check_helical_cell(out, printed):
         assert (out / name).exists()
 
 
+    # one scene, three loads: what is left out shows, fringes first (2.4 % of any stroke)
+    full, thin, given = (np.array([row[name] for row in s["loads"]])
+                         for name in ("full_field", "thin_film", "given_pressure"))  # fmt: skip
+    assert full[-1] == pytest.approx(s["contraction"], rel=1e-8)
+    assert thin / full == pytest.approx([0.9763, 0.9761, 0.9756], abs=1e-3)
+    assert given[0] == pytest.approx(thin[0], rel=7e-3)  # both are linear without fringes
+    assert given[-1] / full[-1] == pytest.approx(0.9126, abs=1e-3)
+    # fringes pull by 2.4 % more than p A_el t/(t + t_e); a body of one modulus has E A/pitch
+    assert s["blocked_force_N"] / s["linear_blocked_force_N"] == pytest.approx(1.0244, abs=2e-3)
+    assert s["stiffness_of_turn_at_rest_N_per_m"] == pytest.approx(
+        s["linear_stiffness_of_turn_N_per_m"], rel=3e-4
+    )
+    assert s["stiffness_of_turn_N_per_m"] < s["stiffness_of_turn_at_rest_N_per_m"]
+
+
+def check_ten_layer(out, printed):
+    """Own values, coarse mesh, 2026-11; the geometry is closed form."""
+    s = summary(out)
+    assert s["height_m"] == pytest.approx(4 * 1.1e-3, rel=1e-12)
+    assert s["volume_m3"] == pytest.approx(s["exact_volume_m3"], rel=1e-3)
+    assert s["contraction"] == pytest.approx(0.019710, rel=1e-3)
+    assert s["stroke_m"] == pytest.approx(s["contraction"] * 3.3e-3, rel=1e-12)
+    assert 0 < s["bending_angle_deg"] < 0.1
+    assert {"twist_rad", "unknowns", "ranks", "wall_s", "peak_memory_GB"} <= set(s)
+    # three turns are all ends: they shorten by a sixth less than the endless helix
+    assert s["middle_turn"]["contraction"] / s["helical_cell"]["contraction"] == pytest.approx(
+        5 / 6, abs=0.02
+    )
+    assert s["helical_cell"]["unknowns"] < 0.05 * s["unknowns"]
+    assert s["stable"] is True
+    assert "contradict each other" in printed
+
+
 def check_design(out, printed):
     """Issue's bound on the hypervolume; Table 4.2 as in thesis_reference.toml."""
     s = summary(out)
@@ -331,8 +364,9 @@ CHECKS = {
     "first_actuator.py": (check_first_actuator, []),
     "fit_rubber.py": (check_fit, []),
     "hdea_bending.py": (check_bending, ["--voltage", 4000, "--steps", 1, "--curvature", 5]),
-    "hdea_helical_cell.py": (check_helical_cell, ["--steps", 3, "--linear"]),
+    "hdea_helical_cell.py": (check_helical_cell, ["--steps", 3, "--linear", "--loads", "--force"]),
     "hdea_single_layer.py": (check_single_layer, []),
+    "hdea_ten_layer.py": (check_ten_layer, ["--turns", 3, "--mesh", 1, "--steps", 3]),
     "hdea_two_turn.py": (check_hdea, ["--mesh", 1, "--steps", 4, "--trend"]),
     "kresling_box.py": (check_box, []),
     "kresling_kinematics.py": (check_kresling, []),
@@ -367,6 +401,22 @@ def test_demo(name, start, tmp_path):
         history = dea.read_history(tmp_path / "run")
         driven_by = "voltage_V" if "voltage_V" in history else "load_factor"
         assert np.all(np.isfinite(history[driven_by]))
+
+
+@pytest.mark.demo
+def test_growth_table_of_ten_layers(start, tmp_path):
+    """Each run in processes of its own; 1 and 2 turns, cheap and coarse."""
+    done = start(DEMOS / "hdea_ten_layer.py", "--table", 1, 2, "--mesh", 1, "--steps", 1, "--ranks",
+                 1, "--out", tmp_path, check=True)  # fmt: skip
+    with open(tmp_path / "growth.csv") as f:
+        rows = list(csv.DictReader(f))
+    assert [row["turns"] for row in rows] == ["1", "2"]
+    assert float(rows[1]["unknowns"]) > 1.8 * float(rows[0]["unknowns"])
+    assert all(float(row["peak_memory_GB"]) > 0.1 for row in rows)
+    assert "100 turns: 0.56 million" in done.stdout
+    wrong = start(DEMOS / "hdea_ten_layer.py", "--table", 0, "--out", tmp_path)
+    assert wrong.returncode == 2
+    assert wrong.stderr.strip().endswith("must hold whole numbers of at least 1.")
 
 
 @pytest.mark.demo

@@ -1,4 +1,4 @@
-"""Every code block of README and pages runs, prints what stands below it, and links lead somewhere."""
+"""Code blocks of README and pages run and print what stands below them; links lead somewhere."""
 
 from __future__ import annotations
 

@@ -56,6 +56,15 @@ DEVICES = {
     "hdea ideal half": HDEA(electrode=0.0, sectors=((0, 180),)),
     "hdea sectors": HDEA(sectors=((-60, 60), (90, 120), (180, 210)), inset=0.0),
     "hdea named": HDEA(turns=3, sectors={"left": (30, 150), "right": (210, 360)}),
+    "hdea two strands": HDEA(strands=2, through=2),
+    "hdea two strands, ideal": HDEA(strands=2, electrode=0.0, turns=1),
+    "hdea flat": HDEA(ends="flat"),
+    "hdea flat full": HDEA(ends="flat", inset=0.0, turns=1, order=2),
+    "hdea flat ideal": HDEA(ends="flat", electrode=0.0, cap=2e-4),
+    "hdea caps": HDEA(ends="flat", cap=1e-3, through_cap=2, strands=2),
+    "hdea flat sectors": HDEA(ends="flat", cap=1e-3, sectors={"a": (-60, 60), "b": (90, 180)}),
+    "hdea flat half": HDEA(ends="flat", sectors=((0, 180),)),
+    "hdea flat ideal half": HDEA(ends="flat", electrode=0.0, sectors=((180, 360),)),
     "hdea steep": HDEA(outer_radius=5e-3, inner_radius=1e-3, elastomer=2e-3, electrode=0.2e-3),
 }
 STRAIGHT = {f"{name}, order 1": replace(device, order=1) for name, device in DEVICES.items()}
@@ -63,6 +72,7 @@ DEVICES |= {
     "cell": HelicalCell(through_electrode=3),
     "cell full": HelicalCell(inset=0.0),
     "cell ideal": HelicalCell(electrode=0.0),
+    "cell films": HelicalCell(films=True),
 }
 OUTER = {
     "box": {"x_min", "x_max", "y_min", "y_max", "bottom", "top"},
@@ -74,9 +84,12 @@ OUTER = {
     "hdea": {"bottom", "top", "inner", "outer", "seam"},
     "hdea ideal": {"bottom", "top", "electrode_b_top", "inner", "outer", "seam"},
 }
-OUTER["cell"] = OUTER["cell full"] = OUTER["cell ideal"] = {"bottom", "top", "inner", "outer"}
+WALLS = {"bottom", "top", "inner", "outer"}
+OUTER |= {name: WALLS for name in ("cell", "cell films", "cell full", "cell ideal")}
 OUTER["hdea half"] = OUTER["hdea sectors"] = OUTER["hdea named"] = OUTER["hdea"]
 OUTER["hdea ideal half"] = OUTER["hdea ideal"]
+OUTER["hdea two strands"], OUTER["hdea two strands, ideal"] = OUTER["hdea"], OUTER["hdea ideal"]
+OUTER |= {name: WALLS | {"notch"} for name in DEVICES if "flat" in name or "caps" in name}
 OUTER["hdea one turn"] = OUTER["hdea three turns"] = OUTER["hdea full"] = OUTER["hdea"]
 
 
@@ -220,6 +233,24 @@ def test_groups_are_disjoint_and_nodes_unique(name):
     scale = np.abs(points).max()
     distinct = np.unique(np.round(np.reshape(points, (-1, 3)) / scale, 9), axis=0)
     assert len(distinct) == len(tags)
+
+
+def test_flat_ends_are_planes():
+    device = DEVICES["hdea caps"]
+    mesh = device.mesh()
+    low, high = (mesh.points[np.unique(mesh.facets[end]), 2] for end in ("bottom", "top"))
+    assert np.ptp(low) == 0 and low[0] == pytest.approx(-1e-3, rel=1e-12)
+    assert np.ptp(high) < 1e-15 and high[0] == pytest.approx(3 * 2.2e-3 + 1e-3, rel=1e-12)
+    assert device.height == pytest.approx(high[0] - low[0], rel=1e-12)
+    # the wall of the helix at the seam is bonded to the wedge: no slit is left in the cylinders
+    around = np.arctan2(mesh.points[:, 1], mesh.points[:, 0]) / (2 * math.pi) % 1.0
+    seam = np.unique(np.round(mesh.points[around < 1e-9], 12), axis=0)
+    assert len(seam) == np.count_nonzero(around < 1e-9)
+    # a wedge fills half of the last turn of pitch, but for the notch
+    notch = 1 - (1 / device.angular) ** 2
+    assert device.cap_volume == pytest.approx(
+        math.pi * 45e-6 * (2e-3 + device.pitch * notch), rel=1e-12
+    )
 
 
 def test_electrode_faces_by_their_neighbours():
@@ -401,6 +432,11 @@ def test_hdea_refuses_counts(name, value):
         (lambda: HDEA(inner_radius=7e-3), "not below outer_radius"),
         (lambda: HDEA(electrode=-1e-5), "zero or a positive length"),
         (lambda: HDEA(grading=0), "positive ratio"),
+        (lambda: HelicalCell(electrode=0.0, films=True), "give electrode > 0"),
+        (lambda: HDEA(strands=1.5), "strands is 1.5"),
+        (lambda: HDEA(ends="round"), "must be one of ramp, flat"),
+        (lambda: HDEA(cap=1e-3), 'give ends="flat" with it'),
+        (lambda: HDEA(ends="flat", cap=-1e-3), "zero or a positive length"),
         (lambda: HDEA(order=3), "order is 3"),
         (lambda: HDEA().refine(0), "factor is 0"),
         (lambda: HDEA().lead_angle(0.0), "r is 0.0"),

@@ -37,7 +37,8 @@ def command(*arguments, cwd):
 def test_command_line_hdea(tmp_path):
     done = command("dea_fenicsx.geometry.hdea", "--turns", 2, "out.msh", cwd=tmp_path)
     assert done.returncode == 0 and done.stderr == ""
-    rows = {line.split()[0]: line.split()[1:] for line in done.stdout.splitlines()[2:]}
+    rows = {line.split()[0]: line.split()[1:] for line in done.stdout.splitlines()[3:]}
+    assert "least scaled Jacobian 0." in done.stdout.splitlines()[1]
     exact = HDEA().measures()
     assert set(rows) == set(exact)
     for name, (_, _, size, closed, error) in rows.items():
@@ -47,6 +48,15 @@ def test_command_line_hdea(tmp_path):
     gmsh.option.setNumber("General.Verbosity", 2)
     gmsh.open(str(tmp_path / "out.msh"))
     assert set(to_gmsh.measure(gmsh.model)) == set(exact)
+
+
+def test_command_line_of_caps(tmp_path):
+    done = command("dea_fenicsx.geometry.hdea", "--ends", "flat", "--cap", 1e-3, "--strands", 2,
+                   "out.msh", cwd=tmp_path)  # fmt: skip
+    assert done.returncode == 0 and "\ncaps " in done.stdout, done.stderr
+    wrong = command("dea_fenicsx.geometry.hdea", "--strands", 1.5, "out.msh", cwd=tmp_path)
+    assert wrong.returncode == 2
+    assert wrong.stderr == "HDEA: strands is 1.5; it must be a whole number of at least 1.\n"
 
 
 def test_command_line_stacks(tmp_path):
