@@ -34,7 +34,14 @@ if TYPE_CHECKING:
         Torque,
         Twist,
     )
-    from dea_fenicsx.errors import DeaError, EquilibriumLost, InputError, SolverError
+    from dea_fenicsx.errors import (
+        DeaError,
+        EquilibriumLost,
+        InputError,
+        Interrupted,
+        MachineError,
+        SolverError,
+    )
     from dea_fenicsx.failures import ElectricalBreakdown, LossOfTension, StretchLimit
     from dea_fenicsx.kinematics import Axisymmetric, Helical, PlaneStrain, ThreeD
     from dea_fenicsx.materials import (
@@ -69,8 +76,9 @@ if TYPE_CHECKING:
         OverallTwist,
     )
     from dea_fenicsx.reading import read_history, read_summary
+    from dea_fenicsx.results import Run
     from dea_fenicsx.rotation import BendingAngle, Rotation
-    from dea_fenicsx.run import Run, solve
+    from dea_fenicsx.run import solve
     from dea_fenicsx.scene import Scene
     from dea_fenicsx.script import Parser
     from dea_fenicsx.solver import NewtonOptions
@@ -84,7 +92,9 @@ _HOME = {
         "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure", "FreeBody",
         "Ground", "Stretch", "Taper", "ThinFilm", "Torque", "Twist",
     ),
-    "errors": ("DeaError", "EquilibriumLost", "InputError", "SolverError"),
+    "errors": (
+        "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "SolverError",
+    ),
     "failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
     "kinematics": ("Axisymmetric", "Helical", "PlaneStrain", "ThreeD"),
     "materials": (
@@ -101,7 +111,8 @@ _HOME = {
     ),
     "reading": ("read_history", "read_summary"),
     "rotation": ("BendingAngle", "Rotation"),
-    "run": ("Run", "solve"),
+    "results": ("Run",),
+    "run": ("solve",),
     "scene": ("Scene",),
     "script": ("Parser",),
     "solver": ("NewtonOptions",),

@@ -6,11 +6,12 @@ found only once ``dolfinx_solver`` has been imported.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import platform
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,8 @@ from petsc4py import PETSc
 from ufl.algorithms import expand_derivatives
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
+
+from dea_fenicsx.errors import MachineError
 
 __all__ = ["PETSc", "collapse", "compile_form", "coordinate_element", "create_vector", "dolfinx",
            "expression", "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
@@ -58,7 +61,48 @@ def jit_options() -> dict[str, Any]:
     in half the time what will run once.
     """
     flags = os.environ.get("DEA_FENICSX_CFLAGS", "").split() or list(_COMPILE_FLAGS)
-    return {"cffi_extra_compile_args": flags, "cache_dir": _cache_dir()}
+    # another run may be compiling the same form: wait for it
+    return {"cffi_extra_compile_args": flags, "cache_dir": _cache_dir(), "timeout": 300}
+
+
+@contextmanager
+def _compiling() -> Iterator[None]:
+    """Compile a form: sweep the cache before, and tell in one sentence why it cannot be done.
+
+    FFCx leaves a mark in the cache while it compiles.  The mark of a run that was killed meanwhile
+    would make all later ones wait for it in vain, so whoever finds himself alone removes it.
+    """
+    folder = _cache_dir()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with open(folder / "lock", "a") as lock:
+            with suppress(OSError):
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                for mark in folder.glob("*.c"):
+                    if not mark.with_suffix(".c.cached").exists():
+                        mark.unlink()
+            with suppress(OSError):  # some file systems have no locks
+                fcntl.flock(lock, fcntl.LOCK_SH)
+            yield
+    except OSError as error:
+        raise MachineError(
+            f"The cache of compiled forms in {folder} cannot be used ({error.strerror or error}); "
+            "set XDG_CACHE_HOME to a folder that can be written."
+        ) from error
+    except Exception as error:
+        if not _is_of_the_compiler(error):
+            raise
+        raise MachineError(
+            "A form could not be compiled; `dea doctor` tells what the compiler lacks "
+            f"({' '.join(str(error).split())[:160]})."
+        ) from error
+
+
+def _is_of_the_compiler(error: Exception) -> bool:
+    """Whether an exception comes from the C compiler and not from the form."""
+    return type(error).__name__ in ("VerificationError", "CompileError", "LinkError") or (
+        isinstance(error, RuntimeError) and "JIT" in str(error)
+    )
 
 
 def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any, Any]:
@@ -106,7 +150,8 @@ def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.
     """
     # labels of ufl.variable carry running numbers, which would make every problem's code a new one
     expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
-    compiled = dolfinx.fem.Expression(expr, points, jit_options=jit_options())
+    with _compiling():
+        compiled = dolfinx.fem.Expression(expr, points, jit_options=jit_options())
     size = int(np.prod(expr.ufl_shape, dtype=int))
 
     def evaluate(mesh: Any, cells: np.ndarray) -> np.ndarray:
@@ -134,7 +179,8 @@ def geometry_dofmap(mesh: Any) -> np.ndarray:
 
 def compile_form(form: Any) -> Any:
     """Compile a UFL form with this package's options."""
-    return dolfinx.fem.form(form, jit_options=jit_options())
+    with _compiling():
+        return dolfinx.fem.form(form, jit_options=jit_options())
 
 
 def create_vector(form: Any) -> Any:

@@ -7,7 +7,8 @@ all ranks together, so that no rank is left waiting; only rank 0 prints.
 from __future__ import annotations
 
 import sys
-import traceback
+import time
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
@@ -59,29 +60,99 @@ class SolverError(PathError):
     exit_status = 4
 
 
-def install_hook() -> None:
-    """Make an uncaught `DeaError` end the script with one sentence and its exit status.
+class MachineError(PathError):
+    """The machine failed, not the device: a full disk, a folder taken away, no compiler."""
 
-    Under MPI rank 0 alone prints it.  Any other uncaught exception shows its traceback and then
-    ends all ranks, since the others would wait for ever.
+    exit_status = 5
+
+
+class Interrupted(PathError):
+    """The user has interrupted the run; all completed steps are on disk."""
+
+    exit_status = 130
+
+
+GRACE_S = 3.0
+"""How long a rank that fails waits to hear whether the others fail with it."""
+
+_TAG = 31_999
+
+
+def install_hook() -> None:
+    """Make an uncaught error end all ranks, with one message.
+
+    A `DeaError` is told in one sentence and ends with its exit status; with ``--debug`` on the
+    command line, and for any other exception, the traceback is shown.  As a rule all ranks raise
+    together, and the lowest one speaks.  A rank that fails alone waits for a moment, speaks, and
+    ends the others, which would wait for it for ever.
     """
     previous = sys.excepthook
 
     def hook(
         kind: type[BaseException], error: BaseException, trace: TracebackType | None
     ) -> None:
-        mpi = sys.modules.get("mpi4py.MPI")
-        running = mpi is not None and mpi.Is_initialized() and not mpi.Is_finalized()
-        world = mpi.COMM_WORLD if running and mpi is not None else None
-        if isinstance(error, DeaError):
-            if world is None or world.rank == 0:
-                print(f"Error: {error}", file=sys.stderr, flush=True)
-            raise SystemExit(error.exit_status)
-        if world is not None and world.size > 1 and issubclass(kind, Exception):
-            traceback.print_exception(kind, error, trace)
-            sys.stderr.flush()
-            world.Abort(1)
-            return  # some MPIs let the process run on for a moment
-        previous(kind, error, trace)
+        world = _world()
+        speaks, together = (True, True) if world is None else _agree(world)
+        status = getattr(error, "exit_status", 130 if isinstance(error, KeyboardInterrupt) else 1)
+        if speaks:
+            alone = "" if world is None or together else f" on rank {world.rank} alone"
+            _tell(previous, kind, error, trace, alone)
+        if world is not None and not together:
+            # the speaker ends this rank too; and its launcher must pass on what it has said
+            time.sleep(0.5 if speaks else GRACE_S + 0.5)
+            world.Abort(status)
+        raise SystemExit(status)
 
     sys.excepthook = hook
+
+
+def _tell(
+    previous: Callable[..., Any],
+    kind: type[BaseException],
+    error: BaseException,
+    trace: TracebackType | None,
+    alone: str,
+) -> None:
+    """Print what happened: a sentence, or a traceback."""
+    debug = "--debug" in sys.argv
+    if debug or not isinstance(error, DeaError | KeyboardInterrupt):
+        previous(kind, error, trace)
+        if alone:
+            print(f"Error{alone}: all ranks are ended.", file=sys.stderr)
+    elif isinstance(error, KeyboardInterrupt):
+        print("Interrupted.", file=sys.stderr)
+    else:
+        print(f"Error{alone}: {error}", file=sys.stderr)
+    sys.stderr.flush()
+
+
+def _world() -> Any:
+    """All ranks, if there are several and MPI is running."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    if mpi is None or not mpi.Is_initialized() or mpi.Is_finalized():
+        return None
+    return mpi.COMM_WORLD if mpi.COMM_WORLD.size > 1 else None
+
+
+def _agree(world: Any) -> tuple[bool, bool]:
+    """Whether this rank is to speak, and whether all ranks have failed.
+
+    Each rank that fails tells all others so, and listens for a moment; a rank that goes on working
+    says nothing.
+    """
+    mpi = sys.modules["mpi4py.MPI"]
+    others = [rank for rank in range(world.size) if rank != world.rank]
+    sent = [world.isend(None, dest=rank, tag=_TAG) for rank in others]
+    failed = {world.rank}
+    status = mpi.Status()
+    end = time.monotonic() + GRACE_S
+    while len(failed) < world.size and time.monotonic() < end:
+        if world.iprobe(tag=_TAG, status=status):
+            world.recv(source=status.Get_source(), tag=_TAG)
+            failed.add(status.Get_source())
+        else:
+            time.sleep(0.01)
+    together = len(failed) == world.size
+    if together:
+        mpi.Request.waitall(sent)
+    return world.rank == min(failed), together

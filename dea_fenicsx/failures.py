@@ -7,7 +7,7 @@ Zhao and Suo, Phys. Rev. B 76 (2007) 134113; Moscardo et al., J. Appl. Phys. 104
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -15,7 +15,7 @@ import numpy as np
 import ufl
 
 from dea_fenicsx import compat
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.errors import EquilibriumLost, InputError
 from dea_fenicsx.materials import IdealDielectric
 from dea_fenicsx.scene import Scene, known
 from dea_fenicsx.weakform import Problem
@@ -302,3 +302,15 @@ def default_failures(scene: Scene) -> tuple[Failure, ...]:
     """What is watched without being asked for: breakdown, where a breakdown field is known."""
     breakdown = ElectricalBreakdown()
     return (breakdown,) if scene.has_potential and breakdown.regions_of(scene) else ()
+
+
+def pull_in(scene: Scene, error: EquilibriumLost, last: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The voltages between which equilibrium was lost, if the last step's ramp is electric."""
+    label = str(last["ramp"])
+    if not scene.is_electric(label):
+        return []
+    volts = scene.reference_voltage(label) or 1.0
+    low, high = (f[label] * volts for f in (error.reached, error.failed))
+    return [
+        {"mode": "pull-in", "step": last["step"], f"{label}_V": low, f"{label}_above_V": high}
+    ]

@@ -159,7 +159,8 @@ def read_frame(folder: Path, step: int = -1) -> Frame:
         assert element is not None
         name, _, where = (element.findtext("DataItem") or "").strip().partition(":")
         try:
-            with h5py.File(folder / name) as h5:
+            # without a lock: the run, or another program, may have the file open
+            with h5py.File(folder / name, locking=False) as h5:
                 return h5[where][()]
         except (OSError, KeyError, ValueError) as error:
             raise InputError(f"{folder / name} cannot be read, or lacks {where!r}.") from error

@@ -7,6 +7,7 @@
     checkpoint.npz  the last accepted state, to resume from
     modes/          the null vector of each critical point, on its deformed state
     script.py       the script that made it
+    run.log         what the run said, with the time of day
     previous/       an earlier run's files; those of later ones in previous_2/ and so on
 
 Each file is written under another name and then renamed, so that at any moment every file on disk
@@ -16,12 +17,16 @@ is whole.  Rank 0 writes.
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
+import re
 import shutil
 import tempfile
 import zlib
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -30,30 +35,30 @@ import h5py
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx import provenance
-from dea_fenicsx.errors import InputError
+from dea_fenicsx import provenance, xdmf
+from dea_fenicsx.errors import InputError, MachineError
 from dea_fenicsx.fields import Grid
 from dea_fenicsx.reading import read_history, read_summary
+from dea_fenicsx.weakform import Problem
 
-__all__ = ["RUN_FILES", "Folder", "read_history", "read_summary", "replace_file"]
+__all__ = ["RUN_FILES", "Folder", "Run", "read_history", "read_summary", "replace_file"]
 
-_XDMF_CELLS = {
-    "triangle": "Triangle_6",
-    "quadrilateral": "Quadrilateral_9",
-    "tetrahedron": "Tetrahedron_10",
-    "hexahedron": "Hexahedron_27",
-}
-_KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
 RUN_FILES = (
     "fields.xdmf", "fields.h5", "history.csv", "summary.json", "checkpoint.npz", "parts", "modes",
+    "run.log",
 )  # fmt: skip
 
 
 def replace_file(path: Path, write: Callable[[Path], None]) -> None:
     """Write a file through a temporary one beside it, so that a reader never sees half of it."""
     temporary = path.with_name(f".{path.name}.new")
-    write(temporary)
-    os.replace(temporary, path)
+    try:
+        write(temporary)
+        os.replace(temporary, path)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
 
 
 class Folder:
@@ -90,6 +95,25 @@ class Folder:
         if fault:
             raise InputError(fault if fault.endswith(".") else f"{fault} ({self.path}).")
         return result
+
+    def write(self, action: Callable[[], None], together: bool = True) -> None:
+        """Write on rank 0; if that fails, raise `MachineError` on all ranks.
+
+        Collective, unless `together` is False: then it is raised on rank 0 alone.
+        """
+        fault = ""
+        if self.comm.rank == 0:
+            try:
+                action()
+            except (OSError, RuntimeError) as error:  # h5py raises either
+                fault = _reason(error)
+        if together:
+            fault = self.comm.bcast(fault, root=0)
+        if fault:
+            raise MachineError(
+                f"The results folder {self.path} cannot be written any more ({fault}); all steps "
+                "before are kept there, and the run can be resumed from them."
+            )
 
     def _check_writable(self) -> None:
         try:
@@ -173,11 +197,7 @@ class Folder:
         assert grid is not None
         (self.path / "parts").mkdir(exist_ok=True)
 
-        def write(target: Path) -> None:
-            with h5py.File(target, "w") as h5:
-                _put_grid(h5, grid)
-
-        replace_file(self.path / "parts" / "grid.h5", write)
+        replace_file(self.path / "parts" / "grid.h5", _h5(lambda h5: _put_grid(h5, grid)))
 
     def write_step(
         self,
@@ -195,15 +215,14 @@ class Folder:
         if self.comm.rank != 0:
             return
 
-        def write_fields(target: Path) -> None:
+        def put_fields(h5: Any) -> None:
             assert nodes is not None and cells is not None
-            with h5py.File(target, "w") as h5:
-                for group, fields in (("node", nodes), ("cell", cells)):
-                    for name, values in fields.items():
-                        h5[f"{group}/{name}"] = values
+            for group, fields in (("node", nodes), ("cell", cells)):
+                for name, values in fields.items():
+                    h5[f"{group}/{name}"] = values
 
         if nodes is not None:
-            replace_file(self._part(step), write_fields)
+            replace_file(self._part(step), _h5(put_fields))
             self.write_xdmf(history)
         self.write_history(history)
         if told is None:
@@ -260,7 +279,7 @@ class Folder:
             file, prefix = self._where(self._part(step), f"step_{step:05d}/", whole)
             if file.exists():
                 grids.append(self._grid_xml(step, float(row["time"]), file, prefix, whole))
-        text = _document("".join(grids))
+        text = xdmf.document("".join(grids))
         replace_file(self.path / "fields.xdmf", lambda t: _discard(t.write_text(text, "utf-8")))
 
     def _where(self, part: Path, group: str, whole: bool) -> tuple[Path, str]:
@@ -269,7 +288,7 @@ class Folder:
 
     def _grid_xml(self, step: int, time: float, file: Path, prefix: str, whole: bool) -> str:
         mesh, mesh_prefix = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
-        return _grid_xml(
+        return xdmf.grid_xml(
             f"step {step}", time, (mesh, mesh_prefix), (file, prefix), self.path
         )
 
@@ -288,14 +307,14 @@ class Folder:
         folder.mkdir(exist_ok=True)
         file = folder / f"mode_{step:05d}.h5"
 
-        def write(target: Path) -> None:
-            with h5py.File(target, "w") as h5:
-                _put_grid(h5, grid)
-                for name, values in (nodes | {"mode": mode}).items():
-                    h5[f"node/{name}"] = values
+        def put(h5: Any) -> None:
+            _put_grid(h5, grid)
+            for name, values in (nodes | {"mode": mode}).items():
+                h5[f"node/{name}"] = values
 
-        replace_file(file, write)
-        text = _document(_grid_xml(f"mode of step {step}", 0.0, (file, ""), (file, ""), folder))
+        replace_file(file, _h5(put))
+        grid_xml = xdmf.grid_xml(f"mode of step {step}", 0.0, (file, ""), (file, ""), folder)
+        text = xdmf.document(grid_xml)
         replace_file(
             file.with_suffix(".xdmf"), lambda t: _discard(t.write_text(text, "utf-8"))
         )
@@ -322,7 +341,7 @@ class Folder:
                         continue
                     if name in h5:
                         del h5[name]
-                    with h5py.File(source) as part:
+                    with h5py.File(source, locking=False) as part:
                         group = h5.create_group(name)
                         for key, value in part.attrs.items():
                             group.attrs[key] = value
@@ -334,14 +353,23 @@ class Folder:
         shutil.rmtree(parts)
 
 
-def _document(grids: str) -> str:
-    """An XDMF document that holds a temporal collection of grids."""
-    return (
-        '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n <Domain>\n'
-        '  <Grid Name="device" GridType="Collection" CollectionType="Temporal">\n'
-        + grids
-        + "  </Grid>\n </Domain>\n</Xdmf>\n"
-    )
+def _h5(put: Callable[[Any], None]) -> Callable[[Path], None]:
+    """What writes an HDF5 file: built in memory, for HDF5 cannot close a file on a full disk."""
+
+    def write(target: Path) -> None:
+        image = io.BytesIO()
+        with h5py.File(image, "w") as h5:
+            put(h5)
+        target.write_bytes(image.getbuffer())
+
+    return write
+
+
+def _reason(error: Exception) -> str:
+    """Why a file could not be written, in a few words; HDF5's own account has many lines."""
+    text = str(getattr(error, "strerror", None) or error)
+    found = re.search(r"error message = '([^']*)'", text)
+    return found[1] if found else " ".join(text.split())[:160] or type(error).__name__
 
 
 def _put_grid(h5: Any, grid: Grid) -> None:
@@ -349,57 +377,6 @@ def _put_grid(h5: Any, grid: Grid) -> None:
     h5["cells"] = grid.cells
     h5["regions"] = grid.regions.astype(np.int64)
     h5.attrs["cell"] = grid.kind
-
-
-def _grid_xml(
-    name: str, time: float, mesh: tuple[Path, str], fields: tuple[Path, str], root: Path
-) -> str:
-    """One grid: its mesh and its fields, each a file and a group in it, seen from a folder."""
-    (mesh_file, mesh_prefix), (file, prefix) = mesh, fields
-    with h5py.File(mesh_file) as h5:
-        where = h5[mesh_prefix] if mesh_prefix else h5
-        n_cells, per_cell = where["cells"].shape
-        n_points = where["points"].shape[0]
-        kind = _XDMF_CELLS[str(where.attrs["cell"])]
-    mesh_name, file_name = (p.relative_to(root).as_posix() for p in (mesh_file, file))
-    source = f"{mesh_name}:/{mesh_prefix}"
-    lines = [
-        f'   <Grid Name="{name}" GridType="Uniform">',
-        f'    <Time Value="{time:.12g}"/>',
-        f'    <Topology TopologyType="{kind}" NumberOfElements="{n_cells}">',
-        _item((n_cells, per_cell), "Int", f"{source}cells"),
-        "    </Topology>",
-        '    <Geometry GeometryType="XYZ">',
-        _item((n_points, 3), "Float", f"{source}points"),
-        "    </Geometry>",
-        _attribute("region", "Scalar", "Cell", (n_cells,), "Int", f"{source}regions"),
-    ]
-    with h5py.File(file) as h5:
-        where = h5[prefix] if prefix else h5
-        for group, center in (("node", "Node"), ("cell", "Cell")):
-            for field, data in where.get(group, {}).items():
-                kind = _KINDS[data.shape[1] if data.ndim > 1 else 1]
-                place = f"{file_name}:/{prefix}{group}/{field}"
-                lines.append(_attribute(field, kind, center, data.shape, "Float", place))
-    return "\n".join([*lines, "   </Grid>\n"])
-
-
-def _item(shape: tuple[int, ...], kind: str, where: str) -> str:
-    size = " ".join(map(str, shape))
-    precision = 8
-    return (
-        f'     <DataItem Dimensions="{size}" NumberType="{kind}" Precision="{precision}" '
-        f'Format="HDF">{where}</DataItem>'
-    )
-
-
-def _attribute(
-    name: str, kind: str, center: str, shape: tuple[int, ...], number: str, where: str
-) -> str:
-    return (
-        f'    <Attribute Name="{name}" AttributeType="{kind}" Center="{center}">\n'
-        f"{_item(shape, number, where)}\n    </Attribute>"
-    )
 
 
 def _number(value: Any) -> Any:
@@ -428,3 +405,52 @@ def _plain(value: Any) -> Any:
 
 def _discard(_: object) -> None:
     """Drop a return value that a callback must not have."""
+
+
+@dataclass
+class Run:
+    """A finished or ended run.
+
+    Attributes
+    ----------
+    history
+        A row for each accepted step: column name to value.
+    summary
+        What summary.json holds.
+    problem
+        The discrete problem in its last accepted state.
+    folder
+        The results folder's writer, or None.
+    """
+
+    history: list[dict[str, Any]]
+    summary: dict[str, Any]
+    problem: Problem
+    folder: Folder | None = None
+
+    @property
+    def out(self) -> Path | None:
+        """The results folder."""
+        return self.folder.path if self.folder else None
+
+    def add(self, **values: Any) -> None:
+        """Add a script's own findings to the summary, in memory and on disk (by rank 0).
+
+        A key ends in its unit (``height_m``) unless it is a pure number.
+        """
+        self.summary |= values
+        folder = self.folder
+        if folder:  # a script may well call this on rank 0 alone
+            folder.write(lambda: folder.write_summary(self.summary), together=False)
+
+    def column(self, name: str) -> np.ndarray:
+        """A column of the history as an array."""
+        if name not in self.history[0]:
+            raise InputError(
+                f"The history has no column {name!r}; it has: {', '.join(self.history[0])}."
+            )
+        return np.array([row[name] for row in self.history], dtype=float)
+
+    def __getitem__(self, name: str) -> float:
+        """Value of a column at the last step."""
+        return float(self.column(name)[-1])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -11,71 +10,36 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from dea_fenicsx.checks import check_step
-from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
+from dea_fenicsx.errors import (
+    EquilibriumLost,
+    InputError,
+    Interrupted,
+    MachineError,
+    PathError,
+    SolverError,
+)
 from dea_fenicsx.events import Alarm, Sentinel
-from dea_fenicsx.failures import Failure, Gauge, Worst, default_failures
+from dea_fenicsx.failures import Failure, Gauge, Worst, default_failures, pull_in
 from dea_fenicsx.fields import FieldWriter
+from dea_fenicsx.interruption import Interruption
 from dea_fenicsx.observables import Measurement, Observable
-from dea_fenicsx.results import Folder
+from dea_fenicsx.progress import Progress, step_line
+from dea_fenicsx.results import Folder, Run
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import NewtonOptions, NewtonSolver
 from dea_fenicsx.stepping import Cursor, Ramp, Step, check_path, follow
-from dea_fenicsx.summary import described, settings, versions, work
+from dea_fenicsx.summary import fingerprint, settings, versions, work
 from dea_fenicsx.tracing import Trace
 from dea_fenicsx.weakform import Problem
 
 STABILITY = ("last", "every", "never")
-
-
-@dataclass
-class Run:
-    """A finished or ended run.
-
-    Attributes
-    ----------
-    history
-        A row for each accepted step: column name to value.
-    summary
-        What summary.json holds.
-    problem
-        The discrete problem in its last accepted state.
-    folder
-        The results folder's writer, or None.
-    """
-
-    history: list[dict[str, Any]]
-    summary: dict[str, Any]
-    problem: Problem
-    folder: Folder | None = None
-
-    @property
-    def out(self) -> Path | None:
-        """The results folder."""
-        return self.folder.path if self.folder else None
-
-    def add(self, **values: Any) -> None:
-        """Add a script's own findings to the summary, in memory and on disk.
-
-        A key ends in its unit (``height_m``) unless it is a pure number.
-        """
-        self.summary |= values
-        if self.folder:
-            self.folder.write_summary(self.summary)
-
-    def column(self, name: str) -> np.ndarray:
-        """A column of the history as an array."""
-        if name not in self.history[0]:
-            raise InputError(
-                f"The history has no column {name!r}; it has: {', '.join(self.history[0])}."
-            )
-        return np.array([row[name] for row in self.history], dtype=float)
-
-    def __getitem__(self, name: str) -> float:
-        """Value of a column at the last step."""
-        return float(self.column(name)[-1])
+STATUS = {
+    EquilibriumLost: "equilibrium lost", SolverError: "solver failed",
+    MachineError: "machine failed", Interrupted: "interrupted",
+}  # fmt: skip
+"""What summary.json calls the end of a run, besides "running" and "completed"."""
 
 
 def solve(
@@ -86,6 +50,7 @@ def solve(
     *,
     resume: bool = False,
     quiet: bool = False,
+    verbose: bool | None = None,
     stability: str = "last",
     failures: Sequence[Failure] | None = None,
     options: NewtonOptions | None = None,
@@ -107,7 +72,9 @@ def solve(
     resume
         Carry on from the last step in `out`, if there is one.
     quiet
-        Print nothing.
+        Print nothing; ``run.log`` in `out` is written all the same.
+    verbose
+        Print each Newton iteration, too; None does as the command line's ``--verbose`` says.
     stability
         When to factorise the tangent of an accepted state to count its negative eigenvalues:
         at the ``"last"`` step, at ``"every"`` step, or ``"never"`` on purpose.  With ``"every"`` a
@@ -131,8 +98,14 @@ def solve(
     InputError
         Before anything is solved or written.
     EquilibriumLost, SolverError
-        If the path cannot be followed to its end; everything up to the last accepted step is on
-        disk, and the error's attribute `run` holds it.
+        If the path cannot be followed to its end.
+    Interrupted
+        By Ctrl-C or SIGTERM, at the next stage of the solver: after a factorisation, not in it.
+    MachineError
+        If the results cannot be written any more, because the disk is full, say.
+
+        In all these cases everything up to the last accepted step is on disk, and the error's
+        attribute `run` holds it.
     """
     path = [path] if isinstance(path, Ramp | Trace) else list(path)
     check_path(scene, path)
@@ -147,8 +120,9 @@ def solve(
             f'A trace with switch=... needs stability="every", but stability is {stability!r}.'
         )
     return _Session(
-        scene, path, dict(record or {}), out, resume, quiet, stability, watched, options, settings
-    ).run()
+        scene, path, dict(record or {}), out, resume, quiet, verbose, stability, watched, options,
+        settings,
+    ).run()  # fmt: skip
 
 
 @dataclass
@@ -161,6 +135,7 @@ class _Session:
     out: str | Path | None
     resume: bool
     quiet: bool
+    verbose: bool | None
     stability: str
     failures: Sequence[Failure]
     options: NewtonOptions | None
@@ -170,11 +145,12 @@ class _Session:
     ramp: int = 0
     counts: tuple[int, int, int] = (0, 0, 0)
     found: list[dict[str, Any]] = field(default_factory=list)
-    lost: EquilibriumLost | SolverError | None = None
+    lost: PathError | None = None
 
     def run(self) -> Run:
         self.started = time.perf_counter()
         self.comm = self.scene.device.comm
+        self.progress = Progress(self.comm.rank == 0, self.quiet, self.verbose)
         folder = Folder(self.out, self.comm) if self.out is not None else None
         self.problem = Problem(self.scene)
         self.measurements: dict[str, Measurement] = {
@@ -190,8 +166,9 @@ class _Session:
             folder.start()
         if folder and self.writer:
             folder.keep_origin()
-            folder.write_grid(self.writer.grid)
-        self._say(
+            self.progress.log = folder.path / "run.log"
+            folder.write(lambda: folder.write_grid(self.writer.grid))  # type: ignore[union-attr]
+        self.progress.say(
             f"{self.scene.device.source or 'device'}: {self.problem.unknowns} unknowns, "
             f"{self.comm.size} rank{'s' * (self.comm.size > 1)}"
             + (f", resumed after step {cursor.step}" if cursor else "")
@@ -205,19 +182,44 @@ class _Session:
             stability=self.stability == "every",
             fired=[row["event"] for row in self.history],
         )
+        self.progress.begin(self._share(cursor) if cursor else 0.0)
+        interruption = Interruption(self.comm)
+
+        def notify(stage: str) -> None:
+            interruption.check()
+            self.progress.stage(stage)
+
+        self.solver.notify = notify
         try:
-            for step in follow(
-                self.solver, self.path, cursor, self._say, self._enough, sentinel
-            ):
-                self._accept(step)
-        except (EquilibriumLost, SolverError) as error:
+            with interruption:
+                for step in follow(
+                    self.solver, self.path, cursor, self.progress.say, self._enough, sentinel
+                ):
+                    self._accept(step)
+        except PathError as error:
             error.run = result
             self.lost = error
-            kind = "equilibrium lost" if isinstance(error, EquilibriumLost) else "solver failed"
-            self._finish(result, kind, str(error))
+            if isinstance(error, Interrupted):
+                error.args = (f"{error}; {self._kept()}.",)
+            self._finish(result, STATUS[type(error)], str(error))
             raise
         self._finish(result, "completed")
         return result
+
+    def _share(self, cursor: Cursor) -> float:
+        """Share of the path that is behind, each of its items taken alike."""
+        return (cursor.ramp + cursor.position) / len(self.path)
+
+    def _kept(self) -> str:
+        """What an interrupted run leaves behind, in words."""
+        if self.folder is None:
+            return "nothing is on disk, for the run has no results folder"
+        if not self.history:
+            return f"no step was completed, and {self.folder.path} holds none"
+        return (
+            f"the steps up to {self.history[-1]['step']} are kept in {self.folder.path}, and the "
+            "run can be resumed from there"
+        )
 
     def _enough(self) -> bool:
         """Whether the present trace has crossed the value it was to go to."""
@@ -291,7 +293,7 @@ class _Session:
             self._note_failure("pull-in", row, None)
         if self.folder and self.writer:
             self._write(step, row, {f.column: values for f, _, values in read})
-        self._report(row, now - self._step_started)
+        self._report(row, now - self._step_started, self._share(cursor))
         self._step_started = time.perf_counter()
 
     def _write(
@@ -313,10 +315,19 @@ class _Session:
             if cells is not None and values is not None:
                 cells[column] = values
         nodes, state = self.writer.node_fields(), self.writer.gather_state()
-        self.folder.write_step(step.cursor.step, told, self.history, nodes, cells, state)
-        if step.mode is not None:
-            shape = self.writer.vector(step.mode)
-            self.folder.write_mode(step.cursor.step, self.writer.grid, nodes, shape)
+        shape = self.writer.vector(step.mode) if step.mode is not None else None
+        folder, grid = self.folder, self.writer.grid
+
+        def write() -> None:
+            folder.write_step(step.cursor.step, told, self.history, nodes, cells, state)
+            if shape is not None:
+                folder.write_mode(step.cursor.step, grid, nodes, shape)
+
+        try:
+            folder.write(write)
+        except MachineError:
+            self.history.pop()  # not on disk, and so no step of this run
+            raise
 
     def _loads(self, row: dict[str, Any]) -> dict[str, float]:
         """Columns of a row that hold the loads."""
@@ -339,48 +350,23 @@ class _Session:
             if not (may and np.isnan(value))
         }
 
-    def _report(self, row: dict[str, Any], seconds: float) -> None:
-        loads = "  ".join(
-            f"{k.removesuffix('_V')} {v:.6g}{' V' * k.endswith('_V')}"
-            for k, v in self._loads(row).items()
-        )
-        seen = "  ".join(f"{name} {row[name]:.6g}" for name in list(self.measurements)[:3])
-        self._say(
-            f"step {row['step']:3d}  {loads}  {seen}  Newton {row['newton_iterations']}  "
-            f"Krylov {row['krylov_iterations']}  {seconds:.1f} s"
-            + (f"  ({row['event']})" if row["event"] else "")
-        )
-
-    def _say(self, line: str) -> None:
-        if not self.quiet and self.comm.rank == 0:
-            print(line, flush=True)
+    def _report(self, row: dict[str, Any], seconds: float, share: float) -> None:
+        """Tell of an accepted step."""
+        before = self._loads(self.history[-2]) if len(self.history) > 1 else {}
+        seen = list(self.measurements)[:3]
+        self.progress.step(step_line(row, self._loads(row), before, seen, seconds), share)
 
     # ------------------------------------------------------------------ resume
 
     def _fingerprint(self) -> dict[str, Any]:
-        """What must agree between a run and its continuation."""
-        device = self.scene.device
-        facts = {
-            "cells": self.comm.allreduce(device.owned_cells(), op=MPI.SUM),
-            "ramps": list(self.scene.ramps),
-            "materials": {k: described(m) for k, m in self.scene.materials.items()},
-            **{
-                what: [described(item) for item in getattr(self.scene, what)]
-                for what in ("electrodes", "supports", "prescribed", "loads")
-            },
-            "kinematics": described(self.scene.kinematics),
-            "elements": described(self.scene.elements),
-            "path": [described(r) for r in self.path],
-            "unknowns": self.problem.unknowns,
-        }
-        return json.loads(json.dumps(facts))
+        return fingerprint(self.problem, self.path)
 
     def _load(self) -> Cursor | None:
         """Restore the last accepted step of an earlier run, or None if there is none."""
         assert self.folder and self.writer
         found = self.folder.load_checkpoint()
         if found is None:
-            self._say("There is no earlier run to resume; starting anew.")
+            self.progress.say("There is no earlier run to resume; starting anew.")
             return None
         told, state = found
         mine, theirs = self._fingerprint(), told["fingerprint"]
@@ -410,9 +396,22 @@ class _Session:
     # ----------------------------------------------------------------- summary
 
     def _finish(self, result: Run, status: str, message: str = "") -> None:
-        if self.folder:
-            self.folder.consolidate(self.history)
-        self._summarise(result, status, message)
+        """Bring the files into their final form, as far as the machine allows."""
+        folder = self.folder
+        if folder:
+            try:
+                folder.write(lambda: folder.consolidate(self.history))
+            except MachineError:
+                where = folder.path / "parts"
+                self.progress.say(f"There is no room for one fields.h5: the steps stay in {where}.")
+        try:
+            self._summarise(result, status, message)
+        except MachineError as error:
+            if self.lost is None:
+                error.run = result
+                raise
+        steps = len(self.history) - 1
+        self.progress.end(f"{status}: {max(steps, 0)} steps, {result.summary['wall_s']:.1f} s")
 
     def _summarise(self, result: Run, status: str, message: str = "") -> None:
         """Fill the run's summary and write it.  Collective."""
@@ -430,7 +429,7 @@ class _Session:
                 {"event": row["event"], "step": row["step"], **self._loads(row)}
                 for row in self.history if row["event"]
             ],
-            "failures": self.found + self._pull_in_by_loss(),
+            "failures": self.found + self._lost_by_pull_in(),
             "steps": len(self.history) - 1 if self.history else 0,
             **work(solver, self.history),
             "wall_s": self.earlier_s + time.perf_counter() - self.started,
@@ -442,20 +441,14 @@ class _Session:
         result.summary.clear()
         result.summary.update(summary)
         if self.folder:
-            self.folder.write_summary(summary)
+            folder = self.folder
+            folder.write(lambda: folder.write_summary(summary))
 
-    def _pull_in_by_loss(self) -> list[dict[str, Any]]:
-        """A voltage at which equilibrium was lost, if the path ended so: between two loads."""
-        error = self.lost
-        label = self.history[-1]["ramp"] if self.history else ""
-        if not isinstance(error, EquilibriumLost) or not self.scene.is_electric(label):
+    def _lost_by_pull_in(self) -> list[dict[str, Any]]:
+        known = any(entry["mode"] == "pull-in" for entry in self.found)
+        if known or not isinstance(self.lost, EquilibriumLost):
             return []
-        if any(entry["mode"] == "pull-in" for entry in self.found):
-            return []
-        volts = self.scene.reference_voltage(label) or 1.0
-        low, high = (f[label] * volts for f in (error.reached, error.failed))
-        return [{"mode": "pull-in", "step": self.history[-1]["step"], f"{label}_V": low,
-                 f"{label}_above_V": high}]  # fmt: skip
+        return pull_in(self.scene, self.lost, self.history[-1])
 
     def _kept_keys(self) -> set[str]:
         """Columns whose last value belongs into the summary."""

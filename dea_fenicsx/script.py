@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 from typing import Any, NoReturn
 
+from dea_fenicsx import progress
 from dea_fenicsx.errors import InputError
 
 
 class Parser(argparse.ArgumentParser):
     """An argument parser for scripts that are started with mpirun.
 
-    Adds ``--out DIR``, ``--quiet`` and ``--resume``.  A wrong command line ends as an
-    `InputError`: one sentence from rank 0, exit status 2.
+    Adds ``--out DIR``, ``--quiet``, ``--verbose``, ``--debug`` and ``--resume``.  A wrong command
+    line ends as an `InputError`: one sentence from rank 0, exit status 2.
     """
 
     def __init__(self, description: str, out: str) -> None:
@@ -21,6 +22,8 @@ class Parser(argparse.ArgumentParser):
         )
         self.add_argument("--out", default=out, metavar="DIR", help="results folder")
         self.add_argument("--quiet", action="store_true", help="print nothing")
+        self.add_argument("--verbose", action="store_true", help="print each Newton iteration")
+        self.add_argument("--debug", action="store_true", help="show the traceback of an error")
         self.add_argument(
             "--resume", action="store_true", help="carry on from the last step in --out"
         )
@@ -32,6 +35,11 @@ class Parser(argparse.ArgumentParser):
     def count(self, flag: str, default: int, what: str) -> None:
         """Add an option that takes a whole number."""
         self.add_argument(flag, type=int, default=default, metavar="N", help=what)
+
+    def parse_args(self, *arguments: Any, **options: Any) -> Any:
+        found = super().parse_args(*arguments, **options)
+        progress.verbose_by_default = found.verbose
+        return found
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{self.prog}: {message}; see --help.")

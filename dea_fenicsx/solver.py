@@ -8,6 +8,7 @@ and renewed only when the Krylov iterations grow.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -143,6 +144,11 @@ class NewtonSolver:
         What is to be solved.
     options
         Tolerances and limits.
+
+    Attributes
+    ----------
+    notify
+        Called on all ranks before each long stage, with its name; what it raises ends the solve.
     """
 
     def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
@@ -152,6 +158,7 @@ class NewtonSolver:
         self.inertia = Inertia()
         self.references = References(problem)
         self.trouble = ""
+        self.notify: Callable[[str], None] = lambda stage: None
         self._ksp: Any = None
         self._kept: Any = None
         self._stale = True
@@ -208,6 +215,7 @@ class NewtonSolver:
             if reason:
                 return Attempt(reason, iteration, norm)
             history.append(norm)
+            self.notify(f"Newton {iteration}: residual {norm:.1e}")
             if not np.isfinite(norm) or (iteration > 3 and norm > 1e4 * min(history[1:])):
                 return Attempt("diverged", iteration, norm)
         probe = problem.probe()
@@ -270,6 +278,7 @@ class NewtonSolver:
 
     def assemble(self) -> Any:
         """The tangent at the problem's present state."""
+        self.notify("assembling")
         start = time.perf_counter()
         tangent = self.problem.tangent()
         self.counters.assembly_s += time.perf_counter() - start
@@ -298,6 +307,7 @@ class NewtonSolver:
 
     def _factorise(self, tangent: Any) -> bool:
         """Make a new factor of the tangent; False if MUMPS fails however much room it gets."""
+        self.notify("factorising")
         start = time.perf_counter()
         if self._ksp is not None:
             self._kept.destroy()
@@ -369,6 +379,7 @@ class NewtonSolver:
         self, tangent: Any, rhs: np.ndarray, rtol: float
     ) -> tuple[np.ndarray | None, int]:
         """GMRES on the tangent with the kept factor; None if it does not converge."""
+        self.notify("solving")
         start = time.perf_counter()
         ksp = self._ksp
         ksp.setOperators(tangent, self._kept)

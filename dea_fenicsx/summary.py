@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import resource
 from collections.abc import Mapping, Sequence
 from dataclasses import is_dataclass
@@ -12,6 +13,7 @@ from mpi4py import MPI
 from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.provenance import package_versions
 from dea_fenicsx.solver import NewtonSolver
+from dea_fenicsx.weakform import Problem
 
 
 def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -53,6 +55,25 @@ def settings(
         "newton": described(solver.options),
         "scales": described(problem.scales),
     }
+
+
+def fingerprint(problem: Problem, path: Sequence[Any]) -> dict[str, Any]:
+    """What must agree between a run and its continuation.  Collective."""
+    scene = problem.scene
+    facts = {
+        "cells": problem.comm.allreduce(scene.device.owned_cells(), op=MPI.SUM),
+        "ramps": list(scene.ramps),
+        "materials": {k: described(m) for k, m in scene.materials.items()},
+        **{
+            what: [described(item) for item in getattr(scene, what)]
+            for what in ("electrodes", "supports", "prescribed", "loads")
+        },
+        "kinematics": described(scene.kinematics),
+        "elements": described(scene.elements),
+        "path": [described(r) for r in path],
+        "unknowns": problem.unknowns,
+    }
+    return json.loads(json.dumps(facts))
 
 
 def _peak_memory_GB() -> float:

@@ -21,7 +21,7 @@ import numpy as np
 
 from dea_fenicsx.design.evolution import Columns
 from dea_fenicsx.design.front import Front
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.errors import InputError, Interrupted, MachineError
 from dea_fenicsx.results import replace_file
 
 Key = tuple[float, ...]
@@ -92,6 +92,8 @@ class Evaluator:
         try:
             found = self.function(**design)
             record["quantities"] = {name: float(value) for name, value in found.items()}
+        except (Interrupted, MachineError):
+            raise  # no fault of the design
         except self.failures as error:
             record["failed"] = f"{type(error).__name__}: {error}"
         record["wall_s"] = round(time.perf_counter() - started, 3)

@@ -20,7 +20,8 @@ from dea_fenicsx.kinematics import Axisymmetric
 from dea_fenicsx.materials import Conductor, Material, NeoHookean
 from dea_fenicsx.mesh import read_gmsh
 from dea_fenicsx.observables import MeanDisplacement, Reaction
-from dea_fenicsx.run import Run, solve
+from dea_fenicsx.results import Run
+from dea_fenicsx.run import solve
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.stepping import Ramp
 

@@ -130,7 +130,8 @@ def finish(script: Path, out: Path, ranks: int, resume: bool, **environment: str
 def readable(out: Path) -> int:
     """Open all that is in a folder; returns the number of steps in fields.xdmf."""
     if (out / "summary.json").exists():
-        assert dea.read_summary(out)["status"] in ("running", "completed")
+        ended = ("running", "completed", "interrupted", "machine failed")
+        assert dea.read_summary(out)["status"] in ended
     if (out / "history.csv").exists():
         assert len(dea.read_history(out)["step"])
     if (out / "checkpoint.npz").exists():

@@ -1,0 +1,56 @@
+"""Ctrl-C and SIGTERM while a path is followed: an orderly end on all ranks."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Any
+
+from mpi4py import MPI
+
+from dea_fenicsx.errors import Interrupted
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class Interruption:
+    """Notes a signal and raises `Interrupted` on all ranks at the next call of `check`.
+
+    An exception raised wherever the signal strikes would leave each rank at a place of its own, and
+    the others waiting.  A second signal ends the process at once.  As a context manager it takes
+    the signals over and gives them back; outside Python's main thread it does nothing.
+    """
+
+    def __init__(self, comm: MPI.Comm) -> None:
+        self.comm = comm
+        self.number = 0
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Interruption:
+        if threading.current_thread() is threading.main_thread():
+            self._before = {n: signal.signal(n, self._note) for n in SIGNALS}
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        if self.number and error is None:
+            raise KeyboardInterrupt  # it came after the last check
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self.number:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+        self.number = number
+
+    def check(self) -> None:
+        """Raise `Interrupted` if any rank has been sent a signal.  Collective."""
+        number = self.comm.allreduce(self.number, op=MPI.MAX)
+        if number:
+            raise Interrupted(f"Interrupted by {signal.Signals(number).name}")

@@ -1,0 +1,82 @@
+"""XDMF documents that point into HDF5 files: one temporal collection of grids.
+
+DOLFINx's own writer makes a collection for each function, which ParaView shows as a block each and
+its plain reader cannot read.  Here every grid holds every field.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+
+_XDMF_CELLS = {
+    "triangle": "Triangle_6",
+    "quadrilateral": "Quadrilateral_9",
+    "tetrahedron": "Tetrahedron_10",
+    "hexahedron": "Hexahedron_27",
+}
+_KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
+
+
+def document(grids: str) -> str:
+    """An XDMF document that holds a temporal collection of grids."""
+    return (
+        '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n <Domain>\n'
+        '  <Grid Name="device" GridType="Collection" CollectionType="Temporal">\n'
+        + grids
+        + "  </Grid>\n </Domain>\n</Xdmf>\n"
+    )
+
+
+def grid_xml(
+    name: str, time: float, mesh: tuple[Path, str], fields: tuple[Path, str], root: Path
+) -> str:
+    """One grid: its mesh and its fields, each a file and a group in it, seen from a folder."""
+    (mesh_file, mesh_prefix), (file, prefix) = mesh, fields
+    with h5py.File(mesh_file, locking=False) as h5:
+        where = h5[mesh_prefix] if mesh_prefix else h5
+        n_cells, per_cell = where["cells"].shape
+        n_points = where["points"].shape[0]
+        kind = _XDMF_CELLS[str(where.attrs["cell"])]
+    mesh_name, file_name = (p.relative_to(root).as_posix() for p in (mesh_file, file))
+    source = f"{mesh_name}:/{mesh_prefix}"
+    lines = [
+        f'   <Grid Name="{name}" GridType="Uniform">',
+        f'    <Time Value="{time:.12g}"/>',
+        f'    <Topology TopologyType="{kind}" NumberOfElements="{n_cells}">',
+        _item((n_cells, per_cell), "Int", f"{source}cells"),
+        "    </Topology>",
+        '    <Geometry GeometryType="XYZ">',
+        _item((n_points, 3), "Float", f"{source}points"),
+        "    </Geometry>",
+        _attribute("region", "Scalar", "Cell", (n_cells,), "Int", f"{source}regions"),
+    ]
+    with h5py.File(file, locking=False) as h5:
+        where = h5[prefix] if prefix else h5
+        for group, center in (("node", "Node"), ("cell", "Cell")):
+            for field, data in where.get(group, {}).items():
+                kind = _KINDS[data.shape[1] if data.ndim > 1 else 1]
+                place = f"{file_name}:/{prefix}{group}/{field}"
+                lines.append(_attribute(field, kind, center, data.shape, "Float", place))
+    return "\n".join([*lines, "   </Grid>\n"])
+
+
+def _item(shape: tuple[int, ...], kind: str, where: str) -> str:
+    size = " ".join(map(str, shape))
+    precision = 8
+    return (
+        f'     <DataItem Dimensions="{size}" NumberType="{kind}" Precision="{precision}" '
+        f'Format="HDF">{where}</DataItem>'
+    )
+
+
+def _attribute(
+    name: str, kind: str, center: str, shape: tuple[int, ...], number: str, where: str
+) -> str:
+    return (
+        f'    <Attribute Name="{name}" AttributeType="{kind}" Center="{center}">\n'
+        f"{_item(shape, number, where)}\n    </Attribute>"
+    )
+
+

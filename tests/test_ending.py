@@ -1,0 +1,101 @@
+"""Errors in scripts on several ranks: all ranks end, within seconds, with one message."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+HEAD = """
+import sys
+import dea_fenicsx as dea
+from dea_fenicsx import errors
+from mpi4py import MPI
+errors.GRACE_S = 0.5
+rank, everyone = MPI.COMM_WORLD.rank, MPI.COMM_WORLD
+"""
+RECORDED = """
+from dea_fenicsx.geometry import BoxStack, Layer
+class Mine:
+    unit = ""
+    def bind(self, problem):
+        return self.measure
+    calls = 0
+    def measure(self):
+        self.calls += 1
+        if self.calls == 3 and rank == 1:
+            raise ValueError("no such thing")
+        return 0.0
+rubber = dea.Material(dea.NeoHookean(5e4), dea.IdealDielectric(3.0))
+strip = dea.read_gmsh(BoxStack(1e-3, None, [Layer("film", 1e-3)], divisions=(4,)))
+scene = dea.Scene(strip, {"film": rubber}, [dea.Electrode("top", 100.0), dea.Ground("bottom")],
+                  [dea.Clamp("bottom")], kinematics=dea.PlaneStrain())
+dea.solve(scene, dea.Ramp(steps=4), {"x": Mine()}, out=sys.argv[1], quiet=True)
+"""
+# script, ranks, exit status, the one message, whether there is a traceback
+SCRIPTS = {
+    "bad input on all ranks": (
+        "raise dea.InputError('Wrong.')", 2, 2, "Error: Wrong.", 0),
+    "bad input on one rank": (
+        "if rank == 1: raise dea.InputError('Wrong.')\neveryone.barrier()", 2, 2,
+        "Error on rank 1 alone: Wrong.", 0),
+    "bad input on rank 0": (
+        "if rank == 0: raise dea.InputError('Wrong.')\neveryone.barrier()", 2, 2,
+        "Error on rank 0 alone: Wrong.", 0),
+    "bad input on two of three": (
+        "if rank > 0: raise dea.InputError('Wrong.')\neveryone.barrier()", 3, 2,
+        "Error on rank 1 alone: Wrong.", 0),
+    "different errors": (
+        "raise dea.InputError('Wrong.') if rank else dea.SolverError('Failed.')", 2, None,
+        "Error: Failed.", 0),
+    "a slip on all ranks": ("1 / 0", 2, 1, "ZeroDivisionError: division by zero", 1),
+    "a slip on one rank": (
+        "if rank == 1: 1 / 0\neveryone.allreduce(rank)", 2, 1,
+        "ZeroDivisionError: division by zero", 1),
+    "a slip on one of three": (
+        "if rank == 2: 1 / 0\neveryone.bcast(rank, root=2)", 3, 1,
+        "ZeroDivisionError: division by zero", 1),
+    "a slip in what is recorded, on one rank": (RECORDED, 2, 1, "ValueError: no such thing", 1),
+    "interrupted on all ranks": ("raise KeyboardInterrupt", 2, 130, "Interrupted.", 0),
+    "interrupted on one rank": (
+        "if rank == 1: raise KeyboardInterrupt\neveryone.barrier()", 2, 130, "Interrupted.", 0),
+    "bad input, to be debugged": (
+        "sys.argv.append('--debug')\nraise dea.InputError('Wrong.')", 2, 2,
+        "dea_fenicsx.errors.InputError: Wrong.", 1),
+}  # fmt: skip
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("case", SCRIPTS)
+def test_one_message_and_no_rank_left(start, tmp_path, case):
+    text, ranks, status, message, tracebacks = SCRIPTS[case]
+    script = tmp_path / "script.py"
+    script.write_text(HEAD + text)
+    begun = time.monotonic()
+    done = start(script, tmp_path / "out", ranks=ranks, timeout=60)
+    assert time.monotonic() - begun < 30  # of which most is Python's start
+    assert done.returncode == status or (status is None and done.returncode)
+    told = done.stderr.splitlines()
+    assert told.count(message) == 1, done.stderr
+    assert done.stderr.count("Traceback (most recent call last)") == tracebacks
+    assert sum(line.startswith(("Error", "Interrupted")) for line in told) == (
+        1 if not tracebacks else int("one" in case)
+    )
+    if text is RECORDED:  # what was done before is on disk
+        assert (tmp_path / "out" / "history.csv").read_text().count("\n") == 3
+
+
+def test_alone_nothing_changes(start, tmp_path):
+    """Without MPI: a sentence for bad input, Python's own traceback for a slip."""
+    script = tmp_path / "script.py"
+    for text, status, words in (
+        ("raise dea.InputError('Wrong.')", 2, "Error: Wrong.\n"),
+        ("raise KeyboardInterrupt", 130, "Interrupted.\n"),
+    ):
+        script.write_text(f"import dea_fenicsx as dea\n{text}\n")
+        done = start(script)
+        assert (done.returncode, done.stderr) == (status, words)
+    script.write_text("import dea_fenicsx as dea\n1 / 0\n")
+    done = start(script)
+    assert done.returncode == 1
+    assert done.stderr.startswith("Traceback") and "line 2" in done.stderr
