@@ -1,7 +1,6 @@
 """Section 5.2.2: one storey of the Kresling box by finite elements, small displacements.
 
 Sizes that the thesis does not give: hinges 2 mm wide, panels of 2.1 GPa (PETG).
-`demos/kresling_cell.py` follows the storey over the whole stroke.
 """
 
 from __future__ import annotations
