@@ -155,7 +155,8 @@ def stiffened(args, out, settings):
                    [dea.Fix("x_min", "xz"), dea.Fix("x_max", "z")],
                    {"film": film.material, "stiffener": mylar})  # fmt: skip
     record = STRAINS | {"lift": dea.LargestDisplacement("bottom", "z")}
-    run = dea.solve(scene, [*tension_up(film, stretches), dea.Ramp("voltage", steps=8)], record, out=out,
+    path = [*tension_up(film, stretches), dea.Ramp("voltage", steps=8)]
+    run = dea.solve(scene, path, record, out=out,
                     failures=[dea.LossOfTension("z")], resume=args.resume, quiet=args.quiet,
                     stability="last", settings=settings)  # fmt: skip
     V, strain = run.column("voltage_V"), run.column("stretch_x") - 1
