@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 from conftest import ROOT
+from demo_checks import check_hinge, check_stiffened
 
 import dea_fenicsx as dea
 
@@ -321,48 +322,6 @@ def check_bending(out, printed):
     assert s["linear_voltage_for_4_2_deg_V"] == pytest.approx(expected, rel=2e-3)
     assert {"unknowns", "ranks", "wall_s", "peak_memory_GB"} <= set(s)
     assert (out / "bending_angle_voltage.png").exists()
-
-
-def check_hinge(out, printed):
-    """Digest section 12: free film 3.83 kV by a pressure; eps E^2 x 150 um x 2.125 in, 2.16 N."""
-    s = {k.removeprefix("C10_D1_"): v for k, v in summary(out).items()}
-    assert s["free_film_pull_in_pressure_V"] == pytest.approx(3826.0, abs=1)
-    assert abs(s["curvature_relative_difference"]) < 0.01
-    for kind in ("", "incompressible_"):
-        exact = s[f"closed_form_blocked_{kind}force_1kV_N"]
-        # between clamps a compressible film can't thicken near its ends
-        assert s[f"blocked_{kind}force_1kV_N"] == pytest.approx(exact, rel=1e-6 if kind else 0.02)
-    assert s["maxwell_force_4kV_N"] == pytest.approx(2.156, abs=1e-3)
-    assert s["tip_force_100V_N"] == pytest.approx(s["closed_form_tip_force_100V_N"], rel=0.03)
-    # own values, mesh 1, 2026-11
-    assert s["fold_at_1_2_4_kV_deg"] == pytest.approx([4.531, 19.22, 101.5], rel=5e-3)
-    assert s["fold_linear_pressure_at_1_2_4_kV_deg"] == pytest.approx([3.617, 14.469, 57.875],
-                                                                      rel=1e-3)  # fmt: skip
-    # two equal pressures on a curved film leave a resultant, under which the hinge buckles
-    assert s["fold_given_pressure_at_1_2_4_kV_deg"][1] > 180
-    assert "3826.0 V by a pressure" in printed
-    assert (out / "fold_angle_voltage.png").exists()
-
-
-def check_stiffened(out, printed):
-    """Digest sections 13 to 15: exact curves, strains at loss of tension, bounds, bending."""
-    s = summary(out)
-    assert s["max_relative_error"] < 1e-6
-    slack = {"gent, 2.125": 0.136, "gent, 2.75": 0.091}
-    assert s["loss_of_tension_strain"] == pytest.approx(slack, abs=5e-4)
-    stiff, bare, mixed = (
-        np.array(s[f"{k}_voltage_V"]) for k in ("stiffened", "bare", "mixture")
-    )
-    assert np.all(bare < stiff) and np.all(stiff < mixed)
-    assert 0 < s["voltage_rise"] < 0.1
-    assert s["mid_plane_bending_angle_deg"] < 1e-4
-    assert abs(s["bending_angle_deg"]) > 1e3 * s["mid_plane_bending_angle_deg"]
-    assert len(s["element_angle_deg"]) == 32
-    assert sum(s["element_angle_deg"]) == pytest.approx(s["bending_angle_deg"], rel=0.02)
-    assert s["bilayer_exact_angle_deg"][-1] == pytest.approx(90, abs=0.5)
-    assert s["bilayer_largest_difference"] < 0.02
-    for name in ("fields.xdmf", "voltage_strain.png", "element_angle.png", "section/fields.xdmf"):
-        assert (out / name).exists()
 
 
 def check_first_actuator(out, printed):
