@@ -84,6 +84,7 @@ class Scene:
         for item in (*self.electrodes, *self.prescribed, *self.loads):
             if not item.ramp:
                 raise InputError(f"A ramp of {type(item).__name__} has an empty name; give it one.")
+        _check_names(self)
         _check_kinematics(self)
         _check_materials(self)
         _check_electrodes(self)
@@ -122,6 +123,27 @@ def known(name: str, names: Iterable[str], what: str) -> None:
     hint = f"did you mean {near[0]!r}?" if near else ""
     listing = ", ".join(sorted(names)) or "none"
     raise InputError(f"There is no {what} named {name!r}; {hint} the mesh has: {listing}.")
+
+
+def _check_names(scene: Scene) -> None:
+    """Where the mesh lacks several of the names that a scene needs, say all of them at once.
+
+    A single one is left to the checks below, which say what it is for.
+    """
+    device = scene.device
+    regions, surfaces = set(scene.materials), set()
+    for item in [*scene.electrodes, *scene.supports, *scene.prescribed, *scene.loads]:
+        if isinstance(item, Electrode | ChargedElectrode):
+            surfaces |= set(item.names) - set(device.regions)
+        elif isinstance(where := getattr(item, "where", None), str):
+            surfaces.add(where)
+    lacking = [*sorted(regions - set(device.regions)), *sorted(surfaces - set(device.surfaces))]
+    if len(lacking) > 1:
+        raise InputError(
+            f"The scene needs {', '.join(map(repr, lacking))}, which the mesh lacks; "
+            f"{device.source or 'it'} has the regions {', '.join(sorted(device.regions))} and the "
+            f"surfaces {', '.join(sorted(device.surfaces)) or 'none'}."
+        )
 
 
 def finite(value: object, what: str) -> None:
