@@ -95,7 +95,7 @@ def _fits(value: Any, hint: Any) -> bool:
             return all(_fits(one, inner[0]) for one in value)
         return len(value) == len(inner) and all(map(_fits, value, inner))
     if origin is not None and issubclass(origin, Mapping):
-        return isinstance(value, Mapping)
+        return isinstance(value, Mapping) and all(_fits(key, inner[0]) for key in value)
     if not isinstance(hint, type):
         return True
     try:
@@ -119,6 +119,6 @@ def _words(hint: Any) -> str:
         count = "" if many else f"{len(inner)} "
         return f"a tuple of {count}({' and '.join(kinds)})"
     if origin is not None and issubclass(origin, Mapping):
-        return "a dictionary"
+        return f"a dictionary by {_words(inner[0]).removeprefix('a ')}"
     name = getattr(hint, "__name__", str(hint))
     return f"{'an' if name[0] in 'AEIO' else 'a'} {name}"

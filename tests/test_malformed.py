@@ -189,6 +189,7 @@ VALUES = {
     "a thin film of no thickness": (
         lambda c: scene(c, electrodes=[dea.ThinFilm("film", 1.0, along="y")]), "two different"),
     "no materials": (lambda c: scene(c, materials={}), "no material"),
+    "materials by number": (lambda c: scene(c, materials={1: RUBBER, "x": RUBBER}), "by name"),
     "materials in a list": (lambda c: scene(c, materials=[RUBBER]), "materials is"),
     "a conductor that drives": (lambda c: scene(c, materials={"film": dea.Material(
         dea.NeoHookean(5e4), dea.Conductor())}), "conducts, but is no electrode"),
