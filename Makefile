@@ -3,6 +3,8 @@
 # make test   the test suite
 # make hard   the table of hard cases and the random kills, into hard_cases.csv
 # make lint   ruff and mypy
+# make api    pages of all public names from their docstrings, into build/api
+# make pictures  those of README and pages
 # make docker the container image (docker/README.md)
 # make clean  remove what the targets above made, except results/
 
@@ -13,7 +15,7 @@ SHELL := /bin/bash
 READY := .venv/ready-$(firstword $(shell pwd | cksum))
 RUN := PATH="$(CURDIR)/.venv/bin:$$PATH" OMP_NUM_THREADS=1
 
-.PHONY: env demo test hard lint docker clean
+.PHONY: env demo test hard lint api pictures docker clean
 
 env: $(READY)
 
@@ -33,6 +35,12 @@ hard: env
 
 lint: env
 	$(RUN) .ci/lint
+
+api: env
+	$(RUN) .venv/bin/python -m dea_fenicsx.docs.api build/api
+
+pictures: env
+	$(RUN) .venv/bin/python -m dea_fenicsx.docs.pictures
 
 docker:
 	docker/build

@@ -1,4 +1,4 @@
-"""From a gmsh model or .msh file to one frozen object: mesh, tags and their names."""
+"""From a gmsh model or a file to one frozen object: mesh, tags and their names."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx import compat
+from dea_fenicsx.cad import Names, lengths, open_file, read_names
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.geometry._gmsh import quality
-from dea_fenicsx.units import si
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,42 +73,57 @@ class Device:
 
 
 def read_gmsh(
-    source: Any, comm: MPI.Comm = MPI.COMM_WORLD, *, dim: int | None = None, unit: float = 1.0
+    source: Any,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    dim: int | None = None,
+    unit: float | None = None,
+    size: float | None = None,
+    names: Names | None = None,
 ) -> Device:
-    """Read a mesh and distribute it.
+    """Read a mesh, or mesh a drawing, and distribute it.
 
     Parameters
     ----------
     source
-        A geometry of `dea_fenicsx.geometry` (anything with ``build()``), or the path of a .msh
-        file.  Only rank 0 builds or reads it.
+        A geometry of `dea_fenicsx.geometry` (anything with ``build()``), or the path of a file:
+        .msh and .geo with a named physical group for each part and each surface that the scene
+        needs, or STEP (.step, .stp).  Only rank 0 builds or reads it.
     comm
         The MPI communicator.
     dim
         Dimension of the coordinates, 2 or 3; by default that of the cells.
     unit
-        Length of the mesh's coordinate unit in metres (1e-3 for a mesh in millimetres).
+        Length of the file's coordinate unit in metres (1e-3 for a mesh in millimetres); 1 unless
+        given.  A STEP file states its own.
+    size
+        Largest size of an element in metres, for .geo and STEP files.
+    names
+        For STEP files: new names, each with the name or names that ``dea mesh FILE`` shows, as in
+        ``{"root": "surface_1", "top": ["surface_8", "surface_9"]}``.  Solids keep the names they
+        have in the file; what has none is numbered.
 
     Raises
     ------
     InputError
-        If the file is missing, is not a gmsh mesh, or has cells that no named group holds.
+        If the file is missing, gmsh cannot read or mesh it, or it has cells that no named group
+        holds.
     """
-    unit = si(unit, "m", "The mesh unit")
-    if not (np.isfinite(unit) and unit > 0):
-        raise InputError(f"The mesh unit is {unit!r}, but must be a length in metres > 0.")
     label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__
-    names: dict[str, tuple[int, int]] = {}
+    unit, size = lengths(label, unit, size)
+    groups: dict[str, tuple[int, int]] = {}
     fault, cell_dim, model, good = "", 0, None, {}
     if comm.rank == 0:
         try:
-            model = _open(source)
-            names, cell_dim = _read_names(model, label)
+            model = _open(source, None if size is None else size / unit, names)
+            groups, cell_dim = read_names(model, label)
             good = quality(model)
         except InputError as error:
             fault = str(error)
-    fault, names, cell_dim, good = comm.bcast((fault, names, cell_dim, good), root=0)
+    fault, groups, cell_dim, good = comm.bcast((fault, groups, cell_dim, good), root=0)
     if fault:
+        if model is not None:
+            model.remove()
         raise InputError(fault)
     try:
         mesh, cells, facets = compat.model_to_mesh(model, comm, dim or cell_dim)
@@ -134,55 +149,24 @@ def read_gmsh(
         mesh=mesh,
         cells=cells,
         facets=facets,
-        regions={n: tag for n, (d, tag) in names.items() if d == tdim},
-        surfaces={n: tag for n, (d, tag) in names.items() if d == tdim - 1},
+        regions={n: tag for n, (d, tag) in groups.items() if d == tdim},
+        surfaces={n: tag for n, (d, tag) in groups.items() if d == tdim - 1},
         length=extent * unit,
         source=label,
         quality=good,
     )
 
 
-def _open(source: Any) -> Any:
+def _open(source: Any, size: float | None, names: Names | None) -> Any:
     """The gmsh model of a geometry or of a file (rank 0 only)."""
-    if hasattr(source, "build"):
-        return source.build()
-    import gmsh
-
-    path = Path(source)
-    if not path.is_file():
-        raise InputError(f"There is no mesh file {path}; give the path of a gmsh .msh file.")
-    if not gmsh.isInitialized():
-        gmsh.initialize(interruptible=False)
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.model.add(path.stem)
-    try:
-        gmsh.merge(str(path))
-    except Exception as error:
-        gmsh.model.remove()
-        raise InputError(f"gmsh cannot read {path} ({error}); it must be a .msh file.") from error
-    return gmsh.model
-
-
-def _read_names(model: Any, label: str) -> tuple[dict[str, tuple[int, int]], int]:
-    """Names of the physical groups with (dimension, tag), and the dimension of the cells."""
-    groups = model.getPhysicalGroups()
-    types, tags, _ = model.mesh.getElements()
-    if not len(types) or not sum(len(t) for t in tags):
-        raise InputError(f"{label} holds no mesh elements; mesh it with gmsh before saving it.")
-    cell_dim = max(model.mesh.getElementProperties(t)[1] for t in types)
-    if not any(d == cell_dim for d, _ in groups):
+    if not hasattr(source, "build"):
+        return open_file(Path(source), size, names)
+    if size is not None or names:
         raise InputError(
-            f"{label} names no region; add a physical group of dimension {cell_dim} to each part."
+            f"size= and names= are for files that are still to be meshed; {type(source).__name__} "
+            "has its own."
         )
-    names: dict[str, tuple[int, int]] = {}
-    for d, tag in groups:
-        name = model.getPhysicalName(d, tag) or f"group_{d}_{tag}"
-        if name in names:
-            raise InputError(
-                f"{label} uses the name {name!r} for two physical groups; names must be unique."
-            )
-        names[name] = (d, tag)
-    return names, cell_dim
+    return source.build()
 
 
 def one_sided(device: Device, surface: str, prefer: frozenset[int] | None = None) -> np.ndarray:

@@ -72,7 +72,7 @@ class Tangent:
         are linear themselves.
         """
         problem = self.problem
-        if ramp not in self._loads or ramp in problem.loads.following:
+        if ramp not in self._loads or ramp in problem.loads.changing:
             vector = np.zeros(len(problem.free))
             if ramp in problem.loads.unit_work:
                 vector = problem.restrict(problem.load_vector(ramp))

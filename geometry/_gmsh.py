@@ -160,7 +160,7 @@ def quality(model: Any) -> dict[str, float]:
     ``least_scaled_jacobian`` is 1 in a cell with right angles, and must be above 0;
     ``largest_aspect`` is the longest over the shortest edge of a cell, large in thin layers.
     """
-    dim = max(d for d, _ in model.getEntities())
+    dim = max(d for d, tag in model.getEntities() if len(model.mesh.getElementTypes(d, tag)))
     tags = np.concatenate([t for part in model.getEntities(dim)
                            for t in model.mesh.getElements(*part)[1]])  # fmt: skip
     least, shortest, longest = (

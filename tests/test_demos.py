@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 from conftest import ROOT
+from demo_checks import check_hinge
 
 import dea_fenicsx as dea
 
@@ -87,6 +88,34 @@ def check_box(out, printed):
     assert s["printed_power_of_voltage"] == pytest.approx(1.79, abs=5e-3)
     assert (out / "box.png").exists()
     assert "42.6 % of the height, 74.2 % of what is left" in printed
+    # the angle of a storey of 1.65 in turned by 45 degrees: tan = h/(R cos 45) at R = a/sqrt(2)
+    storey = s["boxes"]["Kresling storey, twist 45 degrees"]
+    assert np.tan(np.radians(storey["angle_deg"][0])) == pytest.approx(1.65 / (2.125 / 2), rel=1e-9)
+    assert np.diff(storey["angle_deg"]) == pytest.approx([-4, -5, -14], abs=1e-9)
+    with (out / "box.csv").open() as f:
+        last = list(csv.DictReader(f))[-1]
+    force = {k: float(v) for k, v in last.items() if "force" in k}
+    assert force["box_of_3_layers_force_N"] == pytest.approx(4 * 2.156, abs=3e-3)
+    assert force["box_of_10_layers_force_N"] == pytest.approx(10 * force["box_of_1_layers_force_N"])
+
+
+def check_smooth_fold(out, printed):
+    """p1 to p4 of digest section 9 and the box with its folds closing, as a time series."""
+    s = summary(out)
+    digest = [(0.38, 0.465), (2.66, 3.505), (2.62, 3.535), (0.34, 0.495)]
+    assert np.array(s["corners_of_thesis"]) == pytest.approx(np.array(digest), abs=1e-12)
+    assert s["direction_deg"] == pytest.approx(52.31, abs=5e-3)
+    assert s["thesis_width_scaled_m"] == pytest.approx(0.883e-3, abs=5e-7)
+    width, length = 0.9e-3, 0.76 * np.hypot(2.125, 2.75) * 0.0254
+    assert s["stiffener_area_m2"]["fold"][0] == pytest.approx(width * length, rel=1e-9)
+    assert s["least_fold_width_flat_m"] == pytest.approx(np.pi / 2 * 0.508e-3, rel=1e-9)
+    history = dea.read_history(out)
+    assert np.ptp(history["twist_deg"]) == pytest.approx(80, rel=1e-12)
+    assert history["height_m"][0] == pytest.approx(2.75 * 0.0254, rel=1e-12)
+    text = (out / "fields.xdmf").read_text()
+    assert text.count("<Time") == s["frames"] == 41
+    for name in ("fields.h5", "pattern_fold.svg", "pattern_panels.svg", "pattern_fold.png"):
+        assert (out / name).exists()
 
 
 def check_snap_through(out, printed):
@@ -295,11 +324,74 @@ def check_bending(out, printed):
     assert (out / "bending_angle_voltage.png").exists()
 
 
+def check_first_actuator(out, printed):
+    """Beam theory of two equal layers; the clamp and the free end make the strip 2 % stiffer."""
+    s = summary(out)
+    assert s["small_tip_m"] == pytest.approx(s["beam_tip_m"], rel=0.025)
+    assert s["beam_tip_m"] == pytest.approx(-14.875e-6, rel=1e-4)  # 3/8 eps V^2 L^2/(4 mu h^3)
+    assert s["tip_m"] == pytest.approx(-6.009e-3, rel=1e-3)  # own value, 2026-11
+    assert s["stable"] is True
+    assert (out / "tip_voltage.png").exists()
+
+
+def check_prestretch(out, printed):
+    """Closed forms in the demo's head."""
+    s = summary(out)
+    assert s["slack_voltage_V"] == pytest.approx(s["exact_slack_voltage_V"], rel=1e-7)
+    assert s["stretch_on_weights"] == pytest.approx(s["exact_stretch_on_weights"], rel=1e-9)
+    assert s["exact_slack_voltage_V"] == pytest.approx(8963.35, abs=0.01)
+    assert "+39.7%" in printed
+
+
+def check_pull_in(out, printed):
+    """Zhao and Suo, Phys. Rev. B 76 (2007) 134113: 2^(-2/3), and 3^(1/2) 2^(-4/3) sqrt(mu/eps)."""
+    s = summary(out)
+    exact = 0.5e-3 * 3**0.5 * 2 ** (-4 / 3) * (50e3 / (2.8 * 8.8541878128e-12)) ** 0.5
+    assert s["pull_in_voltage_V"] == pytest.approx(exact, rel=1e-9)
+    assert s["exact_pull_in_voltage_V"] == pytest.approx(exact, rel=1e-9)
+    assert s["pull_in_thinning"] == pytest.approx(2 ** (-2 / 3), rel=1e-5)
+    assert s["ramp_ended_with"].startswith("Equilibrium was lost between 15434.4 V and")
+    assert s["last_voltage_under_charge_V"] < 0.92 * exact
+    assert 1 < s["bifurcation_charge_over_that_of_pull_in"] < 1.1
+    assert (out / "voltage_thinning.png").exists()
+
+
+def check_own_geometry(out, printed):
+    """A free film is in the exact state whatever its outline."""
+    s = summary(out)
+    assert s["stretch_geo"] == pytest.approx(s["exact_stretch"], rel=1e-8)
+    assert s["stretch_step"] == pytest.approx(s["exact_stretch"], rel=1e-8)
+    assert 1.0127 < s["exact_stretch"] < 1.0128
+
+
+def check_own_material(out, printed):
+    """The exact branch of the same energy, and the neo-Hookean limit of the model."""
+    s = summary(out)
+    assert s["max_relative_error"] < 1e-9
+    assert s["pull_in_voltage_at_a_1_V"] == pytest.approx(
+        s["pull_in_voltage_neo_hookean_V"], rel=1e-12
+    )
+    assert s["pull_in_voltage_V"] > 1.04 * s["pull_in_voltage_neo_hookean_V"]
+
+
+def check_read_results(out, printed):
+    """The same numbers by each way of reading."""
+    found = json.loads(printed[printed.rindex("{"):])
+    s = summary(out)
+    assert found["top_from_history_m"] == s["top_m"] < 0
+    assert found["largest_displacement_meshio_m"] == found["largest_displacement_h5py_m"]
+    assert found["largest_displacement_h5py_m"] == pytest.approx(-s["top_m"], rel=1e-14)
+    assert found["field_V_per_m"] == found["field_meshio_V_per_m"] > 4e6
+    assert "hexahedron27" in printed
+
+
 CHECKS = {
     "buckling_strip.py": (check_buckling, []),
     "cube.py": (check_cube, []),
     "ddea_stack.py": (check_ddea, []),
+    "dea_hinge.py": (check_hinge, ["--set", "C10-D1", "--top", 4000]),
     "design_search.py": (check_design, []),
+    "first_actuator.py": (check_first_actuator, []),
     "fit_rubber.py": (check_fit, []),
     "hdea_bending.py": (check_bending, ["--voltage", 4000, "--steps", 1, "--curvature", 5]),
     "hdea_helical_cell.py": (check_helical_cell, ["--steps", 3, "--linear", "--loads", "--force"]),
@@ -309,11 +401,17 @@ CHECKS = {
     "kresling_box.py": (check_box, []),
     "kresling_kinematics.py": (check_kresling, []),
     "membrane_disc.py": (check_disc, ["--mesh", 1]),
+    "own_geometry.py": (check_own_geometry, []),
+    "own_material.py": (check_own_material, []),
+    "prestretch.py": (check_prestretch, []),
+    "pull_in.py": (check_pull_in, []),
+    "read_results.py": (check_read_results, []),
     "sldea.py": (check_sldea, []),
+    "smooth_fold.py": (check_smooth_fold, []),
     "snap_through.py": (check_snap_through, ["--mesh", "irregular"]),
     "wrinkling_film.py": (check_wrinkles, []),
 }
-NEEDS = {"design_search.py": "pymoo"}  # an optional extra
+NEEDS = {"design_search.py": "pymoo", "read_results.py": "pandas"}  # optional extras
 
 
 def test_every_demo_is_listed():
@@ -332,7 +430,8 @@ def test_demo(name, start, tmp_path):
     check(tmp_path / "run", done.stdout)
     if (tmp_path / "run" / "history.csv").exists():
         history = dea.read_history(tmp_path / "run")
-        driven_by = "voltage_V" if "voltage_V" in history else "load_factor"
+        drives = ("voltage_V", "load_factor", "stretch_factor", "twist_deg")
+        driven_by = next(name for name in drives if name in history)
         assert np.all(np.isfinite(history[driven_by]))
 
 
@@ -355,6 +454,8 @@ def test_growth_table_of_ten_layers(start, tmp_path):
 @pytest.mark.demo
 @pytest.mark.parametrize("name", CHECKS)
 def test_help_states_units(name, start):
+    if name in NEEDS:
+        pytest.importorskip(NEEDS[name])
     text = start(DEMOS / name, "--help", check=True).stdout
     assert "--out" in text
     assert "--quiet" in text

@@ -10,7 +10,7 @@ PACKAGE = ROOT / "dea_fenicsx"
 
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
-    "errors", "units", "geometry", "compat", "mesh", "cells",
+    "errors", "declared", "units", "geometry", "cad", "compat", "mesh", "cells",
     "materials", "kinematics", "conditions", "scene",
     "exact", "origami",
     "forms", "loads", "constraints", "rigid", "ties", "weakform",
@@ -19,7 +19,7 @@ ORDER = [
     "checks", "observables", "overall", "rotation", "failures", "fields", "reading", "turns",
     "provenance", "summary", "xdmf", "results", "interruption", "progress", "run", "script",
     "pictures_curves", "pictures_fields", "pictures_movie", "pictures_paraview", "pictures",
-    "design", "thesis", "cli", "__main__",
+    "design", "thesis", "docs", "cli", "__main__",
 ]  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
     dea doctor            is this machine set up, and if not, how to mend it
     dea demos [NAME]      the demos; copy one out to edit
+    dea mesh FILE         the names in a .msh, .geo or STEP file
     dea show RESULTS      curves and pictures of a run
     dea compare A B       two runs, column by column
     dea table             the thesis, number by number
@@ -25,7 +26,7 @@ from dea_fenicsx.errors import DeaError, InputError
 
 __all__ = ["main"]
 
-COMMANDS = ("doctor", "demos", "show", "compare", "table", "materials")
+COMMANDS = ("doctor", "demos", "mesh", "show", "compare", "table", "materials")
 
 
 class _Parser(argparse.ArgumentParser):

@@ -1,0 +1,107 @@
+"""Tutorial: a material of your own.
+
+A material is an energy and a few facts about it; stress, tangent and limits follow.  Here it is
+the I1 model of Lopez-Pamies (C. R. Mecanique 338 (2010) 3), with n = 1:
+
+    W = 3^(1 - a)/(2 a) mu (I1^a - 3^a),
+
+which is neo-Hookean rubber at a = 1 and stiffens at a > 1.  The class serves finite elements
+(symbols) and the exact states (numbers) alike, since it is plain arithmetic.
+
+Run it with `mpirun -n 2 python demos/own_material.py`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+import dea_fenicsx as dea
+from dea_fenicsx.exact import Film, trace
+from dea_fenicsx.geometry import BoxStack, Layer
+
+
+@dataclass(frozen=True)
+class LopezPamies:
+    """W = 3^(1 - a)/(2 a) mu (I1^a - 3^a); mu in Pa, a pure number."""
+
+    mu: float
+    a: float
+
+    def energy(self, strain):
+        """W in Pa.  `strain` offers I1, I2, ln(x) and power_sum(alpha)."""
+        return 3 ** (1 - self.a) / (2 * self.a) * self.mu * (strain.I1**self.a - 3**self.a)
+
+    def shear_modulus(self):
+        """At small strain, in Pa: the scale of all stresses."""
+        return self.mu
+
+    def spherical_slope(self):
+        """dW/dstretch of the undeformed rubber, in Pa: here 2 dW/dI1 at I1 = 3."""
+        return self.mu
+
+    def chain_margin(self, strain):
+        """None: the energy is defined at every stretch.  (Gent's is not.)"""
+        return None
+
+    def faults(self):
+        """What is wrong with the constants, for one clear sentence to the user."""
+        bad = [name for name in ("mu", "a") if not getattr(self, name) > 0]
+        return [f"{name} is {getattr(self, name)!r}, but must be > 0" for name in bad]
+
+
+def parse():
+    parser = dea.Parser(__doc__.split("\n")[0], out="results/own_material")
+    parser.number("--mu", 50e3, "Pa", "shear modulus")
+    parser.number("--a", 1.4, "-", "exponent; 1 is neo-Hookean")
+    return parser, parser.parse_args()
+
+
+def main():
+    parser, args = parse()
+    comm = MPI.COMM_WORLD
+    T = 0.5e-3
+    rubber = dea.Material(LopezPamies(args.mu, args.a), dea.IdealDielectric(eps_r=2.8))
+
+    # The whole voltage-stretch curve without a mesh.  At a = 1 it must be the neo-Hookean one.
+    curve = trace(Film(rubber, T))
+    same = [
+        trace(Film(dea.Material(model, rubber.electric), T)).event("pull-in").voltage
+        for model in (LopezPamies(args.mu, 1.0), dea.NeoHookean(args.mu))
+    ]
+    peak = curve.event("pull-in")
+
+    # Finite elements with the same class, to 95 % of pull-in.
+    scene = dea.Scene(
+        dea.read_gmsh(BoxStack(T, None, [Layer("film", T)], divisions=1), comm),
+        materials={"film": rubber},
+        electrodes=[dea.Electrode("top", 0.95 * peak.voltage), dea.Ground("bottom")],
+        supports=[dea.Fix("bottom", "z"), dea.Fix("x_min", "r")],
+        kinematics=dea.Axisymmetric(),
+    )
+    run = dea.solve(
+        scene,
+        dea.Ramp("voltage", steps=5),
+        record={"thinning": dea.MeanStretch(("bottom", "top"), "z")},
+        out=args.out,
+        resume=args.resume,
+        quiet=args.quiet,
+        settings=parser.settings(args),
+    )
+    exact = [curve.states_at(V)[0][0].stretches[2] for V in run.column("voltage_V")[1:]]
+    error = float(np.max(np.abs(run.column("thinning")[1:] / exact - 1)))
+    run.add(
+        max_relative_error=error,
+        pull_in_voltage_V=peak.voltage,
+        pull_in_voltage_at_a_1_V=same[0],
+        pull_in_voltage_neo_hookean_V=same[1],
+    )
+    if comm.rank == 0 and not args.quiet:
+        print(f"\nlargest relative difference from the exact thickness: {error:.1e}")
+        print(f"pull-in: {peak.voltage:.3f} V with a = {args.a:g}, {same[0]:.6f} V with a = 1, "
+              f"{same[1]:.6f} V neo-Hookean")  # fmt: skip
+        print(f"results: {run.out}/history.csv")
+
+
+if __name__ == "__main__":
+    main()

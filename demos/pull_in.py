@@ -1,0 +1,102 @@
+"""Tutorial: pull-in, what happens there and how to find it.
+
+A free film thins under voltage, so its field grows, so it thins more.  At the pull-in voltage no
+equilibrium is left.  For a free neo-Hookean film of thickness T it is known (Zhao and Suo 2007):
+
+    V = 0.687 T sqrt(mu/eps),   where the thickness has fallen to 2^(-2/3) = 0.63 of T.
+
+Three ways to meet it: ramp the voltage and run into it; follow the branch through it by arc length;
+or give the charge instead of the voltage, and the uniform film goes on past it, but not far: it
+thins in one place, to which its charge flows.
+
+Run it with `mpirun -n 2 python demos/pull_in.py`.  snap_through.py goes on from here: rubber that
+stiffens finds a new state beyond.
+"""
+
+from mpi4py import MPI
+
+import dea_fenicsx as dea
+from dea_fenicsx.exact import Film, trace
+from dea_fenicsx.geometry import BoxStack, Layer
+
+
+def parse():
+    parser = dea.Parser(__doc__.split("\n")[0], out="results/pull_in")
+    parser.number("--mu", 50e3, "Pa", "shear modulus")
+    parser.number("--thickness", 0.5e-3, "m", "thickness of the film")
+    return parser, parser.parse_args()
+
+
+def main():
+    parser, args = parse()
+    comm = MPI.COMM_WORLD
+    T = args.thickness
+    film = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(eps_r=2.8))
+    device = dea.read_gmsh(BoxStack(T, T, [Layer("film", T)], divisions=(1, 1)), comm)
+    exact = trace(Film(film, T)).event("pull-in")
+    record = {"thinning": dea.MeanStretch(("bottom", "top"), "z"), "charge": dea.Charge("top")}
+
+    def scene(electrode):
+        return dea.Scene(
+            device,
+            materials={"film": film},
+            electrodes=[electrode, dea.Ground("bottom")],
+            supports=[dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")],
+        )
+
+    # 1. A ramp to 1.2 times that voltage.  It ends with EquilibriumLost; all steps before are kept
+    #    in results/.  A script that does not catch it ends with this sentence and exit status 3.
+    driven = scene(dea.Electrode("top", 1.2 * exact.voltage))
+    try:
+        dea.solve(driven, dea.Ramp("voltage", steps=6), record, quiet=True)
+        told = ""
+    except dea.EquilibriumLost as lost:
+        told = str(lost)
+
+    # 2. The same scene by arc length: over the maximum, and down the unstable branch to 0.4 of T.
+    curve = dea.solve(
+        driven,
+        dea.Trace("voltage", until=("thinning", 0.4)),
+        record,
+        out=args.out,
+        resume=args.resume,
+        quiet=args.quiet,
+        settings=parser.settings(args),
+    )
+    top = next(row for row in curve.history if row["event"] == "maximum")
+
+    # 3. A given charge, up to twice that at pull-in.  With stability="every" the eigenvalues of the
+    #    tangent are counted at each step, and what is passed on the way is located.
+    Q = 2 * exact.charge * T**2
+    charged = dea.solve(
+        scene(dea.ChargedElectrode("top", Q)),
+        dea.Ramp("charge", steps=8),
+        {**record, "voltage": dea.Potential("top")},
+        quiet=True,
+        stability="every",
+    )
+    volts = charged.column("voltage_V")
+    split = next(row for row in charged.history if row["event"] == "bifurcation")
+    curve.add(
+        pull_in_voltage_V=top["voltage_V"],
+        pull_in_thinning=top["thinning"],
+        exact_pull_in_voltage_V=exact.voltage,
+        ramp_ended_with=told,
+        last_voltage_under_charge_V=float(volts[-1]),
+        bifurcation_charge_over_that_of_pull_in=2 * split["charge_factor"],
+        bifurcation_voltage_V=split["voltage_V"],
+    )
+    if comm.rank == 0:
+        dea.pictures.curve(args.out, x="thinning", y="voltage_V")
+        if not args.quiet:
+            print(f"\nthe ramp: {told}")
+            print(f"pull-in:  {top['voltage_V']:.6f} V at {top['thinning']:.5f} of the thickness; "
+                  f"exact {exact.voltage:.6f} V at {exact.stretches[2]:.5f}")  # fmt: skip
+            print(f"charge:   the voltage falls to {volts[-1]:.1f} V behind the maximum, but from "
+                  f"{2 * split['charge_factor']:.3f} times the charge\n          of pull-in on the "
+                  "uniform film is not stable: it thins in one place")  # fmt: skip
+            print(f"results:  {curve.out}/voltage_thinning.png")
+
+
+if __name__ == "__main__":
+    main()
