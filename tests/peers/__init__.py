@@ -1,0 +1,1 @@
+"""Side by side: the same scenes here, in NGSolve and as a plain FEniCSx script."""

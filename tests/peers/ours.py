@@ -1,0 +1,48 @@
+"""The scenes by this package: with the peers' elements, and as it would solve them by itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mpi4py import MPI
+
+import dea_fenicsx as dea
+from tests.peers.scenes import Case, Rubber
+
+
+def material(rubber: Rubber) -> Any:
+    elastic = dea.NeoHookean(rubber.mu) if rubber.Jm is None else dea.Gent(rubber.mu, rubber.Jm)
+    electric = dea.Conductor() if rubber.conducts else None
+    if rubber.eps_r:
+        electric = dea.IdealDielectric(rubber.eps_r)
+    return dea.Material(elastic, electric)
+
+
+def solve(case: Case, own_elements: bool = False) -> dict[str, Any]:
+    """Solve a case; `own_elements` takes the package's default elements instead of the peers'."""
+    device = dea.read_gmsh(case.geometry, MPI.COMM_WORLD)
+    same = dea.Discretisation(pressure="continuous", augmentation=0.0)
+    scene = dea.Scene(
+        device,
+        {name: material(m) for name, m in case.materials.items()},
+        electrodes=[dea.Electrode(name, volts) if volts else dea.Ground(name)
+                    for name, volts in case.electrodes.items()],
+        supports=[dea.Clamp(case.clamped)],
+        kinematics=dea.ThreeD() if device.dim == 3 else dea.PlaneStrain(),
+        elements=dea.Discretisation() if own_elements else same,
+    )  # fmt: skip
+    axis = scene.kinematics.axes[case.axis]
+    run = dea.solve(
+        scene, dea.Ramp("voltage", steps=case.steps),
+        {"seen": dea.MeanDisplacement(case.seen, axis)}, quiet=True, stability="never",
+    )  # fmt: skip
+    told = run.summary
+    return {
+        "value": run["seen_m"],
+        "unknowns": told["unknowns"],
+        "newton": told["newton_iterations"],
+        "krylov": told["krylov_iterations"],
+        "factorisations": told["factorisations"],
+        "assembly_s": told["assembly_s"],
+        "solve_s": told["factor_s"] + told["krylov_s"],
+    }

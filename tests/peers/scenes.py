@@ -1,0 +1,110 @@
+"""The scenes of the comparison, as plain data that every code reads alike.
+
+Straight hexahedra or quadrilaterals from `dea_fenicsx.geometry`; displacement and potential of
+degree 2, pressure continuous of degree 1, no augmentation, so that all codes solve one and the same
+discrete problem and their answers can agree to eight digits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from dea_fenicsx.geometry import HDEA, BoxStack, Layer
+
+EPSILON_0 = 8.8541878128e-12
+
+
+@dataclass(frozen=True)
+class Rubber:
+    """mu in Pa, Jm of Gent's model or None for neo-Hookean, eps_r of a dielectric or None."""
+
+    mu: float
+    Jm: float | None = None
+    eps_r: float | None = None
+    conducts: bool = False
+
+
+@dataclass(frozen=True)
+class Case:
+    """One scene.
+
+    Attributes
+    ----------
+    geometry : from dea_fenicsx.geometry, of order 1
+    materials : Rubber of each region
+    electrodes : potential in V of each facet group or conducting region, grounds included
+    clamped : facet group without displacement
+    seen, axis : facet group and axis of the mean displacement that is compared
+    steps : equal steps of the voltage ramp
+    alone : compared with no peer, which would take too long or too much memory
+    """
+
+    geometry: Any
+    materials: dict[str, Rubber]
+    electrodes: dict[str, float]
+    clamped: str
+    seen: str
+    axis: int
+    steps: int = 1
+    alone: bool = False
+
+    @property
+    def flat(self) -> bool:
+        """Plane strain, on quadrilaterals."""
+        return bool(self.geometry.dimension == 2)
+
+    def small(self) -> Case:
+        """The same forms on a few cells."""
+        coarse: dict[str, Any] = {"turns": 1, "angular": 4, "radial": 1, "rim": 1, "through": 1}
+        if isinstance(self.geometry, BoxStack):
+            layers = tuple(replace(layer, divisions=1) for layer in self.geometry.layers)
+            coarse = {"divisions": 2 if self.flat else (2, 1), "layers": layers}
+        return replace(self, geometry=replace(self.geometry, **coarse), steps=1)
+
+    @property
+    def dielectrics(self) -> list[str]:
+        return [name for name, m in self.materials.items() if m.eps_r]
+
+
+SILICONE = Rubber(80e3, Jm=90.0, eps_r=2.8)
+VHB = Rubber(73.7e3, eps_r=4.7)
+PLATE = Rubber(73.7e3, conducts=True)
+
+
+def strip(divisions: tuple[int, int], through: int) -> BoxStack:
+    """Passive and active layer, 20 x 5 x 1 mm."""
+    layers = [Layer("passive", 0.5e-3, through), Layer("active", 0.5e-3, through)]
+    return BoxStack(20e-3, 5e-3, layers, divisions, order=1)
+
+
+def bilayer(geometry: Any, volts: float, axis: int, steps: int) -> Case:
+    return Case(
+        geometry,
+        {"passive": Rubber(200e3), "active": SILICONE},
+        {"top": volts, "interface_1": 0.0},
+        "x_min", "x_max", axis, steps,
+    )  # fmt: skip
+
+
+def helix(turns: int, mesh: dict[str, int], alone: bool = False) -> Case:
+    return Case(
+        HDEA(turns=turns, order=1, **mesh),
+        {"elastomer": VHB, "electrode_a": PLATE, "electrode_b": PLATE},
+        {"electrode_a": 6e3, "electrode_b": 0.0},
+        "bottom", "top", 2, steps=12, alone=alone,
+    )  # fmt: skip
+
+
+LAYERS = [Layer("passive", 0.5e-3, 8), Layer("active", 0.5e-3, 8)]
+FLAT = BoxStack(20e-3, None, LAYERS, 120, order=1)
+MIDDLE = {"angular": 16, "radial": 8, "rim": 2, "through": 2}
+
+CASES = {
+    "strip in one step": bilayer(strip((40, 10), 2), 6e3, 2, 1),
+    "plane-strain bender": bilayer(FLAT, 8e3, 1, 8),
+    "helix, one turn": helix(1, MIDDLE),
+    "helix, two turns": helix(2, MIDDLE),
+    "helix, ten turns": helix(10, MIDDLE, alone=True),
+}
+"""By the name in peers.csv."""
