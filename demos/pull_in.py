@@ -92,7 +92,8 @@ def main():
         if not args.quiet:
             print(f"\nthe ramp: {told}")
             print(f"pull-in:  {top['voltage_V']:.6f} V at {top['thickness_stretch']:.5f} of the "
-                  f"thickness; exact {exact.voltage:.6f} V at {exact.stretches[2]:.5f}")  # fmt: skip
+                  f"thickness;\n          exact {exact.voltage:.6f} V at "
+                  f"{exact.stretches[2]:.5f}")  # fmt: skip
             print(f"charge:   the voltage falls to {volts[-1]:.1f} V behind the maximum, but from "
                   f"{2 * split['charge_factor']:.3f} times the charge\n          of pull-in on the "
                   "uniform film is not stable: it thins in one place")  # fmt: skip

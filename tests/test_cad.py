@@ -177,7 +177,8 @@ def test_command(capsys, two_layers, folder):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "regions (materials):"
     assert lines[1].split()[0] == "passive" and "5e-08 m3" in lines[1]
-    assert len(lines) == 2 + 2 + 11
+    assert len(lines) == 2 + 2 + 11 + 1
+    assert lines[-1].startswith("least scaled Jacobian")
     assert cli.main(["mesh", str(folder / "film.msh")]) == 0
     assert "x 0 to 0.001" in capsys.readouterr().out
     assert cli.main(["mesh", str(folder / "bad.geo")]) == 2
