@@ -206,7 +206,7 @@ def potential_at(
     scene: Scene, electrode: Electrode | ChargedElectrode, X: np.ndarray
 ) -> np.ndarray:
     """Given potential in V at undeformed positions X in m, shape (n, 3); 0 where it floats."""
-    values = np.full(len(X), _volts(electrode))
+    values = np.full(len(X), _volts(electrode), dtype=float)
     if isinstance(electrode, ThinFilm):
         share = (coordinate(scene, electrode.along, X) - electrode.start) / (
             electrode.end - electrode.start

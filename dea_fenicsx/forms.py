@@ -201,7 +201,7 @@ def state(
             kernel.elastic.energy(strain) - kernel.elastic.spherical_slope() * ufl.ln(J)
         )
         # zero where J = 1: it takes nothing from the exact state, see Discretisation
-        extra = dolfinx.fem.Constant(scene.device.mesh, scene.elements.augmentation)
+        extra = dolfinx.fem.Constant(scene.device.mesh, float(scene.elements.augmentation))
         stiffness = unit * extra * _mean_stress(kernel.elastic, strain)
         energy += p * (J - 1) + stiffness / 2 * (J - 1) ** 2
     else:

@@ -32,6 +32,7 @@ from dea_fenicsx.conditions import (
     Torque,
     Twist,
 )
+from dea_fenicsx.declared import check_declared
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.kinematics import Helical, Kinematics, ThreeD
 from dea_fenicsx.materials import Material
@@ -79,6 +80,10 @@ class Scene:
     elements: Discretisation = field(default_factory=Discretisation)
 
     def __post_init__(self) -> None:
+        check_declared(self)
+        for item in (*self.electrodes, *self.prescribed, *self.loads):
+            if not item.ramp:
+                raise InputError(f"A ramp of {type(item).__name__} has an empty name; give it one.")
         _check_names(self)
         _check_kinematics(self)
         _check_materials(self)
@@ -230,6 +235,8 @@ def _check_electrodes(scene: Scene) -> None:
     dielectric = any(m.is_dielectric for m in scene.materials.values())
     seen: dict[str, Electrode | ChargedElectrode] = {}
     for electrode in scene.electrodes:
+        if not electrode.names:
+            raise InputError("An electrode names no group; give where= at least one name.")
         if isinstance(electrode, ChargedElectrode):
             finite(electrode.coulombs, f"The charge of electrode {electrode.label!r}")
         else:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.units import in_si
 
@@ -86,7 +87,8 @@ class BoxStack(Geometry):
             return (value,) * needed
         if len(value) < needed:
             raise InputError(
-                f"BoxStack: {name} is {value!r}; it must hold {needed} values, one a direction."
+                f"BoxStack: {name} is {shown(value)}; it must hold {needed} values, one for each "
+                "direction."
             )
         return tuple(value[:needed])
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.units import in_si
 
@@ -76,8 +77,8 @@ class MembraneDisc(Geometry):
             )
         if not isinstance(self.cells, tuple | list) or len(self.cells) != 3:
             raise InputError(
-                f"{owner}: cells is {self.cells!r}; it must hold 3 numbers: over the electrode, "
-                "its ring, and the rest."
+                f"{owner}: cells is {shown(self.cells)}; it must hold 3 numbers: over the "
+                "electrode, its ring, and the rest."
             )
         object.__setattr__(self, "cells", tuple(self.cells))
         for n in self.cells:
