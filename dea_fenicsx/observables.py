@@ -125,7 +125,7 @@ class Area:
         device, kin = problem.scene.device, problem.scene.kinematics
         known(self.where, device.surfaces, "facet group")
         if kin.overall:
-            raise InputError("Area is not measured in a helical cell.")
+            raise InputError("Area is not measured in helical cells or generalised plane strain.")
         ds = measure(device, [one_sided(device, self.where)], 4, "ds")(0)
         x = ufl.SpatialCoordinate(problem.mesh)
         u = ufl.split(problem.w)[0]
