@@ -72,7 +72,7 @@ class Progress:
 
     def stage(self, what: str) -> None:
         """Tell what the solver is about to do: "factorising", "Newton 3: residual 1e-7"."""
-        if self.verbose and what.startswith(("Newton", "factorising")):
+        if self.verbose and what.startswith(("Newton", "factorising", "compiling")):
             self.say(f"    {what}")
         elif self.renews and time.monotonic() - self._when > _RENEW_S:
             self._when = time.monotonic()

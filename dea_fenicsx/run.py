@@ -102,7 +102,7 @@ def solve(
     EquilibriumLost, SolverError
         If the path cannot be followed to its end.
     Interrupted
-        By Ctrl-C or SIGTERM, at the next stage of the solver: after a factorisation, not in it.
+        By Ctrl-C or SIGTERM, before the next Newton iteration; a second signal ends at once.
     MachineError
         If the results cannot be written any more, because the disk is full, say.
 
@@ -195,6 +195,7 @@ class _Session:
         self.comm = self.scene.device.comm
         self.progress = Progress(self.comm.rank == 0, self.quiet, self.verbose)
         folder = Folder(self.out, self.comm) if self.out is not None else None
+        self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
         self.problem = Problem(self.scene)
         self.measurements: dict[str, Measurement] = {
             f"{name}_{o.unit}" if o.unit else name: o.bind(self.problem)
@@ -229,7 +230,8 @@ class _Session:
         interruption = Interruption(self.comm)
 
         def notify(stage: str) -> None:
-            interruption.check()
+            if stage == "assembling":  # once in each Newton iteration
+                interruption.check()
             self.progress.stage(stage)
 
         self.solver.notify = notify
