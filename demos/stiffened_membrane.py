@@ -22,7 +22,7 @@ from mpi4py import MPI
 import dea_fenicsx as dea
 from dea_fenicsx.exact import FREE, Film, Held, Laminate, Ply, bend, elastic_stress, trace
 from dea_fenicsx.geometry import BoxStack, Layer, StiffenedFilm, StiffenedSection
-from dea_fenicsx.materials import EPSILON_0
+from dea_fenicsx.materials import EPSILON_0, bulk_modulus_of
 from dea_fenicsx.origami import INCH, SmoothFold
 from dea_fenicsx.reading import read_frame
 
@@ -49,6 +49,7 @@ def parse():
     parser.number("--thickness", 1e-3, "m", "film before the stretch (not printed)")
     parser.number("--eps-r", 4.7, "-", "relative permittivity (not printed)")
     parser.number("--stiffener", 50e-6, "m", "thickness of the Mylar strip (not printed)")
+    parser.number("--stiffener-young", 4.895277678e9, "Pa", "Young's modulus of Mylar (thesis)")
     parser.number("--strip", 0.883e-3, "m", "width of the strip, w of the smooth fold")
     parser.number("--offset", -1.0, "m", "strip's middle above the film's; below 0: on top")
     parser.number("--strain", 0.1, "-", "strain of the bare film at the end of part 2")
@@ -61,6 +62,13 @@ def parse():
 def rubber(args, model, case):
     found = dea.materials.get(f"vhb-thesis-{model}-{CASES[case][1]}")
     return dea.Material(found.elastic, dea.IdealDielectric(args.eps_r))
+
+
+def mylar_of(args, shape):
+    """Mylar, Poisson's ratio 0.38; on the film it lies outside the electrodes."""
+    mu = args.stiffener_young / (2 * 1.38)
+    electric = None if shape.on_top else dea.IdealDielectric(3.3)
+    return dea.Material(dea.NeoHookean(mu), electric, bulk_modulus_of(mu, 0.38))
 
 
 def film_of(args, model, case, width):
@@ -148,9 +156,7 @@ def stiffened(args, out, settings):
         a, b, corners=fold.corners, thickness=h, stiffener=args.stiffener, through=1, along=4,
         beside=3, offset=None if args.offset < 0 else args.offset,
     ).refine(args.mesh)  # fmt: skip
-    mylar = dea.materials.get("mylar-thesis")
-    if shape.on_top:
-        mylar = dea.Material(mylar.elastic, None, mylar.bulk_modulus)
+    mylar = mylar_of(args, shape)
     volts = branch.at_stretch(stretches[0] * (1 + args.strain))[0].voltage
     # on a smooth table: a strip that lies off the middle cannot bend the film
     scene = loaded(film, stretches, args.width, volts, dea.read_gmsh(shape, MPI.COMM_WORLD),
@@ -190,11 +196,7 @@ def section(args, volts, strip, thickness, stiffener, offset=None, eps_r=None, l
     shape = StiffenedSection(thickness=thickness, stiffener=stiffener, offset=offset,
                              length=length, strip=reach, cells=cells)  # fmt: skip
     film = dea.materials.get(f"vhb-thesis-{args.model}-2p125").elastic
-    mylar = dea.materials.get("mylar-thesis")
-    if stiff is not None:
-        mylar = stiff
-    elif shape.on_top:
-        mylar = dea.Material(mylar.elastic, None, mylar.bulk_modulus)
+    mylar = stiff or mylar_of(args, shape)
     scene = dea.Scene(
         dea.read_gmsh(shape, MPI.COMM_WORLD),
         {"film": dea.Material(film, dea.IdealDielectric(eps_r or args.eps_r)),
@@ -278,7 +280,7 @@ def vary(args, film):
 def main():
     parser, args = parse()
     comm, out = MPI.COMM_WORLD, Path(args.out)
-    for name in ("thickness", "eps_r", "stiffener", "strip", "strain"):
+    for name in ("thickness", "eps_r", "stiffener", "stiffener_young", "strip", "strain"):
         if not getattr(args, name) > 0:
             raise dea.InputError(
                 f"--{name.replace('_', '-')} is {getattr(args, name):g}, but must be above 0."
