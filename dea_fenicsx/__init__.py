@@ -51,6 +51,7 @@ if TYPE_CHECKING:
         PlaneStrain,
         ThreeD,
     )
+    from dea_fenicsx.ladder import speed_vs_error
     from dea_fenicsx.materials import (
         ArrudaBoyce,
         Breakdown,
@@ -106,6 +107,7 @@ _HOME = {
     "kinematics": (
         "Axisymmetric", "GeneralisedPlaneStrain", "Helical", "PlaneStrain", "ThreeD",
     ),
+    "ladder": ("speed_vs_error",),
     "materials": (
         "ArrudaBoyce", "Breakdown", "Conductor", "Gent", "IdealDielectric", "Material",
         "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh",

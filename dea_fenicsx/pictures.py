@@ -26,9 +26,10 @@ import numpy as np
 
 from dea_fenicsx.errors import InputError, install_hook
 from dea_fenicsx.pictures_curves import axis_label, bare, curve, spoken, write_whole
+from dea_fenicsx.pictures_ladder import ladder
 from dea_fenicsx.reading import check_field, frame_times, read_history, read_summary
 
-__all__ = ["animated", "axis_label", "bare", "curve", "deformed", "main", "spoken"]
+__all__ = ["animated", "axis_label", "bare", "curve", "deformed", "ladder", "main", "spoken"]
 
 _MPI = ("PMI", "OMPI_", "PRTE_", "PRRTE_", "MPI", "HYDRA_", "HYDI_")
 _NO_PYVISTA, _TIMEOUT_S = 5, 180.0

@@ -18,8 +18,9 @@ ORDER = [
     "stability", "events", "arclength", "tracing", "predictor", "stepping",
     "checks", "observables", "overall", "rotation", "failures", "fields", "reading", "turns",
     "provenance", "summary", "xdmf", "results", "interruption", "progress", "arguments", "run",
-    "script",
-    "pictures_curves", "pictures_fields", "pictures_movie", "pictures_paraview", "pictures",
+    "ladder", "script",
+    "pictures_curves", "pictures_ladder", "pictures_fields", "pictures_movie",
+    "pictures_paraview", "pictures",
     "design", "thesis", "docs", "cli", "__main__",
 ]  # fmt: skip
 
