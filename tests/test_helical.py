@@ -195,7 +195,7 @@ BAD = {
                 supports=[dea.Clamp("bottom")], loads=[dea.Torque(1.0)],
                 kinematics=dea.Axisymmetric()), "Helical"),
     "hoop stretch": (lambda: ring(prescribed=[dea.Stretch("inner", "t", 1.1)]), "coordinates"),
-    "cells": (lambda: HelicalCell(through=1), "through"),
+    "cells": (lambda: HelicalCell(electrode=0.0, through=1), "through"),
     "inset": (lambda: HelicalCell(inset=3e-3), "leaves no electrode"),
 }  # fmt: skip
 
