@@ -18,10 +18,12 @@ if TYPE_CHECKING:
     from .disk_stack import DiskStack
     from .hdea import HDEA
     from .helical_cell import HelicalCell
+    from .kresling_cell import KreslingCell
     from .membrane_disc import MembraneDisc
 
 __all__ = [
-    "BoxStack", "DiskStack", "Geometry", "HDEA", "HelicalCell", "Layer", "MembraneDisc", "graded",
+    "BoxStack", "DiskStack", "Geometry", "HDEA", "HelicalCell", "KreslingCell", "Layer",
+    "MembraneDisc", "graded",
 ]  # fmt: skip
 
 _HOME = {
@@ -29,6 +31,7 @@ _HOME = {
     "DiskStack": "disk_stack",
     "HDEA": "hdea",
     "HelicalCell": "helical_cell",
+    "KreslingCell": "kresling_cell",
     "MembraneDisc": "membrane_disc",
 }
 

@@ -87,6 +87,34 @@ def check_box(out, printed):
     assert s["printed_power_of_voltage"] == pytest.approx(1.79, abs=5e-3)
     assert (out / "box.png").exists()
     assert "42.6 % of the height, 74.2 % of what is left" in printed
+    # the angle of a storey of 1.65 in turned by 45 degrees: tan = h/(R cos 45) at R = a/sqrt(2)
+    storey = s["boxes"]["Kresling storey, twist 45 degrees"]
+    assert np.tan(np.radians(storey["angle_deg"][0])) == pytest.approx(1.65 / (2.125 / 2), rel=1e-9)
+    assert np.diff(storey["angle_deg"]) == pytest.approx([-4, -5, -14], abs=1e-9)
+    with (out / "box.csv").open() as f:
+        last = list(csv.DictReader(f))[-1]
+    force = {k: float(v) for k, v in last.items() if "force" in k}
+    assert force["box_of_3_layers_force_N"] == pytest.approx(4 * 2.156, abs=3e-3)
+    assert force["box_of_10_layers_force_N"] == pytest.approx(10 * force["box_of_1_layers_force_N"])
+
+
+def check_smooth_fold(out, printed):
+    """p1 to p4 of digest section 9 and the box with its folds closing, as a time series."""
+    s = summary(out)
+    digest = [(0.38, 0.465), (2.66, 3.505), (2.62, 3.535), (0.34, 0.495)]
+    assert np.array(s["corners_of_thesis"]) == pytest.approx(np.array(digest), abs=1e-12)
+    assert s["direction_deg"] == pytest.approx(52.31, abs=5e-3)
+    assert s["thesis_width_scaled_m"] == pytest.approx(0.883e-3, abs=5e-7)
+    width, length = 0.9e-3, 0.76 * np.hypot(2.125, 2.75) * 0.0254
+    assert s["stiffener_area_m2"]["fold"][0] == pytest.approx(width * length, rel=1e-9)
+    assert s["least_fold_width_flat_m"] == pytest.approx(np.pi / 2 * 0.508e-3, rel=1e-9)
+    history = dea.read_history(out)
+    assert np.ptp(history["twist_deg"]) == pytest.approx(80, rel=1e-12)
+    assert history["height_m"][0] == pytest.approx(2.75 * 0.0254, rel=1e-12)
+    text = (out / "fields.xdmf").read_text()
+    assert text.count("<Time") == s["frames"] == 41
+    for name in ("fields.h5", "pattern_fold.svg", "pattern_panels.svg", "pattern_fold.png"):
+        assert (out / name).exists()
 
 
 def check_snap_through(out, printed):
@@ -377,6 +405,7 @@ CHECKS = {
     "pull_in.py": (check_pull_in, []),
     "read_results.py": (check_read_results, []),
     "sldea.py": (check_sldea, []),
+    "smooth_fold.py": (check_smooth_fold, []),
     "snap_through.py": (check_snap_through, ["--mesh", "irregular"]),
     "wrinkling_film.py": (check_wrinkles, []),
 }
@@ -399,7 +428,8 @@ def test_demo(name, start, tmp_path):
     check(tmp_path / "run", done.stdout)
     if (tmp_path / "run" / "history.csv").exists():
         history = dea.read_history(tmp_path / "run")
-        driven_by = "voltage_V" if "voltage_V" in history else "load_factor"
+        drives = ("voltage_V", "load_factor", "stretch_factor", "twist_deg")
+        driven_by = next(name for name in drives if name in history)
         assert np.all(np.isfinite(history[driven_by]))
 
 

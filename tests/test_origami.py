@@ -309,7 +309,29 @@ def test_table_5_3():
     assert list(shares.values()) == pytest.approx([0.426, 0.742, 4.0], abs=5e-4)
 
 
-@pytest.mark.parametrize("box", [Box(LAW, H), Box(LAW, H, "proportional"), Box(LAW, H, panel=B)])
+# Table 5.1 with its angle as the twist at rest: height 1.65, edge hypot(1.65, 2 R sin 22.5 deg)
+TURNED = Kresling(A, float(np.hypot(H, np.sqrt(2) * A * np.sin(np.pi / 8))), height=H)
+
+
+def test_box_of_a_kresling_storey():
+    """Corners of the storey, not its formulas, say how its panels stand and how high it is."""
+    box = Box(LAW, H, "storey", storey=TURNED, storeys=2)
+    assert box.turn(0.0) == pytest.approx(np.pi / 4, abs=1e-7)
+    assert np.degrees(box.gamma(VOLTS)) == pytest.approx(57.22092 - np.array([0, 4, 9, 23]))
+    for volts in VOLTS[1:]:
+        below, above = vertices(TURNED, box.turn(volts))
+        normal = np.cross(below[1] - below[0], above[1] - below[0])
+        gamma = np.arccos(normal[2] / np.linalg.norm(normal))  # of the panel that stands below
+        assert gamma == pytest.approx(box.gamma(volts), abs=1e-9)
+        assert above[0, 2] == pytest.approx(box.storey_height(volts), rel=1e-12)
+        assert np.linalg.norm(above[0] - below[0]) == pytest.approx(TURNED.edge, rel=1e-9)
+    assert box.total_height(VOLTS) + box.stroke(VOLTS) == pytest.approx(np.full(4, 2 * H))
+
+
+@pytest.mark.parametrize("box", [
+    Box(LAW, H), Box(LAW, H, "proportional"), Box(LAW, H, panel=B),
+    Box(LAW, H, "storey", storey=TURNED),
+])  # fmt: skip
 def test_force_of_moments_by_virtual_work(box):
     v, dv, moment = 1500.0, 0.5, 0.3
     dh = box.storey_height(v + dv) - box.storey_height(v - dv)
@@ -365,6 +387,11 @@ def test_quantities_with_units():
         (lambda: CreasePattern(stiffeners="rims"), "must be in"),
         (lambda: Box(LAW, H, panel=1.0), "do not reach up"),
         (lambda: Box(LAW, H, "linear"), "must be one of"),
+        (lambda: Box(LAW, H, "storey"), "go together"),
+        (lambda: Box(LAW, 2.0, "storey", storey=TURNED), "height is 2 m, but that of the storey"),
+        (lambda: Box(LAW, H, "storey", storey=READINGS["right held"]), "free twist"),
+        (lambda: Box(LAW, H).turn(0.0), "only a storey turns"),
+        (lambda: Box(LAW, FLAT.height, "storey", storey=FLAT).turn(4e3), "stand between 39.4"),
         (lambda: Box(LAW, H).gamma(5e3), "from 0 to 4000 V only"),
         (lambda: Box(lambda v: 0.5 - v, H).gamma(1.0), "beyond 0 to 90"),
         (lambda: table_of_angles([0, 0], [1, 2]), "must rise"),

@@ -101,6 +101,7 @@ EXPECTED = {  # (system, name): value, or values, and the relative error its dig
     ("kresling_kinematics", "collapse_deformation"): ([7.0, 7.25], 1e-12),
     ("kresling_kinematics", "collapse_rotation"): (38.31, 2e-4),
     ("kresling_kinematics", "collapse_force"): ([8.706, 9.738, 11.295], 1e-4),
+    ("kresling_cell_fea", "stroke"): (1.00447 * 0.0254, 1e-5),
     ("smooth_fold", "length_p1p2"): (3.8, 1e-12),
     ("smooth_fold", "w_unit"): (0.883e-3, 4e-4),
     ("kresling_box_actuation", "deformation_rigid_panel"): (

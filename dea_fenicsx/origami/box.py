@@ -1,7 +1,8 @@
 """Actuation of the spiral box by its hinges (thesis section 5.3, Table 5.3, chapter 6).
 
 A hinge law, any function that gives the panel angle gamma at a voltage, is put into the height of
-the box.  Rigid panels give h = L sin(gamma); the thesis's Table 5.3 is h = h0 gamma/gamma0.
+the box.  Panels that tilt without turning give h = L sin(gamma); those of a Kresling storey turn as
+it sinks; the thesis's Table 5.3 is h = h0 gamma/gamma0.
 Lengths in m, angles in rad, voltages in V.
 """
 
@@ -13,13 +14,14 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
+from scipy.optimize import brentq
 
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials import EPSILON_0
-from dea_fenicsx.origami.kresling import strokes
+from dea_fenicsx.origami.kresling import Kresling, strokes
 from dea_fenicsx.units import in_si, si
 
-MAPS = ("panel", "proportional")
+MAPS = ("panel", "proportional", "storey")
 
 
 def table_of_angles(voltages: Any, angles: Any) -> Callable[[Any], Any]:
@@ -68,11 +70,15 @@ class Box:
     height
         h0 of one storey without voltage in m.
     map
-        ``"panel"`` for rigid panels, ``"proportional"`` as in the thesis.
+        ``"panel"`` for rigid panels that only tilt, ``"storey"`` for those of a Kresling storey of
+        free twist, ``"proportional"`` as in the thesis.
     panel
         Length L of a panel along its slope in m.  By default the one that makes height and angle
         fit, h0/sin(gamma0).  If it is given, the angle at rest is asin(h0/L) and the law's changes
         of angle count.
+    storey
+        For its own map: the storey, with right chords; height and angle at rest are its own, and
+        the law's changes of angle count.
     cells
         Hinged cells of a storey; their forces add up.
     storeys
@@ -88,6 +94,7 @@ class Box:
     height: float
     map: str = "panel"
     panel: float | None = None
+    storey: Kresling | None = None
     cells: int = 4
     storeys: int = 1
 
@@ -105,7 +112,11 @@ class Box:
                 f"Box: the angle without voltage is {np.degrees(rest):g} degrees, but must lie "
                 "above 0 and at most at 90."
             )
-        if self.panel is None:
+        if (self.storey is None) != (self.map != "storey"):
+            raise InputError("Box: a storey and its map go together; give both or neither.")
+        if self.storey is not None:
+            self._check_storey(self.storey)
+        elif self.panel is None:
             object.__setattr__(self, "panel", self.height / np.sin(rest))
         elif self.map == "proportional":
             raise InputError("Box: the proportional map knows no panel; leave panel out.")
@@ -114,10 +125,27 @@ class Box:
                 f"Box: panels of {self.panel:g} m do not reach up to {self.height:g} m."
             )
 
+    def _check_storey(self, storey: Kresling) -> None:
+        if storey.twist != "free" or storey.chords != "right" or self.panel is not None:
+            raise InputError(
+                "Box: the map of a storey needs one of free twist and right chords, and no panel."
+            )
+        if abs(self.height - storey.height) > 1e-9 * self.height:  # type: ignore[operator]
+            raise InputError(
+                f"Box: height is {self.height:g} m, but that of the storey is {storey.height:g} m."
+            )
+
     @property
     def _slope_length(self) -> float:
         assert self.panel is not None  # set by __post_init__
         return self.panel
+
+    @property
+    def _rest_angle(self) -> float:
+        """gamma at rest of rigid panels in rad."""
+        if self.storey is not None:
+            return float(self.storey.at_twist(self.storey.rest_twist).panel_angle)
+        return float(np.arcsin(self.height / self._slope_length))
 
     def gamma(self, voltage: Any) -> Any:
         """Angle of the panels at a voltage in rad.
@@ -128,8 +156,8 @@ class Box:
             If the hinge would fold a panel through its base or over the vertical.
         """
         found = np.asarray(self.angle(np.asarray(voltage, dtype=float)), dtype=float)
-        if self.map == "panel":
-            found = found - float(self.angle(0.0)) + np.arcsin(self.height / self._slope_length)
+        if self.map != "proportional":
+            found = found - float(self.angle(0.0)) + self._rest_angle
         if not np.all((found >= -1e-12) & (found <= np.pi / 2 + 1e-12)):
             raise InputError("Box: the hinge turns the panels beyond 0 to 90 degrees.")
         return found[()]
@@ -139,7 +167,37 @@ class Box:
         gamma = self.gamma(voltage)
         if self.map == "proportional":
             return self.height * gamma / float(self.angle(0.0))
+        if self.storey is not None:
+            return self.storey.at_twist(self.turn(voltage)).height
         return self._slope_length * np.sin(gamma)
+
+    def turn(self, voltage: Any) -> Any:
+        """Twist phi of a Kresling storey at a voltage in rad.
+
+        Raises
+        ------
+        InputError
+            Without a storey, or for an angle that its panels reach only after they have met.
+        """
+        storey = self.storey
+        if storey is None:
+            raise InputError("Box: only a storey turns; give one, and its map.")
+        # from upright panels down to where they meet, or lie flat
+        ends = [0.0, min(storey.contact_twist, float(storey.twist_at(storey.lowest)))]
+        high, low = (float(storey.at_twist(phi).panel_angle) for phi in ends)
+
+        def twist(gamma: float) -> float:
+            if not low - 1e-9 <= gamma <= high + 1e-9:
+                raise InputError(
+                    f"Box: the hinge turns panels to {np.degrees(gamma):g} degrees, but those of "
+                    f"this storey stand between {np.degrees(low):g} and {np.degrees(high):g}."
+                )
+            inside = float(np.clip(gamma, low, high))
+            return float(
+                brentq(lambda phi: storey.at_twist(phi).panel_angle - inside, *ends, xtol=1e-14)
+            )
+
+        return np.vectorize(twist, otypes=[float])(self.gamma(voltage))[()]
 
     def total_height(self, voltage: Any) -> Any:
         """Height of all storeys in m."""
@@ -157,11 +215,21 @@ class Box:
         """Axial force in N of hinges that each exert a moment in N m, at the height of a voltage.
 
         Virtual work of rigid panels: force x dh = cells x moment x dgamma, dh = L cos(gamma)
-        dgamma; by the thesis's map dh = h0/gamma0 dgamma.
+        dgamma; by the thesis's map dh = h0/gamma0 dgamma; in a storey both follow the twist.
         """
+        if self.storey is not None:
+            return self.cells * np.asarray(moment) / self._rise(self.turn(voltage))
         if self.map == "proportional":
             return self.cells * np.asarray(moment) * float(self.angle(0.0)) / self.height
         return self.cells * np.asarray(moment) / (self._slope_length * np.cos(self.gamma(voltage)))
+
+    def _rise(self, phi: Any) -> Any:
+        """dh/dgamma of a storey: dh/dphi = -R^2 sin(phi)/h, tan(gamma) = h/q."""
+        assert self.storey is not None
+        state, R, half = self.storey.at_twist(phi), self.storey.radius, self.storey.step / 2
+        h, q = state.height, R * (np.cos(half) - np.cos(phi + half))
+        sink, inward = -(R**2) * np.sin(phi) / h, R * np.sin(phi + half)
+        return sink * (h**2 + q**2) / (q * sink - h * inward)
 
 
 def blocked_force(
