@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         FollowerPressure,
         FreeBody,
         Ground,
+        PreStretch,
         Stretch,
         Taper,
         ThinFilm,
@@ -43,7 +44,13 @@ if TYPE_CHECKING:
         SolverError,
     )
     from dea_fenicsx.failures import ElectricalBreakdown, LossOfTension, StretchLimit
-    from dea_fenicsx.kinematics import Axisymmetric, Helical, PlaneStrain, ThreeD
+    from dea_fenicsx.kinematics import (
+        Axisymmetric,
+        GeneralisedPlaneStrain,
+        Helical,
+        PlaneStrain,
+        ThreeD,
+    )
     from dea_fenicsx.materials import (
         ArrudaBoyce,
         Breakdown,
@@ -90,13 +97,15 @@ _HOME = {
     "conditions": (
         "AxialForce", "AxialStretch", "ChargedElectrode", "Clamp", "DeadLoad", "DeadPressure",
         "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure", "FreeBody",
-        "Ground", "Stretch", "Taper", "ThinFilm", "Torque", "Twist",
+        "Ground", "PreStretch", "Stretch", "Taper", "ThinFilm", "Torque", "Twist",
     ),
     "errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "SolverError",
     ),
     "failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
-    "kinematics": ("Axisymmetric", "Helical", "PlaneStrain", "ThreeD"),
+    "kinematics": (
+        "Axisymmetric", "GeneralisedPlaneStrain", "Helical", "PlaneStrain", "ThreeD",
+    ),
     "materials": (
         "ArrudaBoyce", "Breakdown", "Conductor", "Gent", "IdealDielectric", "Material",
         "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh",

@@ -7,6 +7,7 @@ factor 1.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -189,6 +190,43 @@ class Displacement:
 
 
 @dataclass(frozen=True)
+@in_si(x="", y="", z="")
+class PreStretch:
+    """Stretches that a region had undergone before it became part of the device.
+
+    The mesh shows the stretched region: a film, pulled over a frame, to which a stiffener is then
+    bonded.  At ramp factor t the region's elements are strained by the stretches to the power t
+    where they have not moved; ramp it up first, with the supports or dead loads that bear the
+    tension.  Displacements, strains and nominal stresses all count from the stretched state.
+
+    Parameters
+    ----------
+    where
+        Name of an incompressible region, or several names.
+    x, y, z
+        Stretches along the axes.  One may be left out: it follows from constant volume.
+    """
+
+    where: str | tuple[str, ...]
+    x: float | None = None
+    y: float | None = None
+    z: float | None = None
+    ramp: str = "prestretch"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.where,) if isinstance(self.where, str) else tuple(self.where)
+
+    @property
+    def stretches(self) -> tuple[float, float, float]:
+        """Along x, y and z, all three."""
+        given = [s for s in (self.x, self.y, self.z) if s is not None]
+        rest = 1 / math.prod(given)
+        a, b, c = (rest if s is None else s for s in (self.x, self.y, self.z))
+        return a, b, c
+
+
+@dataclass(frozen=True)
 @in_si(stretch="")
 class AxialStretch:
     """Prescribed axial stretch of a helical cell as a whole, reached at ramp factor 1."""
@@ -282,18 +320,22 @@ class FollowerPressure:
     Parameters
     ----------
     where
-        Name of a facet group on the outside of the device.
+        Name of a facet group.
     pascal
         Pressure in Pa at ramp factor 1.
+    on
+        Name of the region it presses on, needed for a surface inside the device unless one side
+        of it alone is dielectric.
     """
 
     where: str
     pascal: float
+    on: str | None = None
     ramp: str = "load"
 
 
 Support = Fix | Clamp | FreeBody
-Prescribed = Stretch | Displacement | AxialStretch | Twist
+Prescribed = Stretch | Displacement | PreStretch | AxialStretch | Twist
 Load = DeadLoad | DeadPressure | FollowerPressure | AxialForce | Torque
 
 

@@ -23,6 +23,7 @@ from dea_fenicsx.conditions import (
     Electrode,
     Fix,
     FreeBody,
+    PreStretch,
     Stretch,
     ThinFilm,
     Twist,
@@ -107,7 +108,7 @@ def apply_supports(scene: Scene, parts: list[Component], constraints: Constraint
             else:
                 _hold_screw_motions(device, parts, constraints)
             continue
-        if isinstance(item, AxialStretch | Twist):
+        if isinstance(item, AxialStretch | PreStretch | Twist):
             continue
         named = axes if isinstance(item, Clamp) else item.axes
         facets = device.facets_of(item.where)
@@ -206,7 +207,7 @@ def potential_at(
     scene: Scene, electrode: Electrode | ChargedElectrode, X: np.ndarray
 ) -> np.ndarray:
     """Given potential in V at undeformed positions X in m, shape (n, 3); 0 where it floats."""
-    values = np.full(len(X), _volts(electrode))
+    values = np.full(len(X), _volts(electrode), dtype=float)
     if isinstance(electrode, ThinFilm):
         share = (coordinate(scene, electrode.along, X) - electrode.start) / (
             electrode.end - electrode.start

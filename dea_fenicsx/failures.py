@@ -71,7 +71,7 @@ class Local:
 
     Attributes
     ----------
-    F : deformation gradient
+    F : deformation gradient, pre-stretch included
     J : its determinant
     field : true electric field, V/m
     stress : Cauchy stress, electrostatic part included, Pa; None where nothing needs it
@@ -236,7 +236,7 @@ class Gauge:
             if not names:
                 continue
             s = problem.states[k]
-            entries = [s.F[i, j] for i in range(3) for j in range(3)]
+            entries = [s.total[i, j] for i in range(3) for j in range(3)]
             entries += [s.J, *(s.true_field[i] for i in range(3))]
             if failure.needs_stress:
                 sigma = problem.stress(k)

@@ -19,12 +19,14 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import partial
 from typing import Any
 
 import numpy as np
 import ufl
 
 from dea_fenicsx.compat import dolfinx
+from dea_fenicsx.conditions import PreStretch
 from dea_fenicsx.kinematics import Helix, StrainOf, cofactor
 from dea_fenicsx.materials import Elastic
 from dea_fenicsx.mesh import Device
@@ -96,6 +98,9 @@ class Kernel:
         The elastic model with cell-wise coefficients in place of its constants.
     eps, kappa
         Cell-wise permittivity and bulk modulus, dimensionless, or None.
+    prestretch
+        For each ramp of a `PreStretch` its factor, a constant, and the cell-wise logarithms of the
+        three stretches; empty for regions without one.
     regions
         Names of the regions.
     cells
@@ -105,6 +110,7 @@ class Kernel:
     elastic: Elastic
     eps: Any | None
     kappa: Any | None
+    prestretch: dict[str, tuple[Any, list[Any]]]
     regions: tuple[str, ...]
     cells: np.ndarray
 
@@ -113,11 +119,14 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
     """Group the regions of a scene by the shape of their energy."""
     device = scene.device
     groups: dict[tuple, list[str]] = {}
+    prestretches = [item for item in scene.prescribed if isinstance(item, PreStretch)]
+    factors = {item.ramp: dolfinx.fem.Constant(device.mesh, 0.0) for item in prestretches}
     for name in sorted(scene.materials, key=lambda n: device.regions[n]):
         m = scene.materials[name]
         field_lives = m.is_dielectric and scene.has_potential
+        stretched = any(name in item.names for item in prestretches)
         groups.setdefault(
-            (type(m.elastic), _shape(m.elastic), field_lives, m.bulk_modulus is None), []
+            (type(m.elastic), _shape(m.elastic), field_lives, m.bulk_modulus is None, stretched), []
         ).append(name)
     constant = dolfinx.fem.functionspace(device.mesh, ("DG", 0))
     owned = device.owned_cells()
@@ -129,7 +138,13 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
 
     made = []
-    for (_, _, field_lives, incompressible), names in groups.items():
+    def log_stretch(ramp: str, axis: int, name: str) -> float:
+        return sum(
+            float(np.log(item.stretches[axis])) for item in prestretches
+            if item.ramp == ramp and name in item.names
+        )  # fmt: skip
+
+    for (_, _, field_lives, incompressible, stretched), names in groups.items():
         cells = {n: device.cells_of(n) for n in names}
 
         def cellwise(value: Callable[[str], float], cells: Any = cells) -> Any:
@@ -138,12 +153,18 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
                 f.x.array[c] = value(n)
             return f
 
+        ramps = sorted(factors) if stretched else []
         together = np.sort(np.concatenate(list(cells.values())))
         made.append(
             Kernel(
                 elastic=_bind({n: scene.materials[n].elastic for n in names}, cellwise),
                 eps=cellwise(permittivity) if field_lives else None,
                 kappa=None if incompressible else cellwise(bulk_modulus),
+                prestretch={
+                    ramp: (factors[ramp],
+                           [cellwise(partial(log_stretch, ramp, axis)) for axis in range(3)])
+                    for ramp in ramps
+                },
                 regions=tuple(names),
                 cells=together[together < owned],
             )
@@ -174,13 +195,19 @@ def _bind(elastics: dict[str, Elastic], cellwise: Callable) -> Elastic:
 
 @dataclass(frozen=True)
 class State:
-    """Symbolic fields of a kernel: F, J, nominal and true electric field, and the energy."""
+    """Symbolic fields of a kernel: F, J, true electric field, and the energy.
+
+    `total` is F times the pre-stretch: what the material has undergone.  `rates` are the energy's
+    derivatives by the factors of pre-stretches.
+    """
 
     F: Any
+    total: Any
     J: Any
     true_field: Any
     energy: Any
     chain_margin: Any
+    rates: dict[str, Any]
 
 
 def state(
@@ -192,16 +219,24 @@ def state(
     kin = scene.kinematics
     F = ufl.variable(ufl.Identity(3) + kin.displacement_gradient(u, x, helix))
     cof, J = cofactor(F)
+    total, factors = F, {r: ufl.variable(t) for r, (t, _) in kernel.prestretch.items()}
+    if factors:
+        powers = [
+            sum(factors[ramp] * logs[i] for ramp, (_, logs) in kernel.prestretch.items())
+            for i in range(3)
+        ]
+        # its determinant is 1, so that volumes and J are those of the mesh
+        total = ufl.dot(F, ufl.diag(ufl.as_vector([ufl.exp(power) for power in powers])))
     per_mu = 1 / scales.stress
     # the scale enters as a constant of the form, not of the code
     unit = dolfinx.fem.Constant(scene.device.mesh, per_mu)
     if kernel.kappa is None:
-        strain = StrainOf(F)
+        strain = StrainOf(total)
         energy = unit * (
             kernel.elastic.energy(strain) - kernel.elastic.spherical_slope() * ufl.ln(J)
         )
         # zero where J = 1: it takes nothing from the exact state, see Discretisation
-        extra = dolfinx.fem.Constant(scene.device.mesh, scene.elements.augmentation)
+        extra = dolfinx.fem.Constant(scene.device.mesh, float(scene.elements.augmentation))
         stiffness = unit * extra * _mean_stress(kernel.elastic, strain)
         energy += p * (J - 1) + stiffness / 2 * (J - 1) ** 2
     else:
@@ -213,7 +248,9 @@ def state(
         energy -= kernel.eps / 2 * ufl.dot(pulled, pulled) / J
         true_field = pulled / J
     margin = kernel.elastic.chain_margin(strain)
-    return State(F, J, true_field, energy, margin if margin is not None else ufl.as_ufl(1.0))
+    rates = {ramp: ufl.diff(energy, t) for ramp, t in factors.items()}
+    return State(F, total, J, true_field, energy, margin if margin is not None else ufl.as_ufl(1.0),
+                 rates)  # fmt: skip
 
 
 def _mean_stress(elastic: Elastic, strain: StrainOf) -> Any:

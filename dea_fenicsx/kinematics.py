@@ -20,6 +20,8 @@ from dea_fenicsx.units import in_si
 class Helix(NamedTuple):
     """What a helical deformation has beside its fields, symbolic and dimensionless.
 
+    In generalised plane strain the elongation alone counts.
+
     Attributes
     ----------
     lead : pitch/(2 pi)
@@ -119,6 +121,28 @@ class PlaneStrain(_Flat):
 
     def depth_factor(self, length: float) -> float:
         return self.depth / length
+
+
+@dataclass(frozen=True)
+@in_si(depth="m")
+class GeneralisedPlaneStrain(PlaneStrain):
+    """A slice of a body that stretches evenly along the third axis, and stays straight along it.
+
+    The stretch along z is one unknown: free, loaded (`AxialForce`) or prescribed (`AxialStretch`).
+    `PlaneStrain` is the same with this stretch held at 1.
+
+    Parameters
+    ----------
+    depth
+        Depth in metres along the third axis; forces, charges and volumes are for this depth.
+    """
+
+    overall = ("elongation",)
+
+    def displacement_gradient(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
+        assert helix is not None
+        g = grad(u)
+        return as_matrix([[g[0, 0], g[0, 1], 0], [g[1, 0], g[1, 1], 0], [0, 0, helix.elongation]])
 
 
 @dataclass(frozen=True)
@@ -248,7 +272,7 @@ class Helical(_Flat):
         return np.column_stack([c * r - s * t - R, u[:, 2] + overall[0] * Z, s * r + c * t])
 
 
-Kinematics = ThreeD | PlaneStrain | Axisymmetric | Helical
+Kinematics = ThreeD | PlaneStrain | GeneralisedPlaneStrain | Axisymmetric | Helical
 
 
 class StrainOf:

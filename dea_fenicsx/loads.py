@@ -1,4 +1,4 @@
-"""Virtual work of the loads on surfaces.
+"""Virtual work of the loads on surfaces, and of what strains a region from within.
 
 The force and the torque on a helical cell as a whole act on single unknowns: see `ties`.
 """
@@ -44,6 +44,8 @@ class Loads:
         The whole virtual work; 0 without loads.
     following
         Ramps of loads whose direction follows the deformation.
+    changing
+        Ramps whose unit work depends on the state: those, and pre-stretches.
     """
 
     def __init__(
@@ -56,12 +58,13 @@ class Loads:
         }
         self.unit_work: dict[str, Any] = {}
         self.following: set[str] = set()
+        self.changing: set[str] = set()
         self.work: Any = 0
         if not loads:
             return
         sides = [
             _pressed_side(scene, load)
-            if isinstance(load, DeadPressure)
+            if isinstance(load, DeadPressure | FollowerPressure)
             else one_sided(scene.device, load.where)
             for load in loads
         ]
@@ -80,6 +83,7 @@ class Loads:
                 area = ufl.dot(cofactor(ufl.Identity(3) + gradient)[0], kin.embed(normal))
                 unit_work = -pressure * ufl.dot(area, kin.embed(v)) * weight * ds(k)
                 self.following.add(load.ramp)
+                self.changing.add(load.ramp)
             else:
                 traction = dolfinx.fem.Constant(mesh, np.array(load.pascal) / stress)
                 unit_work = ufl.dot(traction, v) * weight * ds(k)
@@ -87,7 +91,15 @@ class Loads:
             self.work += self.factors[load.ramp] * unit_work
 
 
-def _pressed_side(scene: Scene, load: DeadPressure) -> np.ndarray:
+    def add_strain(self, ramp: str, factor: Any, work: Any) -> None:
+        """A pre-stretch: its factor is part of the energy, `work` minus the residual's derivative
+        by it."""
+        self.factors[ramp] = factor
+        self.unit_work[ramp] = self.unit_work.get(ramp, 0) + work
+        self.changing.add(ramp)
+
+
+def _pressed_side(scene: Scene, load: DeadPressure | FollowerPressure) -> np.ndarray:
     """Facets of a pressure, seen from the material it presses on."""
     device, materials = scene.device, scene.materials
     pairs = {name: one_sided(device, load.where, frozenset([device.regions[name]]))
@@ -100,6 +112,7 @@ def _pressed_side(scene: Scene, load: DeadPressure) -> np.ndarray:
     if sum(counts[n] for n in touching) != total:
         raise InputError(
             f"It is not clear which side the pressure on {load.where!r} presses; name the "
-            f"region with DeadPressure(..., on=...), one of: {', '.join(sorted(materials))}."
+            f"region with {type(load).__name__}(..., on=...), one of: "
+            f"{', '.join(sorted(materials))}."
         )
     return np.concatenate([pairs[n] for n in touching])

@@ -125,7 +125,7 @@ class Area:
         device, kin = problem.scene.device, problem.scene.kinematics
         known(self.where, device.surfaces, "facet group")
         if kin.overall:
-            raise InputError("Area is not measured in a helical cell.")
+            raise InputError("Area is not measured in helical cells or generalised plane strain.")
         ds = measure(device, [one_sided(device, self.where)], 4, "ds")(0)
         x = ufl.SpatialCoordinate(problem.mesh)
         u = ufl.split(problem.w)[0]
@@ -257,7 +257,7 @@ def _electrode(problem: Problem, name: str) -> np.ndarray:
 
 def _axis(problem: Problem, axis: str) -> int:
     axes = problem.scene.kinematics.axes
-    if axis not in axes:
+    if axis not in tuple(axes):
         raise InputError(f"The axis is {axis!r}, but must be one of {', '.join(axes)}.")
     return axes.index(axis)
 
@@ -284,7 +284,7 @@ def _surface_mean(
     x = ufl.SpatialCoordinate(problem.mesh)
     weight = problem.scene.kinematics.weight(x)
     kinematics = problem.scene.kinematics
-    if projected and axis not in kinematics.coordinates:
+    if projected and axis not in tuple(kinematics.coordinates):
         raise InputError(
             f"The axis is {axis!r}, but must be one of {', '.join(kinematics.coordinates)}."
         )

@@ -1,4 +1,7 @@
-"""What is measured on a helical cell as a whole: stretch and twist, axial force and torque."""
+"""What is measured on a device as a whole: stretch and twist, axial force and torque.
+
+A helical cell has all of them; generalised plane strain has stretch and force, along its depth.
+"""
 
 from __future__ import annotations
 
@@ -14,23 +17,23 @@ from dea_fenicsx.weakform import Problem
 
 @dataclass(frozen=True)
 class OverallStretch:
-    """Axial stretch lam of a helical cell."""
+    """Axial stretch lam of a helical cell, or along the depth of a slice."""
 
     unit = ""
 
     def bind(self, problem: Problem) -> Measurement:
-        _refuse_others(problem, self)
+        _refuse_others(problem, self, "elongation")
         return lambda: 1 + problem.overall_values()[0]
 
 
 @dataclass(frozen=True)
 class OverallContraction:
-    """Axial contraction 1 - lam of a helical cell."""
+    """Axial contraction 1 - lam of a helical cell, or along the depth of a slice."""
 
     unit = ""
 
     def bind(self, problem: Problem) -> Measurement:
-        _refuse_others(problem, self)
+        _refuse_others(problem, self, "elongation")
         return lambda: 0.0 - problem.overall_values()[0]
 
 
@@ -41,15 +44,15 @@ class OverallTwist:
     unit = "rad_per_m"
 
     def bind(self, problem: Problem) -> Measurement:
-        _refuse_others(problem, self)
+        _refuse_others(problem, self, "twist")
         return lambda: problem.overall_values()[1]
 
 
 @dataclass(frozen=True)
 class OverallForce:
-    """Axial force through the helical cell in N, held by a prescribed stretch or applied.
+    """Axial force through a helical cell or a slice in N, held by a prescribed stretch or applied.
 
-    The derivative of the energy of one period by the stretch, over the height of the period.
+    The derivative of the energy by the stretch, over the height of the period or the depth.
     """
 
     unit = "N"
@@ -71,7 +74,7 @@ class OverallTorque:
 
 def _bind_action(problem: Problem, observable: object, name: str) -> Measurement:
     """What works on an overall unknown, from its residual, in N (times the length unit)."""
-    _refuse_others(problem, observable)
+    _refuse_others(problem, observable, name)
     dofs = problem.overall[name].dofs
     dofs = dofs[dofs < problem.owned]
     unit = problem.scales.force * problem.scales.length / period(problem.scene)
@@ -83,8 +86,10 @@ def _bind_action(problem: Problem, observable: object, name: str) -> Measurement
     return value
 
 
-def _refuse_others(problem: Problem, observable: object) -> None:
-    if not problem.overall:
+def _refuse_others(problem: Problem, observable: object, name: str) -> None:
+    if name not in problem.overall:
+        also = " or GeneralisedPlaneStrain(depth)" if name == "elongation" else ""
         raise InputError(
-            f"{type(observable).__name__} is for helical cells; take kinematics=Helical(pitch)."
+            f"{type(observable).__name__} is for helical cells; take "
+            f"kinematics=Helical(pitch){also}."
         )

@@ -23,9 +23,11 @@ _MACRO = '''\
     pvpython view.py picture.png     a picture of the last step
 """
 
+import itertools
 import os
 import sys
 
+import numpy as np
 from paraview.simple import *
 
 FOLDER = {folder!r}  # where the run was when this was written
@@ -36,6 +38,26 @@ LOADS = {loads!r}
 here = os.path.dirname(os.path.abspath(globals().get("__file__", FOLDER + "/view.py")))
 if os.path.exists(os.path.join(here, "fields.xdmf")):
     FOLDER = here
+
+
+def fit(view, sources):
+    """Fill the view with the boxes around some sources; ParaView itself fits a sphere."""
+    camera = GetActiveCamera()
+    into = np.array(camera.GetDirectionOfProjection())
+    right = np.cross(into, camera.GetViewUp())
+    right /= np.linalg.norm(right)
+    axes = np.array([right, np.cross(right, into)])
+    boxes = [np.reshape(s.GetDataInformation().GetBounds(), (3, 2)) for s in sources]
+    corners = np.array([corner for box in boxes for corner in itertools.product(*box)])
+    seen = corners @ axes.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    middle = np.array(view.CameraFocalPoint)
+    shift = axes.T @ ((low + high) / 2 - axes @ middle)
+    view.CameraFocalPoint = list(middle + shift)
+    view.CameraPosition = list(np.array(view.CameraPosition) + shift)
+    width, height = (high - low) / 2
+    view.CameraParallelScale = 1.1 * max(height, width * view.ViewSize[1] / view.ViewSize[0])
+
 
 run = Xdmf3ReaderS(registrationName="run", FileName=[os.path.join(FOLDER, "fields.xdmf")])
 run.UpdatePipelineInformation()
@@ -89,12 +111,14 @@ x0, x1, y0, y1, z0, z1 = run.GetDataInformation().GetBounds()
 if z1 == z0:
     view.ResetActiveCameraToNegativeZ()
 else:
-    view.ResetActiveCameraToNegativeY()
+    view.ResetActiveCameraToPositiveY()
     camera = GetActiveCamera()
-    camera.Azimuth(35)
+    camera.Azimuth(-35)
     camera.Elevation(30)
 view.ResetCamera()
-view.CameraParallelScale = 0.8 * view.CameraParallelScale
+for source in (at_rest, surface):
+    source.UpdatePipeline(view.ViewTime)
+fit(view, [at_rest, surface])
 Render()
 if len(sys.argv) > 1 and sys.argv[-1].endswith(".png"):
     SaveScreenshot(sys.argv[-1], view, ImageResolution=[1600, 900])

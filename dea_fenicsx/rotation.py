@@ -40,7 +40,7 @@ class Rotation:
     where
         A facet group, or two: of the second relative to the first, R_2 R_1^T.
     about
-        ``"x"``, ``"y"`` or ``"z"``, fixed in space.
+        ``"x"``, ``"y"`` or ``"z"``, fixed in space; in plane strain only z means something.
     """
 
     where: str | tuple[str, str]
@@ -110,9 +110,11 @@ def _relative(problem: Problem, where: str | tuple[str, str]) -> Callable[[], np
 def _rotation(problem: Problem, where: str) -> Callable[[], np.ndarray]:
     """Rotation matrix of a facet group, bound to a problem.  Collective."""
     device = problem.scene.device
-    if problem.scene.kinematics.axes != "xyz" or device.dim != 3:
+    dim = device.dim
+    if problem.scene.kinematics.axes != "xyz"[:dim]:
         raise InputError(
-            "Rotations are measured in three dimensions only; a helical cell has OverallTwist."
+            "Rotations are measured in three dimensions and in plane strain only; a helical cell "
+            "has OverallTwist."
         )
     known(where, device.surfaces, "facet group")
     mesh, comm = problem.mesh, problem.comm
@@ -120,10 +122,10 @@ def _rotation(problem: Problem, where: str) -> Callable[[], np.ndarray]:
     x = ufl.SpatialCoordinate(mesh)
     # one kernel each for all moments: constants choose which
     c, d = (dolfinx.fem.Constant(mesh, np.zeros(4)) for _ in range(2))
-    e = dolfinx.fem.Constant(mesh, np.zeros(3))
+    e = dolfinx.fem.Constant(mesh, np.zeros(dim))
 
     def linear(k: Any) -> Any:
-        return k[0] + k[1] * x[0] + k[2] * x[1] + k[3] * x[2]
+        return k[0] + sum(k[i + 1] * x[i] for i in range(dim))
 
     area_form = compat.compile_form(linear(c) * linear(d) * ds)
     v = ufl.split(ufl.TestFunction(problem.W))[0]
@@ -136,13 +138,16 @@ def _rotation(problem: Problem, where: str) -> Callable[[], np.ndarray]:
 
     one, unit = np.eye(4)[0], np.eye(4)[1:]
     area = moment(one, one)
-    middle = [moment(one, unit[i]) / area for i in range(3)]
-    arms = [unit[i] - middle[i] * one for i in range(3)]  # components of a = X - mean X
-    rest = np.array([[moment(arms[i], arms[j]) for j in range(3)] for i in range(3)])
+    middle = [moment(one, unit[i]) / area for i in range(dim)]
+    arms = [unit[i] - middle[i] * one for i in range(dim)]  # components of a = X - mean X
+    rest = np.zeros((3, 3))
+    rest[:dim, :dim] = [[moment(a, b) for b in arms] for a in arms]
+    if dim == 2:
+        rest[2, 2] = np.trace(rest)  # the depth does not turn
     weights: np.ndarray = np.zeros((3, 3, problem.owned))
-    for i in range(3):
-        for j in range(3):
-            c.value[:], e.value[:] = arms[j], np.eye(3)[i]
+    for i in range(dim):
+        for j in range(dim):
+            c.value[:], e.value[:] = arms[j], np.eye(dim)[i]
             vector = dolfinx.fem.assemble_vector(work_form)
             vector.scatter_reverse(dolfinx.la.InsertMode.add)
             weights[i, j] = vector.array[: problem.owned]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.checks import check_step
+from dea_fenicsx.declared import check_declared, shown
 from dea_fenicsx.errors import (
     EquilibriumLost,
     InputError,
@@ -107,13 +109,18 @@ def solve(
         In all these cases everything up to the last accepted step is on disk, and the error's
         attribute `run` holds it.
     """
+    given = (scene, path, record, out, resume, quiet, failures, options, settings)
+    _check_arguments(*given)
     path = [path] if isinstance(path, Ramp | Trace) else list(path)
     check_path(scene, path)
     if stability not in STABILITY:
-        raise InputError(f"stability is {stability!r}, but must be one of {', '.join(STABILITY)}.")
+        raise InputError(
+            f"stability is {shown(stability)}, but must be one of {', '.join(STABILITY)}."
+        )
     (options or NewtonOptions()).check()
     watched = default_failures(scene) if failures is None else tuple(failures)
     for failure in watched:
+        check_declared(failure)
         failure.check(scene)
     if any(getattr(r, "switch", 0.0) for r in path) and stability != "every":
         raise InputError(
@@ -123,6 +130,42 @@ def solve(
         scene, path, dict(record or {}), out, resume, quiet, verbose, stability, watched, options,
         settings,
     ).run()  # fmt: skip
+
+
+def _check_arguments(
+    scene: Any, path: Any, record: Any, out: Any, resume: Any, quiet: Any, failures: Any,
+    options: Any, settings: Any,
+) -> None:  # fmt: skip
+    """Raise InputError for arguments of `solve` that are of no use to it."""
+    for value, kind, what in (
+        (scene, Scene, "a Scene"),
+        (path, Ramp | Trace | list | tuple, "a Ramp, a Trace or a list of them"),
+        (record, Mapping | None, "a dictionary of observables by name"),
+        (out, str | os.PathLike | None, "a path, or None to write nothing"),
+        (resume, bool | np.bool_, "resume=True or False"),
+        (quiet, bool | np.bool_, "quiet=True or False"),
+        (failures, list | tuple | None, "a list of failures to watch"),
+        (options, NewtonOptions | None, "NewtonOptions(...)"),
+        (settings, Mapping | None, "a dictionary"),
+    ):
+        if not isinstance(value, kind):
+            raise InputError(f"solve is given {shown(value)}, but needs {what}.")
+    if out == "":
+        raise InputError("The results folder has an empty name; give a path, or None for none.")
+    for failure in failures or ():
+        if isinstance(failure, type) or not hasattr(failure, "check"):
+            raise InputError(
+                f"A failure to watch is {shown(failure)}, but must be one such as LossOfTension()."
+            )
+    for name, observable in (record or {}).items():
+        if not isinstance(name, str) or not name:
+            raise InputError(f"The name of an observable is {shown(name)}, but must be text.")
+        if isinstance(observable, type) or not hasattr(observable, "bind"):
+            raise InputError(
+                f"What is recorded as {name!r} is {shown(observable)}, but must be an observable "
+                "such as Charge(...)."
+            )
+        check_declared(observable)
 
 
 @dataclass

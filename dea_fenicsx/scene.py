@@ -25,6 +25,7 @@ from dea_fenicsx.conditions import (
     FreeBody,
     Load,
     Prescribed,
+    PreStretch,
     Stretch,
     Support,
     Taper,
@@ -32,8 +33,9 @@ from dea_fenicsx.conditions import (
     Torque,
     Twist,
 )
+from dea_fenicsx.declared import check_declared
 from dea_fenicsx.errors import InputError
-from dea_fenicsx.kinematics import Helical, Kinematics, ThreeD
+from dea_fenicsx.kinematics import GeneralisedPlaneStrain, Helical, Kinematics, ThreeD
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh import Device
 
@@ -54,11 +56,15 @@ class Scene:
     supports
         `Fix`, `Clamp` or `FreeBody`.
     prescribed
-        Prescribed stretches and displacements; of a helical cell also `AxialStretch` and `Twist`.
+        Prescribed stretches and displacements, and `PreStretch`; of a helical cell also
+        `AxialStretch` and `Twist`,
+        in generalised plane strain `AxialStretch`.
     loads
-        Dead loads; on a helical cell also `AxialForce` and `Torque`.
+        Dead loads; on a helical cell also `AxialForce` and `Torque`, in generalised plane strain
+        `AxialForce`.
     kinematics
-        `ThreeD()`, `PlaneStrain()`, `Axisymmetric()` or `Helical(pitch)`.
+        `ThreeD()`, `PlaneStrain()`, `GeneralisedPlaneStrain()`, `Axisymmetric()` or
+        `Helical(pitch)`.
     elements
         The finite elements, see `Discretisation`.
 
@@ -79,6 +85,10 @@ class Scene:
     elements: Discretisation = field(default_factory=Discretisation)
 
     def __post_init__(self) -> None:
+        check_declared(self)
+        for item in (*self.electrodes, *self.prescribed, *self.loads):
+            if not item.ramp:
+                raise InputError(f"A ramp of {type(item).__name__} has an empty name; give it one.")
         _check_names(self)
         _check_kinematics(self)
         _check_materials(self)
@@ -161,7 +171,7 @@ def _check_kinematics(scene: Scene) -> None:
         )
     depth = getattr(kinematics, "depth", 1.0)
     if not (math.isfinite(depth) and depth > 0):
-        raise InputError(f"The depth of PlaneStrain is {depth!r}, but must be a length > 0 in m.")
+        raise InputError(f"The depth of {kind} is {depth!r}, but must be a length > 0 in m.")
     if kind in ("Axisymmetric", "Helical"):
         low = _extent(device, 0)[0]
         if low < -1e-12:
@@ -181,7 +191,9 @@ def _extent(device: Device, a: int) -> tuple[float, float]:
 
 
 def period(scene: Scene) -> float:
-    """Height of a helical cell in m."""
+    """Length in m along the overall stretch: height of a helical cell, depth of a slice."""
+    if isinstance(scene.kinematics, GeneralisedPlaneStrain):
+        return scene.kinematics.depth
     low, high = _extent(scene.device, 1)
     return (high - low) * scene.device.length
 
@@ -230,6 +242,8 @@ def _check_electrodes(scene: Scene) -> None:
     dielectric = any(m.is_dielectric for m in scene.materials.values())
     seen: dict[str, Electrode | ChargedElectrode] = {}
     for electrode in scene.electrodes:
+        if not electrode.names:
+            raise InputError("An electrode names no group; give where= at least one name.")
         if isinstance(electrode, ChargedElectrode):
             finite(electrode.coulombs, f"The charge of electrode {electrode.label!r}")
         else:
@@ -320,6 +334,9 @@ def _check_mechanics(scene: Scene) -> None:
             continue
         if isinstance(item, AxialStretch | Twist | AxialForce | Torque):
             continue  # they act on the cell as a whole
+        if isinstance(item, PreStretch):
+            _check_prestretch(scene, item)
+            continue
         known(item.where, device.surfaces, "facet group")
         if _count(device, item.where) == 0:
             raise InputError(f"{what} on {item.where!r} finds no facets in the mesh.")
@@ -352,7 +369,7 @@ def _check_mechanics(scene: Scene) -> None:
                 finite(value, f"The dead load on {item.where!r}")
         elif isinstance(item, DeadPressure | FollowerPressure):
             finite(item.pascal, f"The pressure on {item.where!r}")
-            if isinstance(item, DeadPressure) and item.on is not None:
+            if item.on is not None:
                 known(item.on, device.regions, "region")
     if not any(isinstance(s, Clamp | Fix | FreeBody) for s in scene.supports):
         raise InputError(
@@ -361,20 +378,59 @@ def _check_mechanics(scene: Scene) -> None:
         )
 
 
+def _check_prestretch(scene: Scene, item: PreStretch) -> None:
+    if scene.kinematics.axes not in ("xyz", "xy"):
+        raise InputError(
+            "PreStretch is for three dimensions and plane strain only; in this scene bring the "
+            "device to its stretch with Stretch(...)."
+        )
+    for name in item.names:
+        known(name, scene.device.regions, "region")
+        if scene.materials[name].bulk_modulus is not None:
+            raise InputError(
+                f"The pre-stretch of {name!r} needs an incompressible material, but that region "
+                "has a bulk modulus; leave it out."
+            )
+    label = "+".join(item.names)
+    if any(item.ramp == load.ramp for load in scene.loads):
+        raise InputError(
+            f"The pre-stretch of {label!r} and a load share the ramp {item.ramp!r}; give them two, "
+            'and move both in one Ramp(("prestretch", "load")).'
+        )
+    given = [s for s in (item.x, item.y, item.z) if s is not None]
+    for value in given:
+        finite(value, f"A pre-stretch of {label!r}")
+        if value <= 0:
+            raise InputError(f"A pre-stretch of {label!r} is {value}, but must be > 0.")
+    if len(given) < 2 or abs(math.prod(item.stretches) - 1) > 1e-9:
+        raise InputError(
+            f"The pre-stretch of {label!r} is x = {item.x}, y = {item.y}, z = {item.z}; give two "
+            "stretches, or three whose product is 1."
+        )
+
+
 def _check_overall(scene: Scene) -> None:
-    """Stretch, twist, force and torque of a helical cell as a whole."""
+    """Stretch, twist, force and torque of a device as a whole."""
     seen: set[str] = set()
+    kinematics = scene.kinematics
     for item in [*scene.prescribed, *scene.loads]:
         what = type(item).__name__
-        if isinstance(item, FollowerPressure) and isinstance(scene.kinematics, Helical):
+        if isinstance(item, FollowerPressure) and kinematics.overall:
+            where = "a helical cell" if isinstance(kinematics, Helical) else (
+                "generalised plane strain"
+            )
             raise InputError(
-                f"FollowerPressure on {item.where!r} is not available in a helical cell; use "
+                f"FollowerPressure on {item.where!r} is not available in {where}; use "
                 "DeadPressure."
             )
         if not isinstance(item, AxialStretch | Twist | AxialForce | Torque):
             continue
-        if not isinstance(scene.kinematics, Helical):
-            raise InputError(f"{what} is for helical cells; take kinematics=Helical(pitch).")
+        needed = "twist" if isinstance(item, Twist | Torque) else "elongation"
+        if needed not in kinematics.overall:
+            also = " or GeneralisedPlaneStrain(depth)" if needed == "elongation" else ""
+            raise InputError(
+                f"{what} is for helical cells; take kinematics=Helical(pitch){also}."
+            )
         if isinstance(item, AxialStretch):
             finite(item.stretch, "The axial stretch")
             if item.stretch <= 0:

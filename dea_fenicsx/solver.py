@@ -16,6 +16,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.compat import PETSc
+from dea_fenicsx.declared import check_declared
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.references import References
 from dea_fenicsx.weakform import Probe, Problem
@@ -50,6 +51,7 @@ class NewtonOptions:
 
     def check(self) -> None:
         """Raise InputError for settings with which no step could converge."""
+        check_declared(self)
         if not 1e-14 <= self.tolerance <= 1e-3:
             raise InputError(
                 f"Newton's tolerance is {self.tolerance!r}, but must lie between 1e-14, what "

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from dea_fenicsx.declared import check_declared, shown
 from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
 from dea_fenicsx.events import Sentinel
 from dea_fenicsx.predictor import Predictor
@@ -101,12 +102,18 @@ class Step:
 SMALLEST = 2.0**-10
 """Smallest step in units of the first one, before equilibrium counts as lost."""
 
+MOST_STEPS = 1_000_000
+
 EASY = 5
 """Newton iterations up to which a step counts as easy and the next one may grow."""
 
 
 def check_path(scene: Scene, path: Sequence[Ramp | Trace]) -> None:
     """Raise InputError if the path does not fit the scene."""
+    for item in path:
+        if not isinstance(item, Ramp | Trace):
+            raise InputError(f"The path holds {shown(item)}, but needs Ramp(...) or Trace(...).")
+        check_declared(item)
     if not path:
         raise InputError("The path is empty; give at least one Ramp(...).")
     if not scene.ramps:
@@ -119,16 +126,16 @@ def check_path(scene: Scene, path: Sequence[Ramp | Trace]) -> None:
             known(name, scene.ramps, "ramp in the scene")
         if isinstance(ramp, Trace):
             finite(ramp.first, f"The first step of the trace in {ramp.what}")
-            if ramp.first == 0 or ramp.steps < 1 or not ramp.longest > 0:
+            if not 0 < abs(ramp.first) <= 1e6 or ramp.steps < 1 or not ramp.longest > 0:
                 raise InputError(
-                    f"The trace in {ramp.what} needs a first step other than 0, at least one step "
-                    "and a longest step > 0."
+                    f"The trace in {ramp.what} needs a first step other than 0 (at most a million "
+                    "times the load), at least one step and a longest step > 0."
                 )
             continue
-        if not isinstance(ramp.steps, int | np.integer) or ramp.steps < 1:
+        if not 1 <= ramp.steps <= MOST_STEPS:
             raise InputError(
-                f"The ramp of {ramp.label(scene)} has {ramp.steps!r} steps, but needs a whole "
-                "number of at least 1."
+                f"The ramp of {ramp.label(scene)} has {ramp.steps} steps, but needs a whole number "
+                f"from 1 to {MOST_STEPS}."
             )
         for value in (ramp.to, *(ramp.at or ())):
             finite(value, f"A target of the ramp of {ramp.label(scene)}")

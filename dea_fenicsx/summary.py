@@ -44,6 +44,8 @@ def settings(
     return {
         "script": dict(script),
         "mesh": scene.device.source,
+        "regions": dict(scene.device.regions),
+        "surfaces": dict(scene.device.surfaces),
         "materials": {k: described(m) for k, m in scene.materials.items()},
         "electrodes": [described(e) for e in scene.electrodes],
         "supports": [described(s) for s in scene.supports],

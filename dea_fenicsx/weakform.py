@@ -2,8 +2,8 @@
 
 One mixed function w = (u, p, phi) holds everything, fixed values included.  Boundary values are
 put into w before anything is assembled, so increments vanish there and no lifting is needed; the
-linear systems are in the free unknowns only.  Overall unknowns (a helical cell's stretch and twist)
-are one constant a cell, all tied to one another.
+linear systems are in the free unknowns only.  Overall unknowns (a helical cell's stretch and twist,
+a slice's stretch along its depth) are one constant a cell, all tied to one another.
 """
 
 from __future__ import annotations
@@ -123,15 +123,17 @@ class Problem:
             elements.append(basix.ufl.element("Lagrange", cell, scene.elements.potential_degree))
         overall = scene.kinematics.overall
         if overall:
-            elements.append(basix.ufl.element("DG", cell, 0, shape=(len(overall),)))
+            shape = (len(overall),) if len(overall) > 1 else None
+            elements.append(basix.ufl.element("DG", cell, 0, shape=shape))
         self.W = dolfinx.fem.functionspace(mesh, basix.ufl.mixed_element(elements))
         self.w = dolfinx.fem.Function(self.W, name="state")
         self.displacement = [Component.of(self.W.sub(0).sub(a)) for a in range(dim)]
         self.pressure = Component.of(self.W.sub(1))
         self.potential = Component.of(self.W.sub(2)) if scene.has_potential else None
-        last = len(elements) - 1
+        whole = self.W.sub(len(elements) - 1)
         self.overall = {
-            name: Component.of(self.W.sub(last).sub(k)) for k, name in enumerate(overall)
+            name: Component.of(whole.sub(k) if len(overall) > 1 else whole)
+            for k, name in enumerate(overall)
         }
 
         index_map = self.W.dofmap.index_map
@@ -154,7 +156,7 @@ class Problem:
         self.constraints = Constraints(self.size)
         apply_supports(self.scene, self.displacement, self.constraints)
         apply_overall(self.scene, self.overall, self.constraints)
-        if not self.overall:
+        if not isinstance(self.scene.kinematics, Helical):
             check_rigid(self.scene, self.displacement, self.constraints.fixed)
         self.electrode_dofs: dict[str, np.ndarray] = {}
         if self.potential is not None:
@@ -248,6 +250,10 @@ class Problem:
         v, _, _, virtual = self._split(test)
         self.loads = Loads(scene, scales.stress, u, v, virtual)
         residual = residual - self.loads.work
+        for k, s in enumerate(self.states):
+            for ramp, rate in s.rates.items():
+                work = -ufl.derivative(rate * weight * dx(k), self.w, test)
+                self.loads.add_strain(ramp, self.kernels[k].prestretch[ramp][0], work)
         tangent = ufl.derivative(residual, self.w, ufl.TrialFunction(self.W))
         self._load_vectors: dict[str, np.ndarray] = {}
         self._residual = compat.compile_form(residual)
@@ -277,7 +283,7 @@ class Problem:
         n = scene.device.owned_cells()
         self.cell_volumes = _cell_values(volumes)[:n]
         self.volume = self.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
-        if self.overall:
+        if isinstance(scene.kinematics, Helical):
             self._refuse_resultant()
         self.incompressible_cells = np.sort(
             np.concatenate([np.empty(0, dtype=np.int32),
@@ -293,6 +299,8 @@ class Problem:
             if not hasattr(self, "_lead"):
                 self._lead = dolfinx.fem.Constant(self.mesh, kinematics.lead(self.scales.length))
             helix = Helix(self._lead, parts[-1][0], parts[-1][1])
+        elif kinematics.overall:
+            helix = Helix(0, parts[-1], 0)
         return parts[0], parts[1], parts[2] if self.scene.has_potential else None, helix
 
     # ------------------------------------------------------------- evaluation
@@ -313,7 +321,7 @@ class Problem:
         return change
 
     def overall_values(self) -> np.ndarray:
-        """Elongation and twist (rad/m) of a helical cell; empty for others.  Collective."""
+        """Elongation and, of a helical cell, twist (rad/m), if there are such.  Collective."""
         values = [
             next(v for v in self.comm.allgather(self.w.x.array[part.dofs[:1]]) if len(v))[0]
             for part in self.overall.values()
@@ -409,7 +417,7 @@ class Problem:
         Exact: fixed values are linear in the factor and act through the tangent's columns (those of
         the latest call of `tangent`); loads and charges are linear themselves.
         """
-        if ramp not in self._load_vectors or ramp in self.loads.following:
+        if ramp not in self._load_vectors or ramp in self.loads.changing:
             vector = np.zeros(len(self.free))
             if ramp in self.loads.unit_work:
                 vector = self.restrict(self._load_vector(ramp))

@@ -15,24 +15,29 @@ from .grading import graded
 
 if TYPE_CHECKING:
     from .box_stack import BoxStack
+    from .dea_hinge import DEAHinge
     from .disk_stack import DiskStack
     from .hdea import HDEA
     from .helical_cell import HelicalCell
     from .kresling_cell import KreslingCell
     from .membrane_disc import MembraneDisc
+    from .stiffened_film import StiffenedFilm, StiffenedSection
 
 __all__ = [
-    "BoxStack", "DiskStack", "Geometry", "HDEA", "HelicalCell", "KreslingCell", "Layer",
-    "MembraneDisc", "graded",
+    "BoxStack", "DEAHinge", "DiskStack", "Geometry", "HDEA", "HelicalCell", "KreslingCell", "Layer",
+    "MembraneDisc", "StiffenedFilm", "StiffenedSection", "graded",
 ]  # fmt: skip
 
 _HOME = {
     "BoxStack": "box_stack",
+    "DEAHinge": "dea_hinge",
     "DiskStack": "disk_stack",
     "HDEA": "hdea",
     "HelicalCell": "helical_cell",
     "KreslingCell": "kresling_cell",
     "MembraneDisc": "membrane_disc",
+    "StiffenedFilm": "stiffened_film",
+    "StiffenedSection": "stiffened_film",
 }
 
 

@@ -3,44 +3,55 @@
 from __future__ import annotations
 
 import math
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any
 
+from dea_fenicsx.declared import is_number, shown
 from dea_fenicsx.errors import InputError
+
+LONGEST = 1e6
+"""Lengths in m beyond which no device lies; squares of larger ones may overflow."""
+
+MOST = 100_000
+"""Cells along one direction beyond which a count is a slip of the pen."""
 
 
 def length(owner: str, name: str, value: Any, *, zero: bool = False) -> float:
     """A finite positive length in metres (``zero``: not negative)."""
-    good = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    good = is_number(value) and math.isfinite(value)
+    if good and value > LONGEST:
+        raise InputError(f"{owner}: {name} is {shown(value)} m; it must be at most {LONGEST:g} m.")
     if not good or value < 0 or (value == 0 and not zero):
         kind = "zero or a positive length" if zero else "a positive length"
-        raise InputError(f"{owner}: {name} is {value!r}; it must be {kind} in metres.")
+        raise InputError(f"{owner}: {name} is {shown(value)}; it must be {kind} in metres.")
     return float(value)
 
 
 def number(owner: str, name: str, value: Any) -> float:
     """Any finite number."""
-    if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
-        raise InputError(f"{owner}: {name} is {value!r}; it must be a finite number.")
+    if not is_number(value) or not math.isfinite(value):
+        raise InputError(f"{owner}: {name} is {shown(value)}; it must be a finite number.")
     return float(value)
 
 
 def count(owner: str, name: str, value: Any, least: int = 1) -> int:
     """A whole number of at least ``least``."""
+    if isinstance(value, Integral) and int(value) > MOST:
+        raise InputError(f"{owner}: {name} is {shown(value)}; it must be at most {MOST}.")
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
         raise InputError(
-            f"{owner}: {name} is {value!r}; it must be a whole number of at least {least}."
+            f"{owner}: {name} is {shown(value)}; it must be a whole number of at least {least}."
         )
     return int(value)
 
 
 def ratio(owner: str, name: str, value: Any) -> float:
     """A finite positive grading ratio."""
-    good = isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)
+    good = is_number(value) and math.isfinite(value)
     if not good or value <= 0:
         raise InputError(
-            f"{owner}: {name} is {value!r}; it must be a positive ratio, largest over smallest "
-            "cell."
+            f"{owner}: {name} is {shown(value)}; it must be a positive ratio, largest over "
+            "smallest cell."
         )
     return float(value)
 
@@ -48,7 +59,9 @@ def ratio(owner: str, name: str, value: Any) -> float:
 def order(owner: str, value: Any) -> int:
     """Degree of the cells' geometry."""
     if not isinstance(value, Integral) or isinstance(value, bool) or value not in (1, 2):
-        raise InputError(f"{owner}: order is {value!r}; it must be 1 (straight) or 2 (curved).")
+        raise InputError(
+            f"{owner}: order is {shown(value)}; it must be 1 (straight) or 2 (curved)."
+        )
     return int(value)
 
 
@@ -63,7 +76,7 @@ def group_name(owner: str, name: str, value: Any) -> str:
         or len(value) > 100
     ):
         raise InputError(
-            f"{owner}: {name} is {value!r}; it must be a plain word of 1 to 100 characters without "
-            "quotes."
+            f"{owner}: {name} is {shown(value)}; it must be a plain word of 1 to 100 characters "
+            "without quotes."
         )
     return value

@@ -7,6 +7,7 @@ numbering inside a cell comes in only in ``_gmsh``.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -128,6 +129,39 @@ def block(counts: tuple[int, ...], order: int) -> tuple[tuple[Ints, ...], tuple[
     spread = (slice(None),) + (None,) * dim
     node = tuple(order * cell[d][spread] + local[d] for d in range(dim))
     return cell, node
+
+
+def lattice(
+    ends: Sequence[Floats], order: int, keep: Callable[..., NDArray[np.bool_]] | None = None
+) -> tuple[StructuredMesh, tuple[Ints, ...]]:
+    """Cells between the cell ends along each axis, without groups.
+
+    Parameters
+    ----------
+    ends
+        Cell ends along x, y (and z).
+    order
+        Degree of the geometry.
+    keep
+        Says, given the logical indices of all cells, which are there; all by default.
+
+    Returns
+    -------
+    mesh : StructuredMesh
+    cell : tuple of ndarray
+        Logical indices of every cell.
+    """
+    lines = [lattice_points(e, order) for e in ends]
+    cell, node = block(tuple(len(e) - 1 for e in ends), order)
+    if keep is not None:
+        there = keep(*cell)
+        cell, node = tuple(c[there] for c in cell), tuple(n[there] for n in node)
+    shape = tuple(len(line) for line in lines)
+    cells, used = compact(np.ravel_multi_index(node, shape))
+    points = np.zeros((len(used), 3))
+    for axis, index in enumerate(np.unravel_index(used, shape)):
+        points[:, axis] = lines[axis][index]
+    return StructuredMesh(points, cells), cell
 
 
 def sweep(plane: Ints, layers: int, order: int) -> tuple[Ints, Ints, Ints]:

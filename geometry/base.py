@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.units import in_si
 
@@ -108,7 +109,9 @@ class Layer:
         _check.ratio(owner, "grading", self.grading)
         check_ends(owner, "ends", self.ends)
         if not isinstance(self.electrode, bool):
-            raise InputError(f"{owner}: electrode is {self.electrode!r}; it must be True or False.")
+            raise InputError(
+                f"{owner}: electrode is {shown(self.electrode)}; it must be True or False."
+            )
 
 
 def checked_layers(owner: str, layers: Sequence[Layer]) -> tuple[Layer, ...]:
@@ -121,7 +124,7 @@ def checked_layers(owner: str, layers: Sequence[Layer]) -> tuple[Layer, ...]:
         raise InputError(f"{owner}: layers is empty; give at least one Layer, from the bottom up.")
     for i, layer in enumerate(checked):
         if not isinstance(layer, Layer):
-            raise InputError(f"{owner}: layers[{i}] is {layer!r}; it must be a Layer.")
+            raise InputError(f"{owner}: layers[{i}] is {shown(layer)}; it must be a Layer.")
     return checked
 
 

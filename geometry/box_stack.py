@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.units import in_si
 
 from . import _check
-from ._structured import StructuredMesh, block, joined_ends, lattice_points
+from ._structured import StructuredMesh, joined_ends, lattice
 from .base import Geometry, Layer, checked_layers, refuse_clash
 from .grading import check_ends, graded
 
@@ -86,7 +87,8 @@ class BoxStack(Geometry):
             return (value,) * needed
         if len(value) < needed:
             raise InputError(
-                f"BoxStack: {name} is {value!r}; it must hold {needed} values, one a direction."
+                f"BoxStack: {name} is {shown(value)}; it must hold {needed} values, one for each "
+                "direction."
             )
         return tuple(value[:needed])
 
@@ -150,15 +152,8 @@ class BoxStack(Geometry):
             for size, n, g, e in zip(sizes, self.divisions, self.grading, self.ends, strict=True)
         ]
         ends[0] = ends[0] + self.x0
-        lines = [lattice_points(e, self.order) for e in [*ends, through]]
-
         last = len(sizes)  # the direction through the layers
-        cell, node = block((*self.divisions, len(through) - 1), self.order)
-        shape = tuple(len(line) for line in lines)
-        points = np.zeros((int(np.prod(shape)), 3))
-        for axis, grid in enumerate(np.meshgrid(*lines, indexing="ij")):
-            points[:, axis] = grid.ravel()
-        mesh = StructuredMesh(points, np.ravel_multi_index(node, shape))
+        mesh, cell = lattice([*ends, through], self.order)
 
         bounds = np.cumsum([0] + [layer.divisions for layer in self.layers])
         for i, layer in enumerate(self.layers):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.units import in_si
 
@@ -121,14 +122,15 @@ class DiskStack(Geometry):
         _check.order(owner, self.order)
         if not isinstance(self.end_electrodes, bool):
             raise InputError(
-                f"{owner}: end_electrodes is {self.end_electrodes!r}; it must be True or False."
+                f"{owner}: end_electrodes is {shown(self.end_electrodes)}; it must be True or "
+                "False."
             )
         if self.margin is not None:
             _check.group_name(owner, "margin", self.margin)
             if self.margin in {layer.name for layer in self.layers if layer.electrode}:
                 raise InputError(
-                    f"{owner}: margin is {self.margin!r}, the name of an electrode; the rims are "
-                    "dielectric, name them otherwise."
+                    f"{owner}: margin is {shown(self.margin)}, the name of an electrode; the rims "
+                    "are dielectric, name them otherwise."
                 )
         refuse_clash(owner, set(self._volumes()), set(self._areas()))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 
 from . import _check
@@ -15,7 +16,7 @@ ENDS = ("both", "start", "end", "none")
 def check_ends(owner: str, name: str, value: object) -> str:
     """One of "both", "start", "end", "none"."""
     if not isinstance(value, str) or value not in ENDS:
-        raise InputError(f"{owner}: {name} is {value!r}; it must be one of {', '.join(ENDS)}.")
+        raise InputError(f"{owner}: {name} is {shown(value)}; it must be one of {', '.join(ENDS)}.")
     return value
 
 

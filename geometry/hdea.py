@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.units import in_si
 
@@ -135,7 +136,9 @@ class HDEA(Geometry):
             _check.count("HDEA", name, getattr(self, name))
         _check.length("HDEA", "cap", self.cap, zero=True)
         if self.ends not in ENDS:
-            raise InputError(f"HDEA: ends is {self.ends!r}; it must be one of {', '.join(ENDS)}.")
+            raise InputError(
+                f"HDEA: ends is {shown(self.ends)}; it must be one of {', '.join(ENDS)}."
+            )
         if self.cap > 0 and self.ends == "ramp":
             raise InputError(
                 f'HDEA: a cap of {self.cap:g} m needs a plane to lie on; give ends="flat" with it.'

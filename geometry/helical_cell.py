@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.units import in_si
 
@@ -73,6 +74,10 @@ class HelicalCell(Geometry):
         self.device(1)  # checks what both share
         _check.count("HelicalCell", "through", self.through, least=1 if self.electrode > 0 else 2)
         _check.ratio("HelicalCell", "grading_rim", self.grading_rim)
+        if not isinstance(self.films, bool):
+            raise InputError(
+                f"HelicalCell: films is {shown(self.films)}; it must be True or False."
+            )
         if self.films and self.electrode == 0:
             raise InputError(
                 "HelicalCell: films need electrodes with a thickness; give electrode > 0, or leave "

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.units import in_si
 
 from . import _check
-from ._structured import Floats, StructuredMesh, block, joined_ends, lattice_points
+from ._structured import Floats, StructuredMesh, joined_ends, lattice
 from .base import Geometry, Layer
 from .disk_stack import DiskStack
 from .grading import graded
@@ -76,8 +77,8 @@ class MembraneDisc(Geometry):
             )
         if not isinstance(self.cells, tuple | list) or len(self.cells) != 3:
             raise InputError(
-                f"{owner}: cells is {self.cells!r}; it must hold 3 numbers: over the electrode, "
-                "its ring, and the rest."
+                f"{owner}: cells is {shown(self.cells)}; it must hold 3 numbers: over the "
+                "electrode, its ring, and the rest."
             )
         object.__setattr__(self, "cells", tuple(self.cells))
         for n in self.cells:
@@ -163,16 +164,8 @@ class MembraneDisc(Geometry):
         radial = joined_ends(
             a * graded(self.cells[0], self.grading, "end"), a + self._outside()
         )
-        lines = [
-            lattice_points(radial, self.order),
-            lattice_points(self.thickness * graded(self.layers, 1.0, "none"), self.order),
-        ]
-        cell, node = block((len(radial) - 1, self.layers), self.order)
-        shape = tuple(len(line) for line in lines)
-        points = np.zeros((int(np.prod(shape)), 3))
-        for axis, grid in enumerate(np.meshgrid(*lines, indexing="ij")):
-            points[:, axis] = grid.ravel()
-        mesh = StructuredMesh(points, np.ravel_multi_index(node, shape))
+        through = self.thickness * graded(self.layers, 1.0, "none")
+        mesh, cell = lattice([radial, through], self.order)
         mesh.add_facets("axis", cell[0] == 0, 0, 0)
         mesh.add_facets("rim", cell[0] == len(radial) - 2, 0, 1)
         mesh.add_facets("bottom", cell[1] == 0, 1, 0)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 
 from . import _check
@@ -77,8 +78,8 @@ def checked_sectors(owner: str, sectors: Any) -> tuple[Sector, ...]:
             items = [("", s) for s in sectors]
         except TypeError:
             raise InputError(
-                f"{owner}: sectors is {sectors!r}; it must hold pairs of angles in degrees, as "
-                "((0, 180),)."
+                f"{owner}: sectors is {shown(sectors)}; it must hold pairs of angles in degrees, "
+                "as ((0, 180),)."
             ) from None
     made = sorted((_sector(owner, *item) for item in items), key=lambda s: s.start)
     for here, there in pairwise([*made, *made[:1]]):
@@ -102,7 +103,8 @@ def _sector(owner: str, name: str, given: Any) -> Sector:
         start, end = (_check.number(owner, "angle of a sector", angle) for angle in given)
     except (TypeError, ValueError):
         raise InputError(
-            f"{owner}: a sector is {given!r}; it must be a pair of angles in degrees, as (0, 180)."
+            f"{owner}: a sector is {shown(given)}; it must be a pair of angles in degrees, as "
+            "(0, 180)."
         ) from None
     if not TOUCH < end - start <= 360:
         raise InputError(

@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pytest
 from conftest import ROOT
+from demo_checks import check_hinge
 
 import dea_fenicsx as dea
 
@@ -388,6 +389,7 @@ CHECKS = {
     "buckling_strip.py": (check_buckling, []),
     "cube.py": (check_cube, []),
     "ddea_stack.py": (check_ddea, []),
+    "dea_hinge.py": (check_hinge, ["--set", "C10-D1", "--top", 4000]),
     "design_search.py": (check_design, []),
     "first_actuator.py": (check_first_actuator, []),
     "fit_rubber.py": (check_fit, []),

@@ -419,7 +419,7 @@ def test_instability_bound_is_the_pull_in_of_the_dead_load_that_meets_it():
 @pytest.mark.parametrize("call, words", [
     (lambda: film(NeoHookean(-1.0)), "mu is -1.0"),
     (lambda: film(NeoHookean(5e4), first=Held(-2.0)), "stretch > 0"),
-    (lambda: film(NeoHookean(5e4), first=3.0), "Held, Dead or TrueStress"),
+    (lambda: film(NeoHookean(5e4), first=3.0), "a Held or a Dead or a TrueStress"),
     (lambda: Film(Material(NeoHookean(5e4)), MM), "no dielectric"),
     (lambda: Film(Material(NeoHookean(5e4), IdealDielectric(3.0)), 0.0), "thickness"),
     (lambda: trace(film(NeoHookean(5e4), first=Held(2.0), second=Held(2.0))), "both|Both"),

@@ -51,8 +51,11 @@ def test_the_constants_of_exact_data_come_back(model):
 def test_ogden_comes_back_from_a_start_nearby():
     model = Ogden.from_eq76((4e4, 1e2), (1.3, 5.0))
     found = fit(Ogden.from_eq76((3e4, 2e2), (1.6, 4.5)), exact_data(model))
-    assert found.model.mu == pytest.approx(model.mu, rel=1e-4)
-    assert found.model.alpha == pytest.approx(model.alpha, rel=1e-4)
+    # terms of a sum have no order: which of equally good starts wins is chosen by rounding
+    terms = sorted(zip(found.model.alpha, found.model.mu, strict=True))
+    assert np.array(terms) == pytest.approx(
+        np.array(sorted(zip(model.alpha, model.mu, strict=True))), rel=1e-4
+    )
 
 
 def test_uncertainty_is_that_of_the_noise():

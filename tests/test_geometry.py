@@ -22,10 +22,13 @@ from dea_fenicsx.errors import InputError
 from dea_fenicsx.geometry import (
     HDEA,
     BoxStack,
+    DEAHinge,
     DiskStack,
     HelicalCell,
     Layer,
     MembraneDisc,
+    StiffenedFilm,
+    StiffenedSection,
     graded,
 )
 from dea_fenicsx.geometry import _gmsh as to_gmsh
@@ -46,6 +49,9 @@ DEVICES = {
     "membrane": MembraneDisc(12e-3, 4e-3, 1e-3, angular=16),
     "membrane tapered": MembraneDisc(12e-3, 4e-3, 1e-3, taper=1e-4, angular=16, layers=2),
     "membrane section": MembraneDisc(12e-3, 4e-3, 1e-3, taper=3e-3),
+    "hinge": DEAHinge(width=3e-3, across=2),
+    "hinge section": DEAHinge(through=2),
+    "hinge thin only": DEAHinge(thick=0.0, films=1),
     "hdea": HDEA(),
     "hdea one turn": HDEA(turns=1),
     "hdea three turns": HDEA(turns=3, angular=8, through=2, through_electrode=2, rim=2),
@@ -72,6 +78,10 @@ DEVICES |= {
     "cell": HelicalCell(through_electrode=3),
     "cell full": HelicalCell(inset=0.0),
     "cell ideal": HelicalCell(electrode=0.0),
+    "stiffened": StiffenedFilm(),
+    "stiffened inside": StiffenedFilm(offset=2e-5).refine(2),
+    "stiffened section": StiffenedSection(),
+    "stiffened section inside": StiffenedSection(offset=0.0, strip=(0.0, 9e-3)),
     "cell films": HelicalCell(films=True),
 }
 OUTER = {
@@ -128,7 +138,7 @@ def test_measures_against_closed_form(name):
     assert {n: d for n, (d, _, _) in found.items()} == device.groups()
     for group, (_, _, size) in found.items():
         # a parabola through three points of an arc of angle a encloses a^4/480 too little area
-        flat = device.dimension == 2 or isinstance(device, BoxStack)
+        flat = device.dimension == 2 or isinstance(device, BoxStack | DEAHinge | StiffenedFilm)
         arc = 0.0 if flat else 2 * math.pi / device.angular
         tolerance = 1e-12 + 1.05 * arc**4 / 480
         assert size == pytest.approx(exact[group], rel=tolerance), group
@@ -198,7 +208,9 @@ def test_jacobians_and_quality(device):
         _, determinants, _ = model.mesh.getJacobians(kind, everywhere, entity)
         assert determinants.min() > 0
         if dim == 3:
-            assert model.mesh.getElementQualities(tags[0], "minSJ").min() > 0.4
+            # a diagonal strip meets the sides of its film at 38 degrees
+            least = 0.3 if isinstance(device, StiffenedFilm) else 0.4
+            assert model.mesh.getElementQualities(tags[0], "minSJ").min() > least
 
 
 @pytest.mark.parametrize("name", OUTER)

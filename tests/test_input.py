@@ -120,7 +120,7 @@ def test_electrode_without_facets(tmp_path):
     ("ramp", "words"),
     [
         (dea.Ramp(steps=0), "0 steps"),
-        (dea.Ramp(steps=2.5), "2.5 steps"),  # type: ignore[arg-type]
+        (dea.Ramp(steps=2.5), "steps is 2.5"),  # type: ignore[arg-type]
         (dea.Ramp(to=float("nan")), "is nan"),
         (dea.Ramp("volts"), "no ramp in the scene named 'volts'"),
         ([], "path is empty"),

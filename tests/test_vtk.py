@@ -304,6 +304,8 @@ def test_paraview_shows_the_run(clamped: Path, tmp_path: Path) -> None:
     assert "Error" not in done.stderr
     image = pytest.importorskip("matplotlib.image").imread(shot)[..., :3]
     assert image.shape == (900, 1600, 3)
+    border = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
+    assert border.min() > 0.95  # nothing is cut off
     middle = image[:, 200:1400]  # without axes and colour bar
     drawn = middle.min(axis=-1) < 0.95
     # a nearly constant field, the largest of all steps: the end of the scale, in shade or not

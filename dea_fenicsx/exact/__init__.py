@@ -10,10 +10,12 @@ NumPy and SciPy only; nothing here needs a mesh.
 """
 
 from dea_fenicsx.exact.activation import activation_voltage
+from dea_fenicsx.exact.bending import Bent, bend
 from dea_fenicsx.exact.branch import Branch, Event, State, trace
 from dea_fenicsx.exact.failure import MODES, Failure, FailureMap, failure_map, first_failure, limits
 from dea_fenicsx.exact.film import CONTROLS, FREE, Dead, Film, Held, TrueStress
 from dea_fenicsx.exact.helicoid import Helicoid, elastic_pressure, stable_limit
+from dea_fenicsx.exact.laminate import Laminate, Ply, stoney_curvature, timoshenko_curvature
 from dea_fenicsx.exact.linear import (
     bending_curvature,
     bonded_modulus,
@@ -54,6 +56,12 @@ __all__ = [
     "bonded_ring_modulus",
     "stack_share",
     "bending_curvature",
+    "bend",
+    "Bent",
+    "Laminate",
+    "Ply",
+    "timoshenko_curvature",
+    "stoney_curvature",
     "FailureMap",
     "failure_map",
     "Failure",

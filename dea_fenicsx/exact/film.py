@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.declared import check_declared
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials import IdealDielectric, Material
 from dea_fenicsx.materials.stretches import margin, taylor
@@ -95,6 +96,7 @@ class Film:
     stress: str = "field"
 
     def __post_init__(self) -> None:
+        check_declared(self)
         faults = self.material.faults()
         if faults:
             raise InputError(f"{type(self.material.elastic).__name__}: {faults[0]}.")

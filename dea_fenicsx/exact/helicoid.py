@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.exact.activation import activation_voltage
 from dea_fenicsx.exact.branch import trace
@@ -55,7 +56,11 @@ class Helicoid:
 
     def __post_init__(self) -> None:
         for name in ("outer_radius", "inner_radius", "elastomer", "electrode", "inset", "turns"):
-            value = np.asarray(getattr(self, name), dtype=float)
+            try:
+                value = np.asarray(getattr(self, name), dtype=float)
+            except (TypeError, ValueError, OverflowError) as error:
+                given = shown(getattr(self, name))
+                raise InputError(f"Helicoid: {name} is {given}, but must be a number.") from error
             least = 0.0 if name in ("electrode", "inset") else np.nextafter(0, 1)
             if not np.all(np.isfinite(value) & (value >= least)):
                 word = "not negative" if least == 0 else "positive"

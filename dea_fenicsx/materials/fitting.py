@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials.base import Elastic
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
@@ -44,10 +45,16 @@ class TestData:
 
     def __post_init__(self) -> None:
         for name in ("stretch", "stress"):
-            object.__setattr__(self, name, np.asarray(getattr(self, name), dtype=float).ravel())
-        if self.test not in TESTS:
+            given = getattr(self, name)
+            try:
+                object.__setattr__(self, name, np.asarray(given, dtype=float).ravel())
+            except (TypeError, ValueError, OverflowError) as error:
+                raise InputError(
+                    f"The {name} of the data is {shown(given)}, but must be an array of numbers."
+                ) from error
+        if not isinstance(self.test, str) or self.test not in TESTS:
             raise InputError(
-                f"There is no test {self.test!r}; the tests are {', '.join(TESTS)}."
+                f"There is no test {shown(self.test)}; the tests are {', '.join(TESTS)}."
             )
         if len(self.stretch) != len(self.stress):
             raise InputError(

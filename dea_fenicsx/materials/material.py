@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+from dea_fenicsx.declared import is_number, shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials.base import Elastic, _is_number
 from dea_fenicsx.materials.electric import Conductor, IdealDielectric
@@ -65,8 +66,10 @@ class Material:
 def bulk_modulus_of(mu: float, nu: float) -> float:
     """Bulk modulus in Pa for shear modulus `mu` (Pa) and Poisson's ratio `nu` < 0.5."""
     mu, nu = si(mu, "Pa", "The shear modulus"), si(nu, "", "Poisson's ratio")
-    if not 0 <= nu < 0.5:
+    if not is_number(mu) or not mu > 0:
+        raise InputError(f"The shear modulus is {shown(mu)}, but must be a number > 0 in Pa.")
+    if not is_number(nu) or not 0 <= nu < 0.5:
         raise InputError(
-            f"Poisson's ratio is {nu!r}, but must lie in [0, 0.5) for a finite bulk modulus."
+            f"Poisson's ratio is {shown(nu)}, but must lie in [0, 0.5) for a finite bulk modulus."
         )
     return 2 * mu * (1 + nu) / (3 * (1 - 2 * nu))

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.declared import shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials.base import Elastic
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
@@ -83,10 +84,10 @@ def preset(name: str) -> Preset:
         If there is none of this name; the nearest is named.
     """
     library = _library()
-    if name not in library:
+    if not isinstance(name, str) or name not in library:
         near = difflib.get_close_matches(str(name).lower(), library, n=1, cutoff=0.0)[0]
         raise InputError(
-            f"There is no material named {name!r}; the nearest is {near!r}, and "
+            f"There is no material named {shown(name)}; the nearest is {near!r}, and "
             "dea_fenicsx.materials.list() names all."
         )
     return library[name]

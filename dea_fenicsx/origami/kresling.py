@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from dea_fenicsx.declared import check_declared
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.units import in_si, si
 
@@ -99,11 +100,12 @@ class Kresling:
     chords: str = "right"
 
     def __post_init__(self) -> None:
+        check_declared(self)
         for name in ("side", "edge", "stiffness"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value > 0):
                 raise InputError(f"Kresling: {name} is {value}, but must be finite and positive.")
-        if self.sides != int(self.sides) or self.sides < 3:
+        if self.sides < 3:
             raise InputError(f"Kresling: sides is {self.sides}, but a box has 3 or more.")
         if self.chords == "printed" and self.sides != 4:
             raise InputError("Kresling: the printed chords are those of a square; give 4 sides.")

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.declared import check_declared
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.origami.kresling import Kresling
 from dea_fenicsx.units import in_si
@@ -138,11 +139,16 @@ class CreasePattern:
     tab: float = 0.0
 
     def __post_init__(self) -> None:
+        check_declared(self)
         Kresling(self.side, self.height, sides=self.sides)  # says if it cannot close
-        if self.storeys != int(self.storeys) or self.storeys < 1:
+        if self.storeys < 1:
             raise InputError(f"CreasePattern: storeys is {self.storeys}, but must be 1 or more.")
-        if min(self.thickness, self.tab) < 0:
-            raise InputError("CreasePattern: thickness and tab must not be negative.")
+        for name in ("fold", "offset", "thickness", "tab"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0):
+                raise InputError(
+                    f"CreasePattern: {name} is {value}, but must be finite and not negative."
+                )
         if self.stiffeners not in STIFFENERS:
             told = self.stiffeners
             raise InputError(f"CreasePattern: stiffeners is {told!r}, but must be in {STIFFENERS}.")

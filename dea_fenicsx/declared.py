@@ -1,0 +1,124 @@
+"""Whether an object holds what its class declares: numbers where numbers are due, names, tuples.
+
+A dataclass's annotations are the declaration.  What a value may be within its type (positive, known
+to the mesh) is checked where it matters.
+"""
+
+from __future__ import annotations
+
+import numbers
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from functools import cache
+from reprlib import Repr
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from dea_fenicsx.errors import InputError
+
+_short = Repr()
+_short.maxstring = _short.maxlong = _short.maxother = 40
+
+
+def shown(value: Any) -> str:
+    """A value for a message: on one line and not too long."""
+    return " ".join(_short.repr(value).split())
+
+
+def check_declared(item: Any) -> None:
+    """Raise InputError unless each field of a dataclass holds what is declared, deeply.
+
+    What is no dataclass, and a class whose annotations cannot be read, are left alone.
+    """
+    if not is_dataclass(item) or isinstance(item, type):
+        return
+    hints = _hints(type(item))
+    for field in fields(item):
+        value = getattr(item, field.name)
+        hint = hints.get(field.name, Any)
+        if not field.init or not _fits(value, hint):
+            if field.init:
+                raise InputError(
+                    f"{type(item).__name__}: {field.name} is {shown(value)}, but must be "
+                    f"{_words(hint)}."
+                )
+            continue
+        inside = value.values() if isinstance(value, Mapping) else value
+        for part in inside if isinstance(inside, list | tuple | type({}.values())) else (value,):
+            check_declared(part)
+
+
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    try:
+        return get_type_hints(kind)
+    except Exception:  # a class of the user's may be annotated with anything
+        return {}
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value can stand for a real number: neither text nor a truth value."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Real):
+        return False
+    try:
+        float(value)
+    except (OverflowError, TypeError, ValueError):
+        return False
+    return True
+
+
+def _fits(value: Any, hint: Any) -> bool:
+    """Whether a value is what an annotation says."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if hint is Any:
+        return True
+    if origin in (Union, types.UnionType):
+        return any(_fits(value, one) for one in inner)
+    if hint is None or hint is type(None):
+        return value is None
+    if hint is float:
+        return is_number(value)
+    if hint is int:
+        return isinstance(value, numbers.Integral) and is_number(value)
+    if hint is bool:
+        return isinstance(value, bool | np.bool_)
+    if origin is tuple or origin is Sequence:
+        if not isinstance(value, list | tuple) and not (
+            isinstance(value, np.ndarray) and value.ndim == 1
+        ):
+            return False
+        if origin is Sequence or (len(inner) == 2 and inner[1] is Ellipsis):
+            return all(_fits(one, inner[0]) for one in value)
+        return len(value) == len(inner) and all(map(_fits, value, inner))
+    if origin is not None and issubclass(origin, Mapping):
+        return isinstance(value, Mapping) and all(_fits(key, inner[0]) for key in value)
+    if not isinstance(hint, type):
+        return True
+    try:
+        return isinstance(value, hint)
+    except TypeError:  # a protocol that cannot be asked
+        return True
+
+
+def _words(hint: Any) -> str:
+    """An annotation in words."""
+    origin, inner = get_origin(hint), get_args(hint)
+    plain = {float: "a number", int: "a whole number", bool: "True or False", str: "a name",
+             type(None): "None", None: "None"}  # fmt: skip
+    if hint in plain:
+        return plain[hint]
+    if origin in (Union, types.UnionType):
+        return " or ".join(dict.fromkeys(_words(one) for one in inner))
+    if origin is tuple or origin is Sequence:
+        many = origin is Sequence or (len(inner) == 2 and inner[1] is Ellipsis)
+        kinds = list(dict.fromkeys(_words(one) for one in (inner[:1] if many else inner)))
+        count = "" if many else f"{len(inner)} "
+        return f"a tuple of {count}({' and '.join(kinds)})"
+    if origin is not None and issubclass(origin, Mapping):
+        return f"a dictionary by {_words(inner[0]).removeprefix('a ')}"
+    name = getattr(hint, "__name__", str(hint))
+    return f"{'an' if name[0] in 'AEIO' else 'a'} {name}"

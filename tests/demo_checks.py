@@ -1,0 +1,28 @@
+"""What the demos of folding devices must print; used by test_demos.py."""
+
+from __future__ import annotations
+
+import pytest
+
+import dea_fenicsx as dea
+
+
+def check_hinge(out, printed):
+    """Digest section 12: free film 3.83 kV by a pressure; eps E^2 x 150 um x 2.125 in, 2.16 N."""
+    s = {k.removeprefix("C10_D1_"): v for k, v in dea.read_summary(out).items()}
+    assert s["free_film_pull_in_pressure_V"] == pytest.approx(3826.0, abs=1)
+    assert abs(s["curvature_relative_difference"]) < 0.01
+    for kind in ("", "incompressible_"):
+        exact = s[f"closed_form_blocked_{kind}force_1kV_N"]
+        # between clamps a compressible film can't thicken near its ends
+        assert s[f"blocked_{kind}force_1kV_N"] == pytest.approx(exact, rel=1e-6 if kind else 0.02)
+    assert s["maxwell_force_4kV_N"] == pytest.approx(2.156, abs=1e-3)
+    assert s["tip_force_100V_N"] == pytest.approx(s["closed_form_tip_force_100V_N"], rel=0.03)
+    # own values, mesh 1, 2026-11
+    assert s["fold_at_1_2_4_kV_deg"] == pytest.approx([4.531, 19.22, 101.5], rel=5e-3)
+    assert s["fold_linear_pressure_at_1_2_4_kV_deg"] == pytest.approx([3.617, 14.469, 57.875],
+                                                                      rel=1e-3)  # fmt: skip
+    # two equal pressures on a curved film leave a resultant, under which the hinge buckles
+    assert s["fold_given_pressure_at_1_2_4_kV_deg"][1] > 180
+    assert "3826.0 V by a pressure" in printed
+    assert (out / "fold_angle_voltage.png").exists()
