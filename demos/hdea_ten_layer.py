@@ -79,7 +79,7 @@ def materials(args, regions):
     return {name: given[name] for name in regions}
 
 
-def driven(args, device, supports=(dea.FreeBody(),), **more):
+def driven(args, device, supports=None, **more):
     tapers = ()
     if args.taper:
         r1, r2 = HDEA().electrode_radii
@@ -91,7 +91,7 @@ def driven(args, device, supports=(dea.FreeBody(),), **more):
             dea.Electrode("electrode_a", args.voltage, taper=tapers),
             dea.Ground("electrode_b"),
         ],
-        supports=list(supports),
+        supports=supports or [dea.FreeBody()],
         **more,
     )
 
@@ -162,7 +162,7 @@ def reach(run, lost):
 def blocked(args, device, run, geometry, say):
     """Force between two rigid plates bonded to the ends, and the stiffness with one plate moved."""
     force = {"force": dea.Reaction("top", "z")}
-    plates = dea.Clamp("bottom"), dea.Clamp("top")
+    plates = [dea.Clamp("bottom"), dea.Clamp("top")]
     quiet = {"quiet": True, "stability": "never"}
     held = dea.solve(driven(args, device, plates), dea.Ramp("voltage", steps=args.steps), force,
                      **quiet)["force_N"]  # fmt: skip
@@ -246,14 +246,15 @@ def cell(args, comm, run, geometry, say):
         helical_cell={name: one for name, (_, one) in rows.items()}
         | {"unknowns": alone.summary["unknowns"], "wall_s": spent},
     )
-    say(f"\n{f'middle turn at {args.voltage:g} V':22}{args.turns:>6d} turns{'helical cell':>16}{'difference':>12}")
+    say(f"\n{f'middle turn at {args.voltage:g} V':22}{args.turns:>6d} turns{'helical cell':>16}"
+        f"{'difference':>12}")  # fmt: skip
     for name, (three, one) in rows.items():
         say(f"{name:22}{three:12.6g}{one:16.6g}{three / one - 1:12.2%}")
     say(f"{'unknowns':22}{s['unknowns']:12d}{alone.summary['unknowns']:16d}")
     say(f"{'wall time, s':22}{s['wall_s']:12.1f}{spent:16.1f}{spent / s['wall_s']:12.2%}")
     say("The effect of the ends fades over about the radius, 7 mm or six turns, from either side: "
-        "the middle of\nten turns still feels them (1.8 %; 0.7 % at twenty).  The peak is that at the middles of cells, "
-        "near a sharp edge, where it\ndepends on the mesh.")  # fmt: skip
+        "the middle of\nten turns still feels them (1.8 %; 0.7 % at twenty).  The peak is that at "
+        "the middles of cells,\nnear a sharp edge, where it depends on the mesh.")  # fmt: skip
 
 
 COLUMNS = ("turns", "ranks", "unknowns", "wall_s", "assembly_s", "factor_s", "krylov_s",

@@ -136,7 +136,9 @@ def rows() -> list[Row]:
     return [
         *two_turns(),
         *ten_layers(),
-        *[computed("hdea_two_turn", f"reference.axisym_fe_ezE_over_p_nu0p{str(nu)[2:]}", strains(nu),
-                   "-", note.format(", ".join(f"{r:g}" for r in ratios)))
-          for nu, ratios in RATIOS.items()],
+        *[
+            computed("hdea_two_turn", f"reference.axisym_fe_ezE_over_p_nu0p{str(nu)[2:]}",
+                     strains(nu), "-", note.format(", ".join(f"{r:g}" for r in ratios)))
+            for nu, ratios in RATIOS.items()
+        ],
     ]  # fmt: skip
