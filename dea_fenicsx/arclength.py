@@ -104,8 +104,8 @@ class Branch:
 
         Without another point the load's change has the given sign.  None if the solve fails.
         """
-        tangent = self.solver.assemble()
-        x = self.solver.linear_solve(tangent, -load_derivative(self.problem, self.rates), 1e-9)
+        self.solver.linearise()
+        x = self.solver.linear_solve(-load_derivative(self.solver.tangent, self.rates), 1e-9)
         if x is None:
             return None
         length = np.sqrt(self.dot(x, 1.0, x, 1.0))
@@ -141,9 +141,9 @@ class Branch:
                 return Attempt("slow", iterations, norm)
             if not np.isfinite(norm) or (iterations > 3 and norm > 1e3 * previous):
                 return Attempt("diverged", iterations, norm)
-            tangent = solver.assemble()
-            r = solver.linear_solve(tangent, -problem.unbalanced(residual), 1e-6)
-            b = solver.linear_solve(tangent, -load_derivative(self.problem, self.rates), 1e-6)
+            solver.linearise()
+            r = solver.linear_solve(-problem.unbalanced(residual), 1e-6)
+            b = solver.linear_solve(-load_derivative(solver.tangent, self.rates), 1e-6)
             if r is None or b is None:
                 return Attempt(solver.trouble, iterations, norm)
             down = self.dot(r, 0.0, start.direction, start.slope)

@@ -190,6 +190,15 @@ def create_vector(form: Any) -> Any:
     return dolfinx.fem.petsc.create_vector(form)
 
 
+def single_precision(pc: Any) -> None:
+    """Let MUMPS keep this preconditioner's factor in single precision, where PETSc can (3.24)."""
+    if PETSc.Sys.getVersion() >= (3, 24):
+        prefix = "dea_single_"
+        PETSc.Options()[f"{prefix}pc_precision"] = "single"
+        pc.setOptionsPrefix(prefix)
+        pc.setFromOptions()
+
+
 def coordinate_element(mesh: Any) -> Any:
     """The scalar basix element in which a mesh's coordinates are given."""
     cmap = mesh.geometry.cmap if VERSION < (0, 11) else mesh.geometry.cmaps[0]

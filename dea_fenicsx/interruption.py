@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import signal
 import threading
 from types import FrameType, TracebackType
@@ -18,8 +19,10 @@ class Interruption:
     """Notes a signal and raises `Interrupted` on all ranks at the next call of `check`.
 
     An exception raised wherever the signal strikes would leave each rank at a place of its own, and
-    the others waiting.  A second signal ends the process at once.  As a context manager it takes
-    the signals over and gives them back; outside Python's main thread it does nothing.
+    the others waiting.  Python notices a signal between two of its own instructions only, not
+    within a factorisation; a second signal ends the process at once, wherever it is.  As a context
+    manager it takes the signals over and gives them back; outside Python's main thread it does
+    nothing.
     """
 
     def __init__(self, comm: MPI.Comm) -> None:
@@ -30,6 +33,8 @@ class Interruption:
     def __enter__(self) -> Interruption:
         if threading.current_thread() is threading.main_thread():
             self._before = {n: signal.signal(n, self._note) for n in SIGNALS}
+            for number in SIGNALS:
+                _only_once(number)
         return self
 
     def __exit__(
@@ -44,9 +49,6 @@ class Interruption:
             raise KeyboardInterrupt  # it came after the last check
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self.number:
-            signal.signal(number, signal.SIG_DFL)
-            signal.raise_signal(number)
         self.number = number
 
     def check(self) -> None:
@@ -54,3 +56,17 @@ class Interruption:
         number = self.comm.allreduce(self.number, op=MPI.MAX)
         if number:
             raise Interrupted(f"Interrupted by {signal.Signals(number).name}")
+
+
+def _only_once(number: int) -> None:
+    """Let a signal's handler serve once; then the signal has its default effect again.
+
+    This is sigaction's SA_RESETHAND, which Python's signal module does not offer.  Linux's struct
+    sigaction holds the handler, a mask of 128 bytes and the flags.
+    """
+    libc = ctypes.CDLL(None)
+    action = (ctypes.c_byte * 256)()
+    if libc.sigaction(number, None, action) == 0:
+        flags = ctypes.c_uint.from_buffer(action, ctypes.sizeof(ctypes.c_void_p) + 128)
+        flags.value |= 0x80000000
+        libc.sigaction(number, action, None)

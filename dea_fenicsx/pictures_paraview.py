@@ -56,7 +56,8 @@ def fit(view, sources):
     view.CameraFocalPoint = list(middle + shift)
     view.CameraPosition = list(np.array(view.CameraPosition) + shift)
     width, height = (high - low) / 2
-    view.CameraParallelScale = 1.1 * max(height, width * view.ViewSize[1] / view.ViewSize[0])
+    across = width * view.ViewSize[1] / view.ViewSize[0]
+    view.CameraParallelScale = max(1.15 * height, 1.35 * across)  # room for the scale of colours
 
 
 run = Xdmf3ReaderS(registrationName="run", FileName=[os.path.join(FOLDER, "fields.xdmf")])

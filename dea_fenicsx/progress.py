@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-_LAUNCHERS = ("hydra_pmi_proxy", "mpiexec", "mpirun", "prterun", "orterun")
+_LAUNCHERS = ("hydra_pmi_proxy", "mpiexec", "mpirun", "prterun", "prted", "orterun", "orted")
 _RENEW_S = 0.1
 
 verbose_by_default = False
@@ -72,7 +72,7 @@ class Progress:
 
     def stage(self, what: str) -> None:
         """Tell what the solver is about to do: "factorising", "Newton 3: residual 1e-7"."""
-        if self.verbose and what.startswith(("Newton", "factorising")):
+        if self.verbose and what.startswith(("Newton", "factorising", "compiling")):
             self.say(f"    {what}")
         elif self.renews and time.monotonic() - self._when > _RENEW_S:
             self._when = time.monotonic()
@@ -133,21 +133,22 @@ def _duration(seconds: float) -> str:
 
 
 def on_terminal() -> bool:
-    """Whether what is printed is seen on a terminal, also through mpirun's pipe.
+    """Whether what is printed is seen on a terminal, also through mpirun.
 
-    mpirun gives its ranks a pipe and passes on what they print; so its own output decides.
+    MPICH gives its ranks a pipe, Open MPI a terminal of its own, and both pass on what they print:
+    so the output of the launcher decides, if there is one among this process's ancestors.
     """
-    if sys.stdout.isatty():
-        return True
-    process = os.getpid()
+    launcher, process = None, os.getpid()
     with suppress(OSError, ValueError, IndexError):
-        if os.readlink(f"/proc/{process}/fd/1").startswith("pipe:"):
-            while True:
-                stat = Path(f"/proc/{process}/stat").read_text()
-                process = int(stat.rpartition(")")[2].split()[1])
-                name = Path(f"/proc/{process}/comm").read_text().strip()
-                if not name.startswith(_LAUNCHERS):
-                    return False
-                if os.readlink(f"/proc/{process}/fd/1").startswith(("/dev/pts/", "/dev/tty")):
-                    return True
+        while True:
+            stat = Path(f"/proc/{process}/stat").read_text()
+            process = int(stat.rpartition(")")[2].split()[1])
+            name = Path(f"/proc/{process}/comm").read_text().strip()
+            if not name.startswith(_LAUNCHERS):
+                break
+            launcher = process
+    if launcher is None:
+        return sys.stdout.isatty()
+    with suppress(OSError):
+        return os.readlink(f"/proc/{launcher}/fd/1").startswith(("/dev/pts/", "/dev/tty"))
     return False

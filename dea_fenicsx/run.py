@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -12,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.arguments import check_arguments
 from dea_fenicsx.checks import check_step
-from dea_fenicsx.declared import check_declared, shown
 from dea_fenicsx.errors import (
     EquilibriumLost,
     InputError,
@@ -31,12 +30,11 @@ from dea_fenicsx.progress import Progress, step_line
 from dea_fenicsx.results import Folder, Run
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import NewtonOptions, NewtonSolver
-from dea_fenicsx.stepping import Cursor, Ramp, Step, check_path, follow
+from dea_fenicsx.stepping import Cursor, Ramp, Step, follow
 from dea_fenicsx.summary import fingerprint, settings, versions, work
 from dea_fenicsx.tracing import Trace
 from dea_fenicsx.weakform import Problem
 
-STABILITY = ("last", "every", "never")
 STATUS = {
     EquilibriumLost: "equilibrium lost", SolverError: "solver failed",
     MachineError: "machine failed", Interrupted: "interrupted",
@@ -102,70 +100,22 @@ def solve(
     EquilibriumLost, SolverError
         If the path cannot be followed to its end.
     Interrupted
-        By Ctrl-C or SIGTERM, at the next stage of the solver: after a factorisation, not in it.
+        By Ctrl-C or SIGTERM, before the next Newton iteration; a second signal ends at once.
     MachineError
         If the results cannot be written any more, because the disk is full, say.
 
         In all these cases everything up to the last accepted step is on disk, and the error's
         attribute `run` holds it.
     """
-    given = (scene, path, record, out, resume, quiet, failures, options, settings)
-    _check_arguments(*given)
+    check_arguments(
+        scene, path, record, out, resume, quiet, stability, failures, options, settings
+    )
     path = [path] if isinstance(path, Ramp | Trace) else list(path)
-    check_path(scene, path)
-    if stability not in STABILITY:
-        raise InputError(
-            f"stability is {shown(stability)}, but must be one of {', '.join(STABILITY)}."
-        )
-    (options or NewtonOptions()).check()
     watched = default_failures(scene) if failures is None else tuple(failures)
-    for failure in watched:
-        check_declared(failure)
-        failure.check(scene)
-    if any(getattr(r, "switch", 0.0) for r in path) and stability != "every":
-        raise InputError(
-            f'A trace with switch=... needs stability="every", but stability is {stability!r}.'
-        )
     return _Session(
         scene, path, dict(record or {}), out, resume, quiet, verbose, stability, watched, options,
         settings,
     ).run()  # fmt: skip
-
-
-def _check_arguments(
-    scene: Any, path: Any, record: Any, out: Any, resume: Any, quiet: Any, failures: Any,
-    options: Any, settings: Any,
-) -> None:  # fmt: skip
-    """Raise InputError for arguments of `solve` that are of no use to it."""
-    for value, kind, what in (
-        (scene, Scene, "a Scene"),
-        (path, Ramp | Trace | list | tuple, "a Ramp, a Trace or a list of them"),
-        (record, Mapping | None, "a dictionary of observables by name"),
-        (out, str | os.PathLike | None, "a path, or None to write nothing"),
-        (resume, bool | np.bool_, "resume=True or False"),
-        (quiet, bool | np.bool_, "quiet=True or False"),
-        (failures, list | tuple | None, "a list of failures to watch"),
-        (options, NewtonOptions | None, "NewtonOptions(...)"),
-        (settings, Mapping | None, "a dictionary"),
-    ):
-        if not isinstance(value, kind):
-            raise InputError(f"solve is given {shown(value)}, but needs {what}.")
-    if out == "":
-        raise InputError("The results folder has an empty name; give a path, or None for none.")
-    for failure in failures or ():
-        if isinstance(failure, type) or not hasattr(failure, "check"):
-            raise InputError(
-                f"A failure to watch is {shown(failure)}, but must be one such as LossOfTension()."
-            )
-    for name, observable in (record or {}).items():
-        if not isinstance(name, str) or not name:
-            raise InputError(f"The name of an observable is {shown(name)}, but must be text.")
-        if isinstance(observable, type) or not hasattr(observable, "bind"):
-            raise InputError(
-                f"What is recorded as {name!r} is {shown(observable)}, but must be an observable "
-                "such as Charge(...)."
-            )
-        check_declared(observable)
 
 
 @dataclass
@@ -195,6 +145,7 @@ class _Session:
         self.comm = self.scene.device.comm
         self.progress = Progress(self.comm.rank == 0, self.quiet, self.verbose)
         folder = Folder(self.out, self.comm) if self.out is not None else None
+        self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
         self.problem = Problem(self.scene)
         self.measurements: dict[str, Measurement] = {
             f"{name}_{o.unit}" if o.unit else name: o.bind(self.problem)
@@ -229,7 +180,8 @@ class _Session:
         interruption = Interruption(self.comm)
 
         def notify(stage: str) -> None:
-            interruption.check()
+            if stage == "assembling":  # once in each Newton iteration
+                interruption.check()
             self.progress.stage(stage)
 
         self.solver.notify = notify

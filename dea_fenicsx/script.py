@@ -45,5 +45,5 @@ class Parser(argparse.ArgumentParser):
         raise InputError(f"{self.prog}: {message}; see --help.")
 
     def settings(self, args: Any) -> dict[str, Any]:
-        """The parsed options as a dictionary, for summary.json."""
-        return dict(vars(args))
+        """The parsed options that may shape a result as a dictionary, for summary.json."""
+        return {k: v for k, v in vars(args).items() if k not in ("quiet", "verbose", "debug")}

@@ -18,14 +18,12 @@ from mpi4py import MPI
 from dea_fenicsx.compat import PETSc
 from dea_fenicsx.declared import check_declared
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.factors import SplitFactor, WholeFactor
 from dea_fenicsx.references import References
+from dea_fenicsx.tangent import Tangent
 from dea_fenicsx.weakform import Probe, Problem
 
-WORKSPACE = (60, 200, 600)
-"""Room for delayed pivots that MUMPS is given, in percent, one after another if it wants more."""
-
-TOO_LITTLE_ROOM = (-8, -9, -14, -15, -17, -20)
-"""MUMPS's error codes for a workspace or a buffer that is too small."""
+FACTORS = ("auto", "whole", "split")
 
 
 @dataclass(frozen=True)
@@ -42,12 +40,17 @@ class NewtonOptions:
         Krylov iterations in one linear solve after which the factor is renewed.
     keep_factor
         False factorises at every Newton iteration (plain Newton).
+    factor
+        What is factorised: the ``"whole"`` tangent, or its displacement and its potential
+        ``"split"``, with the pressure condensed; see `factors`.  ``"auto"`` splits large problems
+        in space.
     """
 
     tolerance: float = 1e-10
     max_iterations: int = 15
     krylov_limit: int = 30
     keep_factor: bool = True
+    factor: str = "auto"
 
     def check(self) -> None:
         """Raise InputError for settings with which no step could converge."""
@@ -57,6 +60,10 @@ class NewtonOptions:
                 f"Newton's tolerance is {self.tolerance!r}, but must lie between 1e-14, what "
                 "rounding allows, and 1e-3."
             )
+        if self.factor not in FACTORS:
+            raise InputError(
+                f"Newton's factor is {self.factor!r}, but must be one of {', '.join(FACTORS)}."
+            )
         for name, least in (("max_iterations", 4), ("krylov_limit", 5)):
             value = getattr(self, name)
             if not isinstance(value, int | np.integer) or value < least:
@@ -64,6 +71,12 @@ class NewtonOptions:
                     f"Newton's {name} is {value!r}, but must be a whole number of at least {least}."
                 )
 
+
+LARGE = 20_000
+"""Unknowns in space above which the kept factor is a split one, unless told otherwise."""
+
+ASSEMBLY = 30
+"""Krylov iterations that take as long as assembling the tangent, in a small problem."""
 
 STAGNANT = 1e3
 """How far above the tolerance a residual may come to rest and still count as rounding."""
@@ -161,9 +174,25 @@ class NewtonSolver:
         self.references = References(problem)
         self.trouble = ""
         self.notify: Callable[[str], None] = lambda stage: None
-        self._ksp: Any = None
-        self._kept: Any = None
-        self._stale = True
+        self.tangent = Tangent(problem)
+        self._whole = WholeFactor(problem)
+        self._split = SplitFactor(problem) if self._splits() else None
+        self._preferred: WholeFactor | SplitFactor = self._split or self._whole
+        self._factor = self._preferred
+        self._ksp = self._gmres()
+        self._stale, self._wasted, self._best_rate = True, 0.0, np.inf
+
+    def _splits(self) -> bool:
+        """Whether the kept factor is a split one."""
+        problem, choice = self.problem, self.options.factor
+        possible = problem.pressure_kind == "discontinuous"
+        if choice == "split" and not possible:
+            raise InputError(
+                'NewtonOptions(factor="split") needs a discontinuous pressure, but it is '
+                'continuous here; take factor="whole".'
+            )
+        large = problem.scene.kinematics.dim == 3 and problem.unknowns >= LARGE
+        return choice == "split" or (choice == "auto" and possible and large)
 
     # --------------------------------------------------------------- residuals
 
@@ -200,12 +229,12 @@ class NewtonSolver:
         while change is not None or norm > options.tolerance:
             if iteration == options.max_iterations and increment is not None:
                 return Attempt(self._slowness(history, increment), iteration, norm)
-            tangent = self.assemble()
+            self.linearise()
             rhs = -problem.unbalanced(residual)
             if change is not None:
-                rhs -= problem.tangent_times_fixed(change)
+                rhs -= self.tangent.times_fixed(change)
             forcing = self._forcing(history) if change is None else 1e-3
-            increment = self.linear_solve(tangent, rhs, forcing)
+            increment = self.linear_solve(rhs, forcing)
             if increment is None:
                 return Attempt(self.trouble, iteration, norm)
             if change is not None:
@@ -278,115 +307,108 @@ class NewtonSolver:
         self.counters.assembly_s += time.perf_counter() - start
         return residual
 
-    def assemble(self) -> Any:
-        """The tangent at the problem's present state."""
-        self.notify("assembling")
-        start = time.perf_counter()
-        tangent = self.problem.tangent()
-        self.counters.assembly_s += time.perf_counter() - start
-        return tangent
+    def linearise(self) -> None:
+        """Take the tangent at the problem's present state from now on."""
+        self.tangent.linearise()
 
-    def linear_solve(self, tangent: Any, rhs: np.ndarray, rtol: float) -> np.ndarray | None:
+    def linear_solve(self, rhs: np.ndarray, rtol: float) -> np.ndarray | None:
         """Solve for the increment; renew the factor where the old one no longer serves."""
         fresh = False
-        if self._ksp is None or self._stale or not self.options.keep_factor:
-            if not self._factorise(tangent):
+        if self._stale or not self.options.keep_factor:
+            if not self._factorise(self._preferred):
                 return None
             fresh = True
-        for _ in range(2):
-            solution, iterations = self._krylov(tangent, rhs, rtol)
+        for _ in range(3):
+            solution, iterations = self._krylov(rhs, rtol)
             if solution is not None:
-                # a factor that served badly is not carried into the next solve
-                self._stale = iterations > self.options.krylov_limit
+                self._judge_factor(iterations, rtol)
                 return solution
-            if fresh:
+            if fresh and self._factor is self._whole:
                 break
-            if not self._factorise(tangent):
+            if fresh:
+                # a split factor that fails when it is new has met more coupling than it can bear
+                self._preferred = self._whole
+            if not self._factorise(self._preferred):
                 return None
             fresh = True
         self.trouble = "stagnation"
         return None
 
-    def _factorise(self, tangent: Any) -> bool:
+    def _judge_factor(self, iterations: int, rtol: float) -> None:
+        """Renew the factor before the next solve once its age has cost as much as a new one.
+
+        The cost of age: iterations beyond what the same number of digits took at its best.
+        """
+        rate = iterations / -np.log10(rtol)
+        self._best_rate = min(self._best_rate, rate)
+        self._wasted += (rate - self._best_rate) * -np.log10(rtol)
+        self._stale = (
+            iterations > self.options.krylov_limit
+            or self._wasted > ASSEMBLY + self._factor.worth
+        )
+
+    def _factorise(self, factor: WholeFactor | SplitFactor) -> bool:
         """Make a new factor of the tangent; False if MUMPS fails however much room it gets."""
+        matrix = self._assemble()
         self.notify("factorising")
         start = time.perf_counter()
-        if self._ksp is not None:
-            self._kept.destroy()
-        self._kept = tangent.copy()
-        self._kept.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         self.counters.factorisations += 1
-        ok = False
-        for margin in WORKSPACE:
-            if self._ksp is not None:
-                self._ksp.destroy()
-            info = self._set_up(tangent, margin)
-            ok = info == 0
-            if info not in TOO_LITTLE_ROOM:
-                break
-        if ok:
-            negative = self._ksp.getPC().getFactorMatrix().getMumpsInfog(12)
-            self.inertia = Inertia(
-                excess=negative - self.problem.expected_negative_pivots,
-                factors=dict(self.problem.factors),
-            )
-        else:
+        if factor is not self._factor:
+            self._factor.release()
+        self._factor = factor
+        self._ksp.getPC().setPythonContext(factor)
+        ok = factor.make(matrix)
+        matrix.destroy()
+        if not ok:
             self.trouble = "factorisation"
-        self._stale = not ok
+        elif isinstance(factor, WholeFactor):
+            self.inertia = Inertia(factor.excess, dict(self.problem.factors))
+        self._stale, self._wasted, self._best_rate = not ok, 0.0, np.inf
         self.counters.factor_s += time.perf_counter() - start
         return ok
 
-    def _set_up(self, tangent: Any, margin: int) -> int:
-        """Set up GMRES and factorise; returns MUMPS's error code, 0 if all is well."""
-        ksp = PETSc.KSP().create(self.problem.comm)
-        ksp.setOptionsPrefix("dea_")
-        ksp.setType("gmres")
-        ksp.setPCSide(PETSc.PC.Side.RIGHT)
-        ksp.setGMRESRestart(2 * self.options.krylov_limit)
-        ksp.setOperators(tangent, self._kept)
-        pc = ksp.getPC()
-        pc.setType("cholesky")
-        pc.setFactorSolverType("mumps")
-        pc.setReusePreconditioner(True)
-        pc.setFactorSetUpSolverType()
-        factor = pc.getFactorMatrix()
-        factor.setMumpsIcntl(14, margin)
-        factor.setMumpsIcntl(24, 1)  # null pivots are detected, which makes the inertia right
-        ksp.setErrorIfNotConverged(False)
-        ksp.setFromOptions()
-        self._ksp = ksp
-        try:
-            ksp.setUp()
-        except PETSc.Error:
-            return factor.getMumpsInfog(1) or -1
-        return min(factor.getMumpsInfog(1), 0)
+    def _assemble(self) -> Any:
+        """The tangent as a matrix, which the caller destroys."""
+        self.notify("assembling")
+        start = time.perf_counter()
+        matrix = self.tangent.matrix()
+        self.counters.assembly_s += time.perf_counter() - start
+        return matrix
 
-    def refresh_inertia(self) -> Any:
+    def refresh_inertia(self) -> None:
         """Factorise the tangent at the problem's present state, to know its inertia.
 
-        Returns the tangent, for `linear_solve`.
+        Where the kept factor is a split one, a cheaper count may prove that the state is stable.
         """
-        tangent = self.assemble()
-        if self._factorise(tangent):
+        self.linearise()
+        if self._split and self._proves_stable(self._split):
+            self.inertia = Inertia(0, dict(self.problem.factors), settled=True)
+        elif self._factorise(self._whole):
             self.inertia.settled = True
         else:
             self.inertia = Inertia()
-        return tangent
+
+    def _proves_stable(self, split: SplitFactor) -> bool:
+        matrix = self._assemble()
+        self.notify("counting negative eigenvalues")
+        start = time.perf_counter()
+        found = split.excess(matrix)
+        matrix.destroy()
+        self.counters.factorisations += 1
+        self.counters.factor_s += time.perf_counter() - start
+        return found == 0
 
     def forget_factor(self) -> None:
         """Make a new factor at the next solve: the kept one belongs to a state far off."""
         self._stale = True
 
-    def _krylov(
-        self, tangent: Any, rhs: np.ndarray, rtol: float
-    ) -> tuple[np.ndarray | None, int]:
+    def _krylov(self, rhs: np.ndarray, rtol: float) -> tuple[np.ndarray | None, int]:
         """GMRES on the tangent with the kept factor; None if it does not converge."""
         self.notify("solving")
         start = time.perf_counter()
         ksp = self._ksp
-        ksp.setOperators(tangent, self._kept)
         ksp.setTolerances(rtol=rtol, atol=0.0, max_it=2 * self.options.krylov_limit)
-        x, b = tangent.createVecs()
+        x, b = self.tangent.operator.createVecs()
         b.array[:] = rhs
         ksp.solve(b, x)
         iterations = ksp.getIterationNumber()
@@ -396,3 +418,16 @@ class NewtonSolver:
         b.destroy()
         self.counters.krylov_s += time.perf_counter() - start
         return solution, iterations
+
+    def _gmres(self) -> Any:
+        """GMRES, preconditioned from the right by what `_factor` is at the time."""
+        ksp = PETSc.KSP().create(self.problem.comm)
+        ksp.setOptionsPrefix("dea_")
+        ksp.setType("fgmres")
+        ksp.setPCSide(PETSc.PC.Side.RIGHT)
+        ksp.setGMRESRestart(2 * self.options.krylov_limit)
+        ksp.setOperators(self.tangent.operator)
+        ksp.getPC().setType("python")
+        ksp.setErrorIfNotConverged(False)
+        ksp.setFromOptions()
+        return ksp

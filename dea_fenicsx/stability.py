@@ -19,7 +19,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.solver import Attempt, NewtonSolver
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.tangent import Tangent
 
 ORTHOGONAL = 1e-4
 """Cosine between load derivative and null vector below which a critical point is a bifurcation."""
@@ -66,14 +66,11 @@ class Critical:
     attempt: Attempt
 
 
-def load_derivative(problem: Problem, rates: dict[str, float]) -> np.ndarray:
-    """dR/df in the free rows where each ramp's factor changes at its rate with f.
-
-    Uses the tangent of the latest call of `Problem.tangent`.
-    """
+def load_derivative(tangent: Tangent, rates: dict[str, float]) -> np.ndarray:
+    """dR/df in the free rows where each ramp's factor changes at its rate with f."""
     return sum(
-        (rate * problem.load_derivative(name) for name, rate in rates.items()),
-        np.zeros(len(problem.free)),
+        (rate * tangent.by_load(name) for name, rate in rates.items()),
+        np.zeros(len(tangent.problem.free)),
     )
 
 
@@ -109,7 +106,7 @@ class Spectrum:
 
     def nearest_zero(self) -> tuple[int, float, np.ndarray] | None:
         """Inertia, size of the eigenvalue nearest zero, and its vector in the free unknowns."""
-        tangent = self.solver.refresh_inertia()
+        self.solver.refresh_inertia()
         count = self.solver.inertia.excess
         if count is None:
             return None
@@ -118,7 +115,7 @@ class Spectrum:
         for _ in range(60):
             load = np.zeros_like(v)
             load[self.u] = v[self.u]
-            w = self.solver.linear_solve(tangent, load, 1e-8)
+            w = self.solver.linear_solve(load, 1e-8)
             if w is None:
                 return None
             size = self._dot(w, w)
@@ -190,7 +187,7 @@ class Spectrum:
         attempt: Attempt,
     ) -> Critical:
         problem = self.problem
-        slope = load_derivative(problem, rates)
+        slope = load_derivative(self.solver.tangent, rates)
         total = problem.comm.allreduce(
             np.array([vector @ slope, vector @ vector, slope @ slope]), op=MPI.SUM
         )

@@ -87,6 +87,11 @@ class Problem:
         Quadrature points of the reference cell.
     electrode_dofs
         Degrees of freedom of each electrode, by its label: all owned ones, and ghosts.
+    residual_form
+        The residual, symbolic.
+    expansion
+        PETSc matrix from the free unknowns to all owned degrees of freedom where some follow
+        others, or None.
     overall
         The overall unknowns by name; empty unless the kinematics has some.
     incompressible_cells
@@ -127,6 +132,7 @@ class Problem:
             elements.append(basix.ufl.element("DG", cell, 0, shape=shape))
         self.W = dolfinx.fem.functionspace(mesh, basix.ufl.mixed_element(elements))
         self.w = dolfinx.fem.Function(self.W, name="state")
+        self._step = dolfinx.fem.Function(self.W)
         self.displacement = [Component.of(self.W.sub(0).sub(a)) for a in range(dim)]
         self.pressure = Component.of(self.W.sub(1))
         self.potential = Component.of(self.W.sub(2)) if scene.has_potential else None
@@ -180,14 +186,10 @@ class Problem:
             name: self.comm.allreduce(len(where), op=MPI.SUM)
             for name, where in self.free_fields.items()
         }
-        start = self.rows.start
-        self._free_rows = PETSc.IS().createGeneral(self.free + start, comm=self.comm)
-        self._fixed_rows = PETSc.IS().createGeneral(self.fixed + start, comm=self.comm)
-        self._all_rows = PETSc.IS().createStride(self.owned, start, 1, comm=self.comm)
-        self._expansion: Any = None
+        self.expansion: Any = None
         if self.groups or pairs is not None:
-            self._expansion = expansion(self.free, self.groups, pairs, self.rows)
-            self._few, self._all = self._expansion.createVecs()
+            self.expansion = expansion(self.free, self.groups, pairs, self.rows)
+            self._few, self._all = self.expansion.createVecs()
 
     def _tie_ends(self) -> Pairs | None:
         """Tie the upper end of a periodic cell to the lower one, fixed values included."""
@@ -254,10 +256,8 @@ class Problem:
             for ramp, rate in s.rates.items():
                 work = -ufl.derivative(rate * weight * dx(k), self.w, test)
                 self.loads.add_strain(ramp, self.kernels[k].prestretch[ramp][0], work)
-        tangent = ufl.derivative(residual, self.w, ufl.TrialFunction(self.W))
-        self._load_vectors: dict[str, np.ndarray] = {}
+        self.residual_form = residual
         self._residual = compat.compile_form(residual)
-        self._tangent = compat.compile_form(tangent)
 
         points, weights = basix.make_quadrature(
             getattr(basix.CellType, self.mesh.topology.cell_name()), degree
@@ -337,13 +337,19 @@ class Problem:
 
     def add_free(self, increment: np.ndarray) -> None:
         """Add an increment to the free unknowns (owned) and update what follows them."""
-        if self._expansion is None:
-            self.w.x.array[self.free] += increment
+        self.spread(increment, self._step)
+        self.w.x.array[:] += self._step.x.array
+
+    def spread(self, values: np.ndarray, into: Any) -> None:
+        """Lay out free unknowns (owned) and what follows them; fixed ones become 0.  Collective."""
+        into.x.array[:] = 0.0
+        if self.expansion is None:
+            into.x.array[self.free] = values
         else:
-            self._few.array[:] = increment
-            self._expansion.mult(self._few, self._all)
-            self.w.x.array[: self.owned] += self._all.array_r
-        self.w.x.scatter_forward()
+            self._few.array[:] = values
+            self.expansion.mult(self._few, self._all)
+            into.x.array[: self.owned] = self._all.array_r
+        into.x.scatter_forward()
 
     def residual(self) -> np.ndarray:
         """Internal minus external forces at all owned degrees of freedom, fixed ones included."""
@@ -360,74 +366,27 @@ class Problem:
 
         Rows that are tied add up in their master's.
         """
-        if self._expansion is None:
+        if self.expansion is None:
             return residual[self.free]
         self._all.array[:] = residual
-        self._expansion.multTranspose(self._all, self._few)
+        self.expansion.multTranspose(self._all, self._few)
         return self._few.array_r.copy()
 
     def unbalanced(self, residual: np.ndarray) -> np.ndarray:
         """What is out of balance in each free row: the restricted residual and the sources."""
         rows = self.restrict(residual)
         for ramp, factor in self.factors.items():
-            self._add_sources(rows, ramp, factor)
+            self.add_sources(rows, ramp, factor)
         return rows
 
-    def _add_sources(self, rows: np.ndarray, ramp: str, factor: float) -> None:
+    def add_sources(self, rows: np.ndarray, ramp: str, factor: float) -> None:
         """Add a ramp's charges, forces and torques on groups to the free rows."""
         for group in self.groups:
             if group.master >= 0:
                 row = np.searchsorted(self.free, group.master)
                 rows[row] += factor * sum(amount for name, amount in group.sources if name == ramp)
 
-    def tangent(self) -> Any:
-        """Assemble the tangent; returns its block in the free unknowns (reused between calls)."""
-        if not hasattr(self, "_A"):
-            self._A = dolfinx.fem.petsc.create_matrix(self._tangent)
-            self._A_free: Any = None
-        self._A.zeroEntries()
-        dolfinx.fem.petsc.assemble_matrix(self._A, self._tangent)
-        self._A.assemble()
-        if self._expansion is not None:
-            self._A_free = self._A.ptap(self._expansion, self._A_free)
-        else:
-            self._A_free = self._A.createSubMatrix(self._free_rows, self._free_rows, self._A_free)
-        self._A_free.setOption(PETSc.Mat.Option.SYMMETRIC, not self.loads.following)
-        return self._A_free
-
-    def tangent_times_fixed(self, change: np.ndarray) -> np.ndarray:
-        """Product of the tangent's columns of fixed unknowns with their change (owned, free rows).
-
-        Uses the tangent of the latest call of `tangent`.
-        """
-        tied = self._expansion is not None
-        rows = self._all_rows if tied else self._free_rows
-        coupling = self._A.createSubMatrix(rows, self._fixed_rows)
-        x, y = coupling.createVecs()
-        x.array[:] = change
-        coupling.mult(x, y)
-        product = y.array_r.copy()
-        for thing in (coupling, x, y):
-            thing.destroy()
-        return self.restrict(product) if tied else product
-
-    def load_derivative(self, ramp: str) -> np.ndarray:
-        """Derivative of the residual by a ramp's factor at fixed free unknowns (owned, free rows).
-
-        Exact: fixed values are linear in the factor and act through the tangent's columns (those of
-        the latest call of `tangent`); loads and charges are linear themselves.
-        """
-        if ramp not in self._load_vectors or ramp in self.loads.changing:
-            vector = np.zeros(len(self.free))
-            if ramp in self.loads.unit_work:
-                vector = self.restrict(self._load_vector(ramp))
-            self._add_sources(vector, ramp, 1.0)
-            self._load_vectors[ramp] = vector
-        return self._load_vectors[ramp] + self.tangent_times_fixed(
-            self.constraints.base[ramp][self.fixed]
-        )
-
-    def _load_vector(self, ramp: str) -> np.ndarray:
+    def load_vector(self, ramp: str) -> np.ndarray:
         """Minus the forces of a ramp's surface loads at factor 1, at all owned unknowns."""
         form = compat.compile_form(-self.loads.unit_work[ramp])
         assembled = dolfinx.fem.assemble_vector(form)
@@ -438,7 +397,7 @@ class Problem:
         """In a periodic cell nothing can bear a resultant of surface loads.  Collective."""
         _, hoop, axial = self.displacement
         for ramp in self.loads.unit_work:
-            forces = self._load_vector(ramp)
+            forces = self.load_vector(ramp)
             for part, what in ((axial, "force"), (hoop, "torque")):
                 mine = part.dofs < self.owned
                 arm = part.space.tabulate_dof_coordinates()[mine, 0] if what == "torque" else 1.0

@@ -206,6 +206,16 @@ def test_failures_are_infeasible_and_logged(tmp_path):
 
 
 @needs_pymoo
+@pytest.mark.parametrize("kind", [dea.Interrupted, dea.MachineError])
+def test_what_is_no_fault_of_the_design_ends_the_search(kind):
+    def ends(x, y):
+        raise kind("stopped")
+
+    with pytest.raises(kind):
+        optimise(ends, BOX, BOTH, population=4, generations=1, quiet=True)
+
+
+@needs_pymoo
 def test_a_killed_search_goes_on_and_ends_the_same(tmp_path):
     calls = 0
 

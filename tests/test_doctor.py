@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib.util
 import shutil
+from pathlib import Path
 
 import pytest
 from conftest import clean_environment
@@ -98,3 +100,52 @@ def test_a_trial_that_hangs_or_dies_is_told(monkeypatch, tmp_path):
     assert done.reason == "no answer within 0.5 s"
     assert child.start("x", 5, [str(dies)]).reason == "ended by signal SIGABRT (why)"
     assert "No such file" in child.start("x", 5, [str(tmp_path / "none")]).reason
+
+
+# ----------------------------------------------- the real thing, on a machine made worse on purpose
+
+
+def faults(found):
+    return {f.what: f for f in found if f.level != "ok"}
+
+
+REFERENCE_BLAS = next(Path("/usr/lib").glob("*/blas/libblas.so.3"), None)
+
+
+@pytest.mark.skipif(REFERENCE_BLAS is None, reason="there is no reference BLAS")
+def test_with_the_reference_blas(monkeypatch):
+    monkeypatch.setenv("LD_PRELOAD", str(REFERENCE_BLAS))
+    found = faults(doctor.solver(60))["blas"]
+    assert found.level == "warn"
+    assert "the reference BLAS" in found.text and "libopenblas" in found.mend
+
+
+def test_with_a_wrong_dolfinx(monkeypatch, tmp_path):
+    (tmp_path / "dolfinx").mkdir()
+    (tmp_path / "dolfinx" / "__init__.py").write_text('__version__ = "0.8.0"\n')
+    monkeypatch.syspath_prepend(tmp_path)
+    (found,) = doctor.solver(60)
+    assert (found.level, found.what) == ("bad", "dolfinx")
+    assert found.text.startswith("0.8.0 ") and "0.9 to 0.11 is needed" in found.mend
+
+
+def test_without_a_compiler(monkeypatch, tmp_path):
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    found = faults(doctor.solver(60))
+    assert list(found) == ["form compiler"] or "blas" in found  # a busy machine is slow as well
+    assert found["form compiler"].level == "bad"
+    assert "there is no" in found["form compiler"].text
+    assert "apt install gcc" in found["form compiler"].mend
+
+
+@pytest.mark.skipif(importlib.util.find_spec("pyvista") is None, reason="pyvista is not installed")
+def test_without_display_and_opengl(monkeypatch, tmp_path):
+    """VTK must open an X window where there is no X: it ends its process."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "vtkXOpenGLRenderWindow")
+    monkeypatch.setenv("PATH", str(tmp_path))  # no xvfb-run either
+    (found,) = doctor.drawing(60)
+    assert (found.level, found.what) == ("warn", "pictures")
+    assert "VTK cannot draw: ended by signal" in found.text and "libegl1" in found.mend
+    assert "\x1b" not in found.text

@@ -67,13 +67,14 @@ SCRIPTS = {
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("case", SCRIPTS)
-def test_one_message_and_no_rank_left(start, tmp_path, case):
+def test_one_message_and_no_rank_left(quick_compile, start, tmp_path, case):
     text, ranks, status, message, tracebacks = SCRIPTS[case]
     script = tmp_path / "script.py"
     script.write_text(HEAD + text)
     begun = time.monotonic()
-    done = start(script, tmp_path / "out", ranks=ranks, timeout=60)
-    assert time.monotonic() - begun < 30  # of which most is Python's start
+    done = start(script, tmp_path / "out", ranks=ranks, timeout=120)
+    # most of it is Python's start, and the compiler of the one that solves something
+    assert time.monotonic() - begun < (120 if text is RECORDED else 30)
     assert done.returncode == status or (status is None and done.returncode)
     told = done.stderr.splitlines()
     assert told.count(message) == 1, done.stderr

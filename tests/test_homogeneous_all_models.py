@@ -31,6 +31,7 @@ from dea_fenicsx.mesh import Device
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import NewtonOptions, NewtonSolver
 from dea_fenicsx.stepping import Ramp, follow
+from dea_fenicsx.tangent import Tangent
 from dea_fenicsx.weakform import Problem
 
 import dolfinx  # isort: skip
@@ -256,7 +257,9 @@ def test_assembled_tangent_is_the_derivative_of_the_residual(name):
     *_, problem = run(ThreeD(), "hexahedron", single(name), 2e4, 1e4, 5e3)
     state = problem.get_state()
     d = np.random.default_rng(7).uniform(-0.02, 0.02, len(problem.free))
-    tangent = problem.tangent()
+    linear = Tangent(problem)
+    linear.linearise()
+    tangent = linear.matrix()
     x, y = tangent.createVecs()
     x.array[:] = d
     tangent.mult(x, y)

@@ -11,6 +11,7 @@ import sys
 
 import numpy as np
 import pytest
+from conftest import clean_environment
 from hard.kills import difference, readable
 from hard.table import LIMIT, Z, film
 from mpi4py import MPI
@@ -109,6 +110,29 @@ def test_interrupt(tmp_path, whole, monkeypatch, place, number):
 def test_a_signal_after_the_last_step_is_not_lost():
     with pytest.raises(KeyboardInterrupt), Interruption(MPI.COMM_SELF):
         signal.raise_signal(signal.SIGINT)
+
+
+BUSY = """
+from mpi4py import MPI
+from dea_fenicsx.interruption import Interruption
+with Interruption(MPI.COMM_SELF):
+    print("busy", flush=True)
+    sum(range(10**11))  # hours, in which Python looks at no signal
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_second_signal_ends_at_once(number):
+    """Also where the first one cannot be noticed yet: within a factorisation, say."""
+    process = subprocess.Popen([sys.executable, "-c", BUSY], stdout=subprocess.PIPE, text=True,
+                               env=clean_environment())  # fmt: skip
+    assert process.stdout.readline() == "busy\n"
+    process.send_signal(number)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(timeout=0.5)
+    process.send_signal(number)
+    assert process.wait(timeout=10) == -number
+    process.stdout.close()
 
 
 INTERRUPTED = """

@@ -294,6 +294,20 @@ def test_no_picture_is_no_error(
 
 @needs_matplotlib
 @needs_pyvista
+def test_without_display_and_opengl(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """VTK really ends its process; this one goes on and is told why."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "vtkXOpenGLRenderWindow")
+    monkeypatch.setattr(pictures.shutil, "which", lambda name: None)
+    reasons: list[str] = []
+    assert pictures.deformed(run, say=reasons.append) is None
+    assert pictures.animated(run, run / "film.gif", say=reasons.append) is None
+    assert [("OpenGL" in reason, reason.count("\n")) for reason in reasons] == [(True, 0)] * 2
+    assert not [f for f in run.iterdir() if f.suffix in (".png", ".gif") or f.name[0] == "."]
+
+
+@needs_matplotlib
+@needs_pyvista
 @pytest.mark.mpi
 def test_rendering_from_inside_an_mpi_run(run: Path) -> None:
     mpirun = mpirun_command()

@@ -14,9 +14,11 @@ ORDER = [
     "materials", "kinematics", "conditions", "scene",
     "exact", "origami",
     "forms", "loads", "constraints", "rigid", "ties", "weakform",
-    "references", "solver", "stability", "events", "arclength", "tracing", "predictor", "stepping",
+    "tangent", "factors", "references", "solver",
+    "stability", "events", "arclength", "tracing", "predictor", "stepping",
     "checks", "observables", "overall", "rotation", "failures", "fields", "reading", "turns",
-    "provenance", "summary", "xdmf", "results", "interruption", "progress", "run", "script",
+    "provenance", "summary", "xdmf", "results", "interruption", "progress", "arguments", "run",
+    "script",
     "pictures_curves", "pictures_fields", "pictures_movie", "pictures_paraview", "pictures",
     "design", "thesis", "docs", "cli", "__main__",
 ]  # fmt: skip

@@ -293,7 +293,7 @@ def test_paraview_shows_the_run(clamped: Path, tmp_path: Path) -> None:
     environment = clean_environment()
     del environment["PYTHONPATH"]  # pvpython has an interpreter of its own
     shot = tmp_path / "shot.png"
-    for _ in range(2):
+    for _ in range(5):
         done = subprocess.run(
             ["xvfb-run", "-a", "pvpython", str(elsewhere / "view.py"), str(shot)],
             env=environment, capture_output=True, text=True, timeout=120,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -71,7 +72,8 @@ def start(what: str, seconds: float, before: Sequence[str] = ()) -> Done:
                 facts[next(iter(told))] = told
     if late:
         return Done(facts, f"no answer within {seconds:g} s", errors)
-    said = [line.strip() for line in errors.splitlines() if line.strip(" -*=")]
+    plain = re.sub(r"\x1b\[[0-9;]*m", "", errors)  # libraries write in colours
+    said = [line.strip() for line in plain.splitlines() if line.strip(" -*=")]
     reason = said[-1][:200] if said else "no message"
     if process.returncode < 0:
         reason = f"ended by signal {signal.Signals(-process.returncode).name} ({reason})"

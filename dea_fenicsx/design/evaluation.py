@@ -174,8 +174,14 @@ class Evaluator:
             return
         path = self.folder / f"designs.{self.comm.rank}.jsonl"
         line = json.dumps(record) + "\n"
-        with path.open("ab+") as f:
-            if f.tell():  # a line cut short by a kill must not swallow this one
-                f.seek(-1, os.SEEK_END)
-                line = line if f.read(1) == b"\n" else "\n" + line
-            f.write(line.encode())
+        try:
+            with path.open("ab+") as f:
+                if f.tell():  # a line cut short by a kill must not swallow this one
+                    f.seek(-1, os.SEEK_END)
+                    line = line if f.read(1) == b"\n" else "\n" + line
+                f.write(line.encode())
+        except OSError as error:
+            raise MachineError(
+                f"{path} cannot be written any more ({error.strerror}); all designs before are "
+                "kept there, and the search can be resumed from them."
+            ) from error

@@ -1,0 +1,348 @@
+"""What preconditions the linear solves: a kept factor of the tangent, whole or split.
+
+`WholeFactor` is L D L^T of the whole tangent.  It is exact where it was made, and its pivots' signs
+are the tangent's inertia.
+
+`SplitFactor` is for large problems in space.  The tangent's blocks are
+
+        | A   B^T  G^T |          u, displacement
+    T = | B   -C    0  |          p, pressure, discontinuous
+        | G    0   -K  |          phi, potential
+
+In incompressible regions C = 0.  The preconditioner puts a compressibility M/(KAPPA mu) in its
+place, with which p goes cell by cell; then phi and u are solved in turn, each by a factor of its
+own: S = A + B^T C^-1 B for u, K for phi.  What that leaves out is the coupling G^T K^-1 G in S and
+1/KAPPA of the pressure, and GMRES on the true tangent makes up for both in a few iterations.  The
+factor of S has a third of the entries of the whole one, needs no pivoting, and bears compression:
+its blocks far from the diagonal are kept at low rank (Amestoy et al. 2019), and where PETSc can,
+all of it in single precision.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from scipy import sparse
+
+from dea_fenicsx import compat
+from dea_fenicsx.compat import PETSc, dolfinx
+from dea_fenicsx.forms import measure
+from dea_fenicsx.weakform import Problem
+
+WORKSPACE = (60, 200, 600)
+"""Room for delayed pivots that MUMPS is given, in percent, one after another if it wants more."""
+
+TOO_LITTLE_ROOM = (-8, -9, -14, -15, -17, -20)
+"""MUMPS's error codes for a workspace or a buffer that is too small."""
+
+KAPPA = 50.0
+"""Bulk modulus of the preconditioner over the shear modulus, where the material has none.
+
+Measured, iterations to 1e-9 on a fresh factor: 10, 7, 7, 7, 16, 34 at 10, 30, 100, 200, 1e3, 1e4; a
+large one leaves too little of single precision.
+"""
+
+LOW_RANK = 1e-5
+"""What the low-rank blocks of a split factor may leave out, relative to the matrix.
+
+Measured: 32, 13, 7, 8 iterations at 1e-3, 1e-4, 1e-5, 1e-6.
+"""
+
+FLOPS = 32
+"""Operations of a factorisation that take as long as one entry of the factor in a Krylov iteration.
+
+A factorisation computes, an iteration reads: 20 operations a nanosecond, and 16 bytes in 1.6 ns.
+"""
+
+
+@dataclass
+class Mumps:
+    """A symmetric factorisation by MUMPS.
+
+    Parameters
+    ----------
+    matrix
+        The matrix, symmetric; not needed after `make`.
+    icntl, cntl
+        MUMPS's own controls, by number.
+    single
+        Whether to keep the factor in single precision, if this PETSc can.
+    """
+
+    matrix: Any
+    icntl: dict[int, int]
+    cntl: dict[int, float]
+    single: bool = False
+
+    def make(self) -> bool:
+        """Factorise; False if MUMPS fails however much room it gets."""
+        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        info = -1
+        self.pc: Any = None
+        for margin in WORKSPACE:
+            if self.pc is not None:
+                self.pc.destroy()
+            info = self._set_up(margin)
+            if info not in TOO_LITTLE_ROOM:
+                break
+        return info == 0
+
+    def _set_up(self, margin: int) -> int:
+        pc = PETSc.PC().create(self.matrix.getComm())
+        pc.setOperators(self.matrix)
+        pc.setType("cholesky")
+        pc.setFactorSolverType("mumps")
+        if self.single:
+            compat.single_precision(pc)
+        pc.setFactorSetUpSolverType()
+        factor = pc.getFactorMatrix()
+        for number, value in ({14: margin} | self.icntl).items():
+            factor.setMumpsIcntl(number, value)
+        for number, real in self.cntl.items():
+            factor.setMumpsCntl(number, real)
+        self.pc = pc
+        try:
+            pc.setUp()
+        except PETSc.Error:
+            return factor.getMumpsInfog(1) or -1
+        return min(factor.getMumpsInfog(1), 0)
+
+    @property
+    def negative(self) -> int:
+        """Number of negative pivots."""
+        return self.pc.getFactorMatrix().getMumpsInfog(12)
+
+    @property
+    def worth(self) -> float:
+        """Krylov iterations that take as long as this factorisation did, by the counts of both."""
+        factor = self.pc.getFactorMatrix()
+        entries = factor.getMumpsInfog(9)
+        entries = -1e6 * entries if entries < 0 else entries  # MUMPS's way to tell millions
+        return factor.getMumpsRinfog(3) / (FLOPS * max(entries, 1.0))
+
+    def release(self) -> None:
+        if self.pc is not None:
+            self.pc.destroy()
+
+
+class WholeFactor:
+    """L D L^T of the whole tangent, which tells its inertia.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self._factor: Mumps | None = None
+
+    def make(self, tangent: Any) -> bool:
+        """Factorise an assembled tangent; False if MUMPS fails.  Collective."""
+        self.release()
+        # 24: null pivots are detected, which makes the inertia right
+        self._factor = Mumps(tangent, {24: 1}, {})
+        return self._factor.make()
+
+    @property
+    def excess(self) -> int:
+        """Negative pivots beyond those of a stable state."""
+        assert self._factor
+        return self._factor.negative - self.problem.expected_negative_pivots
+
+    @property
+    def worth(self) -> float:
+        """Krylov iterations that take as long as a factorisation."""
+        assert self._factor
+        return self._factor.worth
+
+    def apply(self, _: Any, x: Any, y: Any) -> None:
+        """What PETSc calls to precondition."""
+        assert self._factor
+        self._factor.pc.apply(x, y)
+
+    def release(self) -> None:
+        if self._factor:
+            self._factor.release()
+            self._factor = None
+
+
+class SplitFactor:
+    """Factors of the displacement's and the potential's block, with the pressure condensed.
+
+    Parameters
+    ----------
+    problem
+        A problem with discontinuous pressure.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self._factors: dict[str, Mumps] = {}
+        self._blocks: dict[str, Any] = {}
+        self._offset = problem.comm.exscan(len(problem.free)) or 0
+        self._on = problem.free_fields
+        self._rows = {name: self._index_set(on) for name, on in self._on.items()}
+        self._vectors: dict[str, tuple[Any, Any]] = {}
+        self._cells, self._softness = _pressure_cells(problem)
+
+    def make(self, tangent: Any) -> bool:
+        """Factorise the blocks of an assembled tangent; False if MUMPS fails.  Collective."""
+        self.release()
+        blocks = self._blocks
+        blocks["1/C"] = self._inverse_of_compressibility(tangent)
+        blocks["B"] = self._block(tangent, "p", "u")
+        blocks["Bt"] = self._block(tangent, "u", "p")
+        self._factors["u"] = self._low_rank(self._condensed(tangent, self._rows["u"]))
+        if "phi" in self._rows:
+            blocks["G"] = self._block(tangent, "phi", "u")
+            blocks["Gt"] = self._block(tangent, "u", "phi")
+            self._factors["phi"] = Mumps(self._block(tangent, "phi", "phi"), {}, {})
+        for name, factor in self._factors.items():
+            self._vectors[name] = factor.matrix.createVecs()
+        self._vectors["p"] = blocks["1/C"].createVecs()
+        made = all([factor.make() for factor in self._factors.values()])
+        for factor in self._factors.values():
+            factor.matrix.destroy()
+        return made
+
+    def excess(self, tangent: Any) -> int | None:
+        """Negative eigenvalues beyond those of a stable state if p is given a compressibility.
+
+        None if MUMPS fails.  What is stable when compressible is stable when it is not: a
+        constraint only takes motions away.  So 0 is a proof, any other number a question.
+
+        Sylvester: the p condensed have one negative eigenvalue each; those left, of u and phi, are
+        counted by a factor of both.
+        """
+        names = [name for name in ("u", "phi") if name in self._rows]
+        on = np.sort(np.concatenate([self._on[name] for name in names]))
+        rows = self._index_set(on)
+        inverse = self._inverse_of_compressibility(tangent)
+        factor = self._low_rank(self._condensed(tangent, rows, inverse))
+        inverse.destroy()
+        made = factor.make()
+        factor.matrix.destroy()
+        found = factor.negative - self.problem.counts.get("phi", 0) if made else None
+        factor.release()
+        return found
+
+    @property
+    def worth(self) -> float:
+        """Krylov iterations that take as long as a factorisation."""
+        return self._factors["u"].worth
+
+    def _index_set(self, on: np.ndarray) -> Any:
+        return PETSc.IS().createGeneral(
+            (self._offset + on).astype(np.int32), comm=self.problem.comm
+        )
+
+    def _block(self, tangent: Any, row: str, column: str) -> Any:
+        return tangent.createSubMatrix(self._rows[row], self._rows[column])
+
+    def _condensed(self, tangent: Any, rows: Any, inverse: Any = None) -> Any:
+        """The tangent's block in some rows, with B^T C^-1 B added."""
+        to_p = tangent.createSubMatrix(self._rows["p"], rows)
+        from_p = tangent.createSubMatrix(rows, self._rows["p"])
+        half = (inverse or self._blocks["1/C"]).matMult(to_p)
+        penalty = from_p.matMult(half)
+        block = tangent.createSubMatrix(rows, rows)
+        # p couples no two unknowns that share no cell
+        block.axpy(1.0, penalty, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+        for thing in (to_p, from_p, half, penalty):
+            thing.destroy()
+        return block
+
+    def _low_rank(self, matrix: Any) -> Mumps:
+        # 35: blocks of low rank in factorisation and solve; 36: compressed before they are
+        # updated; 37: and so are those that wait to be eliminated
+        return Mumps(matrix, {35: 2, 36: 1, 37: 1}, {7: LOW_RANK}, single=True)
+
+    def _inverse_of_compressibility(self, tangent: Any) -> Any:
+        """1/C, block-diagonal over the cells, from the tangent's block -C."""
+        pp = self._block(tangent, "p", "p")
+        first, last = pp.getOwnershipRange()
+        offsets, columns, values = pp.getValuesCSR()
+        own = sparse.csr_matrix((values, columns - first, offsets), shape=2 * (last - first,))
+        n = self._cells.shape[1]
+        row = np.repeat(self._cells, n, axis=1).ravel()
+        column = np.tile(self._cells, (1, n)).ravel()
+        given = np.asarray(own[row, column]).reshape(-1, n, n)
+        inverse = np.linalg.inv(self._softness - given)
+        order = np.lexsort((column, row))
+        starts = n * np.arange(last - first + 1)
+        entries = (column[order] + first, inverse.ravel()[order])
+        made = PETSc.Mat().createAIJ(
+            pp.sizes, comm=pp.getComm(),
+            csr=(starts.astype(np.int32), entries[0].astype(np.int32), entries[1]),
+        )  # fmt: skip
+        pp.destroy()
+        return made
+
+    def apply(self, _: Any, x: Any, y: Any) -> None:
+        """What PETSc calls to precondition: potential, displacement, potential again, pressure."""
+        on, blocks = self._on, self._blocks
+        b, out = x.array_r, y.array
+        (u, ru), (p, rp) = self._vectors["u"], self._vectors["p"]
+        rp.array[:] = b[on["p"]]
+        blocks["1/C"].mult(rp, p)
+        blocks["Bt"].mult(p, ru)
+        ru.array[:] += b[on["u"]]
+        if "phi" in on:
+            phi, rphi = self._vectors["phi"]
+            rphi.array[:] = b[on["phi"]]
+            self._factors["phi"].pc.apply(rphi, phi)
+            blocks["Gt"].mult(phi, u)
+            ru.axpy(-1.0, u)
+        self._factors["u"].pc.apply(ru, u)
+        out[on["u"]] = u.array_r
+        blocks["B"].mult(u, p)
+        p.axpy(-1.0, rp)
+        blocks["1/C"].mult(p, rp)
+        out[on["p"]] = rp.array_r
+        if "phi" in on:
+            blocks["G"].mult(u, phi)
+            rphi.axpy(-1.0, phi)
+            self._factors["phi"].pc.apply(rphi, phi)
+            out[on["phi"]] = phi.array_r
+
+    def release(self) -> None:
+        for factor in self._factors.values():
+            factor.release()
+        for vectors in self._vectors.values():
+            for vector in vectors:
+                vector.destroy()
+        for block in self._blocks.values():
+            block.destroy()
+        self._factors, self._blocks, self._vectors = {}, {}, {}
+
+
+def _pressure_cells(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of each owned cell among the pressure's, and the compressibility it is given.
+
+    The latter is the integral of p q/(KAPPA mu) where the material is incompressible, 0 elsewhere.
+    """
+    scene, part = problem.scene, problem.pressure
+    space = part.space
+    soft = dolfinx.fem.Function(dolfinx.fem.functionspace(problem.mesh, ("DG", 0)))
+    for name, material in scene.materials.items():
+        if material.bulk_modulus is None:
+            modulus = material.elastic.shear_modulus() / problem.scales.stress
+            soft.x.array[scene.device.cells_of(name)] = 1 / (KAPPA * modulus)
+    count = scene.device.owned_cells()
+    dx = measure(scene.device, [np.arange(count)], scene.elements.quadrature_degree)
+    weight = scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
+    p, q = ufl.TrialFunction(space), ufl.TestFunction(space)
+    mass = dolfinx.fem.assemble_matrix(compat.compile_form(soft * p * q * weight * dx(0)))
+    dofs = space.dofmap.list[:count]
+    n = dofs.shape[1]
+    rows = np.searchsorted(problem.free[problem.free_fields["p"]], part.dofs[dofs])
+    values = np.asarray(
+        mass.to_scipy()[np.repeat(dofs, n, axis=1).ravel(), np.tile(dofs, (1, n)).ravel()]
+    )
+    return rows, values.reshape(count, n, n)
+

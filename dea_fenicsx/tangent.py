@@ -1,0 +1,108 @@
+"""The tangent: the residual's derivative by the unknowns, as an action and as a matrix.
+
+Krylov's method only needs products, and the product with one vector costs twice a residual, where
+the matrix costs a hundred.  So the matrix is assembled only to be factorised.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import ufl
+
+from dea_fenicsx import compat
+from dea_fenicsx.compat import PETSc, dolfinx
+from dea_fenicsx.weakform import Problem
+
+
+class Tangent:
+    """The tangent of a problem at the state at which it was last linearised.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+
+    Attributes
+    ----------
+    operator
+        PETSc matrix in the free unknowns that multiplies without having entries.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self._at = dolfinx.fem.Function(problem.W)
+        self._along = dolfinx.fem.Function(problem.W)
+        # at the linearised state, whatever becomes of the problem's own
+        residual = ufl.replace(problem.residual_form, {problem.w: self._at})
+        self._matrix_form = compat.compile_form(
+            ufl.derivative(residual, self._at, ufl.TrialFunction(problem.W))
+        )
+        self._action = compat.compile_form(ufl.derivative(residual, self._at, self._along))
+        self._product = compat.create_vector(self._action)
+        self._columns = PETSc.IS().createGeneral(
+            problem.free + problem.rows.start, comm=problem.comm
+        )
+        n = (len(problem.free), None)
+        self.operator = PETSc.Mat().createPython((n, n), context=self, comm=problem.comm)
+        self.operator.setUp()
+        self._loads: dict[str, np.ndarray] = {}
+
+    def linearise(self) -> None:
+        """Take the tangent at the problem's present state from now on."""
+        self._at.x.array[:] = self.problem.w.x.array
+
+    def times(self, direction: np.ndarray) -> np.ndarray:
+        """Product with a vector of the free unknowns; both owned.  Collective."""
+        self.problem.spread(direction, self._along)
+        return self.problem.restrict(self._along_times())
+
+    def times_fixed(self, change: np.ndarray) -> np.ndarray:
+        """Product with a change of the fixed values (owned), in the free rows.  Collective."""
+        self._along.x.array[:] = 0.0
+        self._along.x.array[self.problem.fixed] = change
+        self._along.x.scatter_forward()
+        return self.problem.restrict(self._along_times())
+
+    def by_load(self, ramp: str) -> np.ndarray:
+        """Derivative of the residual by a ramp's factor at fixed free unknowns (owned, free rows).
+
+        Exact: fixed values are linear in the factor and act through the tangent; loads and charges
+        are linear themselves.
+        """
+        problem = self.problem
+        if ramp not in self._loads or ramp in problem.loads.changing:
+            vector = np.zeros(len(problem.free))
+            if ramp in problem.loads.unit_work:
+                vector = problem.restrict(problem.load_vector(ramp))
+            problem.add_sources(vector, ramp, 1.0)
+            self._loads[ramp] = vector
+        return self._loads[ramp] + self.times_fixed(
+            problem.constraints.base[ramp][problem.fixed]
+        )
+
+    def _along_times(self) -> np.ndarray:
+        with self._product.localForm() as local:
+            local.set(0.0)
+        dolfinx.fem.petsc.assemble_vector(self._product, self._action)
+        self._product.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        return self._product.array_r
+
+    def mult(self, _: Any, x: Any, y: Any) -> None:
+        """What PETSc calls for a product with the operator."""
+        y.array[:] = self.times(x.array_r)
+
+    def matrix(self) -> Any:
+        """Assemble the block in the free unknowns.  The caller destroys it.  Collective."""
+        problem = self.problem
+        whole = dolfinx.fem.petsc.create_matrix(self._matrix_form)
+        dolfinx.fem.petsc.assemble_matrix(whole, self._matrix_form)
+        whole.assemble()
+        if problem.expansion is not None:
+            free = whole.ptap(problem.expansion)
+        else:
+            free = whole.createSubMatrix(self._columns, self._columns)
+        whole.destroy()
+        free.setOption(PETSc.Mat.Option.SYMMETRIC, not problem.loads.following)
+        return free
