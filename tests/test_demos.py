@@ -42,7 +42,7 @@ def check_hdea(out, printed):
     assert s["volume_m3"] == pytest.approx(s["exact_volume_m3"], rel=2e-4)
     assert s["contraction"] == pytest.approx(0.01811, abs=2e-5)  # own value, coarse mesh, 2026-11
     assert s["stable"] is True
-    assert s["factorisations"] <= 3
+    assert s["factorisations"] <= 6  # made anew where that is cheaper: see tests/test_hdea.py
     with open(out / "trend.csv") as f:
         rows = [[float(x) for x in row] for row in list(csv.reader(f))[1:]]
     given, exact, full = (np.array(rows)[:, k] for k in (2, 3, 4))
