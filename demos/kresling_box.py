@@ -147,7 +147,7 @@ def write_curves(boxes, film, args, volts, path):
 def draw(boxes, film, args, volts, path):
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.2, 2.8), layout="constrained")
+    figure = Figure(figsize=(7.2, 3.3), layout="constrained")
     height, angle, force = figure.subplots(1, 3)
     for i, (name, box) in enumerate(boxes.items()):
         style = ("-", "--", "-.", ":")[i]

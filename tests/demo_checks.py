@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import dea_fenicsx as dea
@@ -26,3 +27,24 @@ def check_hinge(out, printed):
     assert s["fold_given_pressure_at_1_2_4_kV_deg"][1] > 180
     assert "3826.0 V by a pressure" in printed
     assert (out / "fold_angle_voltage.png").exists()
+
+
+def check_stiffened(out, printed):
+    """Digest sections 13 to 15: exact curves, strains at loss of tension, bounds, bending."""
+    s = dea.read_summary(out)
+    assert s["max_relative_error"] < 1e-6
+    slack = {"gent, 2.125": 0.136, "gent, 2.75": 0.091}
+    assert s["loss_of_tension_strain"] == pytest.approx(slack, abs=5e-4)
+    stiff, bare, mixed = (
+        np.array(s[f"{k}_voltage_V"]) for k in ("stiffened", "bare", "mixture")
+    )
+    assert np.all(bare < stiff) and np.all(stiff < mixed)
+    assert 0 < s["voltage_rise"] < 0.1
+    assert s["mid_plane_bending_angle_deg"] < 1e-4
+    assert abs(s["bending_angle_deg"]) > 1e3 * s["mid_plane_bending_angle_deg"]
+    assert len(s["element_angle_deg"]) == 32
+    assert sum(s["element_angle_deg"]) == pytest.approx(s["bending_angle_deg"], rel=0.02)
+    assert s["bilayer_exact_angle_deg"][-1] == pytest.approx(90, abs=0.5)
+    assert s["bilayer_largest_difference"] < 0.02
+    for name in ("fields.xdmf", "voltage_strain.png", "element_angle.png", "section/fields.xdmf"):
+        assert (out / name).exists()

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 from conftest import ROOT
-from demo_checks import check_hinge
+from demo_checks import check_hinge, check_stiffened
 
 import dea_fenicsx as dea
 
@@ -409,6 +409,7 @@ CHECKS = {
     "sldea.py": (check_sldea, []),
     "smooth_fold.py": (check_smooth_fold, []),
     "snap_through.py": (check_snap_through, ["--mesh", "irregular"]),
+    "stiffened_membrane.py": (check_stiffened, ["--models", "gent", "--model", "gent"]),
     "wrinkling_film.py": (check_wrinkles, []),
 }
 NEEDS = {"design_search.py": "pymoo", "read_results.py": "pandas"}  # optional extras

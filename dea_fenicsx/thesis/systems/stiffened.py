@@ -41,7 +41,7 @@ def rows() -> list[Row]:
     return [
         answer(plain, "voltage_increase", None, MISSING,
                "plots only; the strip's thickness and side are missing.  A strip can only raise "
-               "the voltage, at most to the rule of mixtures"),
+               "the voltage, at most to the rule of mixtures: see demos/stiffened_membrane.py"),
         answer(s, "bending_angle_6kV", None, MISSING,
                "thickness of film and stiffener, its side, the pre-stretch, eps_r and the support "
                "are missing; a stiffener in the middle plane would not bend the film at all"),
