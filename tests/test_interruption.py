@@ -89,7 +89,7 @@ def test_interrupt(tmp_path, whole, monkeypatch, place, number):
     calls = iter(range(1000))
 
     def struck(*arguments):
-        if next(calls) == (4 if place == "factorisation" else 9):
+        if next(calls) == (3 if place in ("assembly", "factorisation") else 9):
             signal.raise_signal(number)
         return original(*arguments)
 
