@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.solver import Attempt, NewtonSolver
+from dea_fenicsx.solver import AT_REST, Attempt, NewtonSolver
 from dea_fenicsx.stability import Place
 
 FASTER = 4.0
@@ -41,22 +41,29 @@ class Predictor:
         others = [known for known in self.known if known[0] != factor]
         self.known = [*others[-2:], (factor, self.problem.get_state())]
 
+    def _moved(self, since: np.ndarray, now: np.ndarray) -> float:
+        """Largest change of displacement between two states.  Collective."""
+        dofs = self.problem.fields["u"]
+        move = float(np.max(np.abs(now[dofs] - since[dofs]), initial=0.0))
+        return self.problem.comm.allreduce(move, op=MPI.MAX)
+
     def _speed(self, factor: float, since: tuple[float, np.ndarray], now: np.ndarray) -> float:
         """Largest change of displacement since a state, per change of the load's coordinate."""
         span = abs(factor**2 - since[0] ** 2) if self.even else abs(factor - since[0])
-        dofs = self.problem.fields["u"]
-        move = float(np.max(np.abs(now[dofs] - since[1][dofs]), initial=0.0))
-        return self.problem.comm.allreduce(move, op=MPI.MAX) / span if span else 0.0
+        return self._moved(since[1], now) / span if span else 0.0
 
     def _judge(self, factor: float, attempt: Attempt) -> Attempt:
         """Refuse a converged state that does not continue the path but lies on another branch.
 
         Towards a limit point the speed of a smooth path grows like an inverse square root, by a
-        factor of at most 2.4 when a step lands right on it.
+        factor of at most 2.4 when a step lands right on it.  A device that is held everywhere does
+        not move but for rounding, and that jumps as it likes.
         """
         if not attempt.converged:
             return attempt
         now = self.problem.get_state()
+        if self._moved(self.known[-1][1], now) < AT_REST:
+            return attempt
         speed = self._speed(factor, self.known[-1], now)
         if len(self.known) == 1:
             far = attempt.iterations > WANDERING

@@ -82,14 +82,14 @@ def main():
     run = dea.solve(
         scene,
         dea.Ramp("voltage", steps=5),
-        record={"thinning": dea.MeanStretch(("bottom", "top"), "z")},
+        record={"thickness_stretch": dea.MeanStretch(("bottom", "top"), "z")},
         out=args.out,
         resume=args.resume,
         quiet=args.quiet,
         settings=parser.settings(args),
     )
     exact = [curve.states_at(V)[0][0].stretches[2] for V in run.column("voltage_V")[1:]]
-    error = float(np.max(np.abs(run.column("thinning")[1:] / exact - 1)))
+    error = float(np.max(np.abs(run.column("thickness_stretch")[1:] / exact - 1)))
     run.add(
         max_relative_error=error,
         pull_in_voltage_V=peak.voltage,

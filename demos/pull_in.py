@@ -34,7 +34,8 @@ def main():
     film = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(eps_r=2.8))
     device = dea.read_gmsh(BoxStack(T, T, [Layer("film", T)], divisions=(1, 1)), comm)
     exact = trace(Film(film, T)).event("pull-in")
-    record = {"thinning": dea.MeanStretch(("bottom", "top"), "z"), "charge": dea.Charge("top")}
+    thickness = dea.MeanStretch(("bottom", "top"), "z")
+    record = {"thickness_stretch": thickness, "charge": dea.Charge("top")}
 
     def scene(electrode):
         return dea.Scene(
@@ -56,7 +57,7 @@ def main():
     # 2. The same scene by arc length: over the maximum, and down the unstable branch to 0.4 of T.
     curve = dea.solve(
         driven,
-        dea.Trace("voltage", until=("thinning", 0.4)),
+        dea.Trace("voltage", until=("thickness_stretch", 0.4)),
         record,
         out=args.out,
         resume=args.resume,
@@ -79,7 +80,7 @@ def main():
     split = next(row for row in charged.history if row["event"] == "bifurcation")
     curve.add(
         pull_in_voltage_V=top["voltage_V"],
-        pull_in_thinning=top["thinning"],
+        pull_in_thickness_stretch=top["thickness_stretch"],
         exact_pull_in_voltage_V=exact.voltage,
         ramp_ended_with=told,
         last_voltage_under_charge_V=float(volts[-1]),
@@ -87,15 +88,16 @@ def main():
         bifurcation_voltage_V=split["voltage_V"],
     )
     if comm.rank == 0:
-        dea.pictures.curve(args.out, x="thinning", y="voltage_V")
+        dea.pictures.curve(args.out, x="thickness_stretch", y="voltage_V")
         if not args.quiet:
             print(f"\nthe ramp: {told}")
-            print(f"pull-in:  {top['voltage_V']:.6f} V at {top['thinning']:.5f} of the thickness; "
-                  f"exact {exact.voltage:.6f} V at {exact.stretches[2]:.5f}")  # fmt: skip
+            print(f"pull-in:  {top['voltage_V']:.6f} V at {top['thickness_stretch']:.5f} of the "
+                  f"thickness;\n          exact {exact.voltage:.6f} V at "
+                  f"{exact.stretches[2]:.5f}")  # fmt: skip
             print(f"charge:   the voltage falls to {volts[-1]:.1f} V behind the maximum, but from "
                   f"{2 * split['charge_factor']:.3f} times the charge\n          of pull-in on the "
                   "uniform film is not stable: it thins in one place")  # fmt: skip
-            print(f"results:  {curve.out}/voltage_thinning.png")
+            print(f"results:  {curve.out}/voltage_thickness_stretch.png")
 
 
 if __name__ == "__main__":

@@ -86,6 +86,27 @@ def test_step_is_read_in_its_own_unit(two_layers, tmp_path):
         assert device.length == pytest.approx(length, rel=1e-9)
 
 
+def test_flat_drawings(tmp_path):
+    """Sheets in STEP and .geo: regions are surfaces, and what they need is named by curves."""
+    start()
+    gmsh.model.add("flat")
+    for y in (0.0, 0.5):
+        gmsh.model.occ.addRectangle(0, y, 0, 20, 0.5)
+    gmsh.model.occ.synchronize()
+    gmsh.write(str(tmp_path / "flat.step"))
+    gmsh.model.remove()
+    found = read(tmp_path / "flat.step", size=1.0, names={"root": ["curve_4", "curve_7"]})
+    sides = {f"curve_{k}" for k in (1, 2, 3, 5, 6)}
+    assert set(found) == {"surface_1", "surface_2", "root"} | sides
+    assert found["root"].measure == pytest.approx(1.0, rel=1e-12)
+    (tmp_path / "flat.geo").write_text(
+        'SetFactory("OpenCASCADE");\nRectangle(1) = {0, 0, 0, 20, 0.5};\n'
+        'Physical Surface("film") = {1};\nPhysical Curve("root") = {4};\n'
+    )
+    device = dea.read_gmsh(tmp_path / "flat.geo", MPI.COMM_SELF, unit=1e-3, size=1e-3)
+    assert (device.dim, set(device.regions), set(device.surfaces)) == (2, {"film"}, {"root"})
+
+
 def test_device_of_a_step_file_is_solved(two_layers):
     """The names reach the scene: the bender's tip goes down, whatever the numbers of its faces."""
     names = {"root": ["surface_1", "surface_7"], "middle": "surface_6", "top": "surface_11",
@@ -177,7 +198,8 @@ def test_command(capsys, two_layers, folder):
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "regions (materials):"
     assert lines[1].split()[0] == "passive" and "5e-08 m3" in lines[1]
-    assert len(lines) == 2 + 2 + 11
+    assert len(lines) == 2 + 2 + 11 + 1
+    assert lines[-1].startswith("least scaled Jacobian")
     assert cli.main(["mesh", str(folder / "film.msh")]) == 0
     assert "x 0 to 0.001" in capsys.readouterr().out
     assert cli.main(["mesh", str(folder / "bad.geo")]) == 2

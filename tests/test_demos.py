@@ -349,11 +349,11 @@ def check_pull_in(out, printed):
     exact = 0.5e-3 * 3**0.5 * 2 ** (-4 / 3) * (50e3 / (2.8 * 8.8541878128e-12)) ** 0.5
     assert s["pull_in_voltage_V"] == pytest.approx(exact, rel=1e-9)
     assert s["exact_pull_in_voltage_V"] == pytest.approx(exact, rel=1e-9)
-    assert s["pull_in_thinning"] == pytest.approx(2 ** (-2 / 3), rel=1e-5)
+    assert s["pull_in_thickness_stretch"] == pytest.approx(2 ** (-2 / 3), rel=1e-5)
     assert s["ramp_ended_with"].startswith("Equilibrium was lost between 15434.4 V and")
     assert s["last_voltage_under_charge_V"] < 0.92 * exact
     assert 1 < s["bifurcation_charge_over_that_of_pull_in"] < 1.1
-    assert (out / "voltage_thinning.png").exists()
+    assert (out / "voltage_thickness_stretch.png").exists()
 
 
 def check_own_geometry(out, printed):

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import block
+from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx.exact import FREE, Film, Held, trace
+from dea_fenicsx.geometry import StiffenedSection
 from dea_fenicsx.tangent import Tangent
 from dea_fenicsx.weakform import Problem
 
@@ -132,3 +134,21 @@ def test_refuses_other_scenes():
     with pytest.raises(dea.InputError, match="plane strain only"):
         dea.Scene(block((1, 1)), {"film": RUBBER}, supports=[dea.Clamp("bottom")],
                   prescribed=[item], kinematics=dea.Axisymmetric())  # fmt: skip
+
+
+def test_a_film_that_cannot_move_is_ramped_without_retries():
+    """All of its motion is rounding, of which no step may be taken for a jump to another branch."""
+    section = StiffenedSection(length=20e-3, strip=(8e-3, 12e-3))
+    scene = dea.Scene(
+        dea.read_gmsh(section, MPI.COMM_SELF),
+        {"film": RUBBER, "stiffener": dea.Material(dea.NeoHookean(1e6))},
+        [dea.Electrode("top", 1e3), dea.Ground("bottom")],
+        [dea.Clamp("x_min"), dea.Clamp("x_max")],
+        [dea.PreStretch("film", x=2.0, z=1.0)],
+        kinematics=dea.PlaneStrain(),
+    )
+    path = [dea.Ramp("prestretch", steps=4), dea.Ramp("voltage", steps=4)]
+    run = dea.solve(scene, path, {"up": dea.LargestDisplacement("top", "y")}, quiet=True)
+    assert len(run.history) == 9
+    assert run.column("retries").sum() == 0
+    assert abs(run.column("up_m")).max() < 1e-8 * 20e-3  # what a residual of 1e-10 leaves

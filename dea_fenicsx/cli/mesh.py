@@ -20,11 +20,13 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from dea_fenicsx.cad import groups_of, lengths, open_file
+    from dea_fenicsx.geometry._gmsh import quality
 
     unit, size = lengths(options.file, options.unit, options.size)
     model = open_file(options.file, None if size is None else size / unit)
     try:
         groups = groups_of(model, str(options.file))
+        good = quality(model)
     finally:
         model.remove()
     dim = groups[0].dim
@@ -38,6 +40,8 @@ def run(options: argparse.Namespace) -> int:
                 for axis, low, high in zip("xyz", g.low, g.high, strict=True)
             )
             print(f"  {g.name:{width}}  {g.elements:6d} elements  {size_of:>13}  {box} m")
+    print(f"least scaled Jacobian of a cell {good['least_scaled_jacobian']:.3g} (must be > 0), "
+          f"longest over shortest edge {good['largest_aspect']:.3g}")  # fmt: skip
     if not any(g.dim == dim - 1 for g in groups):
         raise InputError(
             f"{options.file} names no surface; an electrode or a support needs a physical group "
