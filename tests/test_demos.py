@@ -99,6 +99,23 @@ def check_box(out, printed):
     assert force["box_of_10_layers_force_N"] == pytest.approx(10 * force["box_of_1_layers_force_N"])
 
 
+def check_cell(out, printed):
+    """Linear against large displacements, two springs, and the linkage; digest section 11."""
+    s = summary(out)
+    assert s["edge_m"] == pytest.approx(2.01124 * 0.0254, rel=1e-5)
+    assert s["small_stroke_over_linear"] == pytest.approx(1, abs=2e-3)
+    assert s["drop_rigid_panels"] == pytest.approx(0.5, abs=5e-3)
+    assert s["drop_there"] == pytest.approx(0.3, abs=0.01)
+    assert s["spring_ratio_there"] == pytest.approx(4 / 3, rel=0.06)
+    assert s["misfit_of_springs"] < 0.01
+    history = dea.read_history(out)
+    assert np.all(history["inertia"] == 0)
+    assert -history["stroke_m"][-1] == pytest.approx(0.02, rel=1e-9)
+    assert s["twist_at_stroke_deg"] == pytest.approx(s["linkage_twist_at_stroke_deg"], rel=0.2)
+    assert (out / "force_stroke.png").exists()
+    assert (out / "held" / "fields.xdmf").exists()
+
+
 def check_smooth_fold(out, printed):
     """p1 to p4 of digest section 9 and the box with its folds closing, as a time series."""
     s = summary(out)
@@ -399,6 +416,8 @@ CHECKS = {
     "hdea_ten_layer.py": (check_ten_layer, ["--turns", 3, "--mesh", 1, "--steps", 3]),
     "hdea_two_turn.py": (check_hdea, ["--mesh", 1, "--steps", 4, "--trend"]),
     "kresling_box.py": (check_box, []),
+    "kresling_cell.py": (check_cell, ["--mesh", 2, "--steps", 8, "--stroke", 0.02,
+                                      "--held-stroke", 0.0002]),
     "kresling_kinematics.py": (check_kresling, []),
     "membrane_disc.py": (check_disc, ["--mesh", 1]),
     "own_geometry.py": (check_own_geometry, []),
