@@ -81,6 +81,9 @@ def _compiling() -> Iterator[None]:
                 for mark in folder.glob("*.c"):
                     if not mark.with_suffix(".c.cached").exists():
                         mark.unlink()
+                for ready in folder.glob("*.c.cached"):
+                    if not ready.with_suffix("").exists():
+                        ready.unlink()
             with suppress(OSError):  # some file systems have no locks
                 fcntl.flock(lock, fcntl.LOCK_SH)
             yield

@@ -241,14 +241,21 @@ def _driven_alike(a: Electrode | ChargedElectrode, b: Electrode | ChargedElectro
 def _hold_rigid_motions(device: Device, parts: list[Component], constraints: Constraints) -> None:
     """Fix six displacement components at three vertices, so that only rigid motions are removed.
 
-    The vertices are far apart: a is lowest along (1, 1, 1), b is farthest from a, c is farthest
-    from the line ab.
+    Where the mesh allows, b lies far from a along one axis and c along another, b is held across
+    the first and c across both: so a strain along the axes turns nothing.  Held across an oblique
+    line, a slender actuator of 20 turns that shortens by 2.3 % leans by 2.2 degrees, and at 13 %
+    one of 14 turns by 3.5 degrees, which its height then feels.
     """
-    mesh, X = device.mesh, _corners(device)
+    X = _corners(device)
     na, a = _best_corner(device, -X.sum(axis=1))
-    nb, b = _best_corner(device, np.linalg.norm(X - a, axis=1))
+    to = X - a
+    cosines = np.abs(to) / np.maximum(np.linalg.norm(to, axis=1), 1e-300)[:, None]
+    nb, b = _best_corner(device, np.linalg.norm(to, axis=1) * np.max(cosines, axis=1) ** 8)
     line = (b - a) / np.linalg.norm(b - a)
-    nc, c = _best_corner(device, np.linalg.norm(np.cross(X - a, line), axis=1))
+    k = int(np.argmax(np.abs(line)))
+    across = np.max(np.delete(cosines, k, axis=1), axis=1) ** 8
+    nc, c = _best_corner(device, np.linalg.norm(np.cross(to, line), axis=1) * across)
+    m = int(np.argmax(np.where(np.arange(3) == k, -1.0, np.abs(c - a))))
 
     def row(point: np.ndarray, axis: int) -> np.ndarray:
         """How a displacement component depends on rigid translation and rotation about a."""
@@ -260,11 +267,12 @@ def _hold_rigid_motions(device: Device, parts: list[Component], constraints: Con
         rows = [row(a, i) for i in range(3)] + [row(b, b1), row(b, b2), row(c, c1)]
         return float(np.linalg.svd(np.array(rows), compute_uv=False)[-1])
 
-    options = itertools.product(itertools.combinations(range(3), 2), range(3))
-    on_b, on_c = max(options, key=quality)
+    best = max(itertools.product(itertools.combinations(range(3), 2), range(3)), key=quality)
+    aligned = (((k + 1) % 3, (k + 2) % 3), 3 - k - m)
+    on_b, on_c = aligned if quality(aligned) > 0.2 * quality(best) else best
     held = [(na, axis) for axis in range(3)] + [(nb, axis) for axis in on_b] + [(nc, on_c)]
     for node, axis in held:
-        vertices = _vertices_of_node(mesh, node)
+        vertices = _vertices_of_node(device.mesh, node)
         constraints.fix(parts[axis].dofs[parts[axis].on(0, vertices)])
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import ctypes
 import signal
 import threading
+from collections.abc import Callable
+from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -19,14 +21,15 @@ class Interruption:
     """Notes a signal and raises `Interrupted` on all ranks at the next call of `check`.
 
     An exception raised wherever the signal strikes would leave each rank at a place of its own, and
-    the others waiting.  Python notices a signal between two of its own instructions only, not
+    the others waiting.  `say` is told of the signal as soon as Python notices it: an mpirun may
+    leave no time for more.  Python notices a signal between two of its own instructions only, not
     within a factorisation; a second signal ends the process at once, wherever it is.  As a context
     manager it takes the signals over and gives them back; outside Python's main thread it does
     nothing.
     """
 
-    def __init__(self, comm: MPI.Comm) -> None:
-        self.comm = comm
+    def __init__(self, comm: MPI.Comm, say: Callable[[str], None] = lambda line: None) -> None:
+        self.comm, self.say = comm, say
         self.number = 0
         self._before: dict[int, Any] = {}
 
@@ -50,6 +53,8 @@ class Interruption:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self.number = number
+        with suppress(RuntimeError):  # the signal has struck within a print
+            self.say("Interrupted: the run ends before its next Newton iteration.")
 
     def check(self) -> None:
         """Raise `Interrupted` if any rank has been sent a signal.  Collective."""

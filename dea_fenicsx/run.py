@@ -177,7 +177,7 @@ class _Session:
             fired=[row["event"] for row in self.history],
         )
         self.progress.begin(self._share(cursor) if cursor else 0.0)
-        interruption = Interruption(self.comm)
+        interruption = Interruption(self.comm, self.progress.say)
 
         def notify(stage: str) -> None:
             if stage == "assembling":  # once in each Newton iteration

@@ -26,8 +26,8 @@ class Turns:
     Attributes
     ----------
     contraction : ndarray, shape (turns - 1,)
-        Loss of distance between places one pitch apart, over the pitch; entry k is the mean over
-        all pairs of nodes of which the lower one lies in turn k.
+        Loss of distance between places one pitch apart, over the pitch; entry k is the mean by
+        volume over all pairs of nodes of which the lower one lies in turn k.
     twist_rad : ndarray, shape (turns - 1,)
         Rotation about the axis between places one pitch apart.
     scatter : ndarray, shape (turns - 1,)
@@ -66,7 +66,12 @@ def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> Turns:
         If no two nodes lie a pitch apart along z.
     """
     grid = read_frame(Path(folder), step).grid
-    found = measure_turns(np.asarray(grid.points), grid.point_data["displacement_m"], pitch)
+    sizes = np.abs(np.asarray(grid.compute_cell_sizes(length=False, area=False)["Volume"]))
+    nodes = np.reshape(grid.cells, (grid.n_cells, -1))[:, 1:]
+    volume = np.bincount(nodes.ravel(), np.repeat(sizes, nodes.shape[1]), grid.n_points)
+    found = measure_turns(
+        np.asarray(grid.points), grid.point_data["displacement_m"], pitch, volume
+    )
     if FIELD in grid.cell_data:
         field = np.asarray(grid.cell_data[FIELD])
         of = np.floor(_height(np.asarray(grid.cell_centers().points), pitch)).astype(int)
@@ -75,8 +80,15 @@ def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> Turns:
     return found
 
 
-def measure_turns(x: np.ndarray, u: np.ndarray, pitch: float) -> Turns:
-    """The same from nodes and their displacements, each (n, 3), in metres; without a field."""
+def measure_turns(
+    x: np.ndarray, u: np.ndarray, pitch: float, volume: np.ndarray | None = None
+) -> Turns:
+    """The same from nodes and their displacements, each (n, 3), in metres; without a field.
+
+    `volume` is what each node stands for, by default the same.  A rotation of the whole, as that of
+    a free body, is taken out first.
+    """
+    volume = np.ones(len(x)) if volume is None else volume
     u = np.asarray(u)
     above = x + np.array([0, 0, pitch])
     distance, partner = cKDTree(x).query(above, distance_upper_bound=1e-4 * abs(pitch))
@@ -90,15 +102,32 @@ def measure_turns(x: np.ndarray, u: np.ndarray, pitch: float) -> Turns:
             "or more."
         )
     upper = partner[lower]
+    u = _upright(x, x + u, lower, upper, volume[lower]) - x
     shorter = (u[lower, 2] - u[upper, 2]) / pitch
     rotation = _angle(x + u) - _angle(x)
     turned = (rotation[upper] - rotation[lower] + np.pi) % (2 * np.pi) - np.pi
     # a common face belongs to the turn above it, the topmost to the last one
     turn = np.minimum(np.floor(height[lower] + 1e-6).astype(int), turns - 2)
-    count = np.bincount(turn)
-    mean = np.bincount(turn, shorter) / count
-    square = np.bincount(turn, (shorter - mean[turn]) ** 2) / count
-    return Turns(mean, np.bincount(turn, turned) / count, np.sqrt(square), np.empty(0))
+    share = volume[lower] / np.bincount(turn, volume[lower])[turn]
+    mean = np.bincount(turn, share * shorter)
+    square = np.bincount(turn, share * (shorter - mean[turn]) ** 2)
+    return Turns(mean, np.bincount(turn, share * turned), np.sqrt(square), np.empty(0))
+
+
+def _upright(
+    x: np.ndarray, moved: np.ndarray, lower: np.ndarray, upper: np.ndarray, volume: np.ndarray
+) -> np.ndarray:
+    """Deformed places, turned and shifted so that the axis of the whole is the z axis again.
+
+    The axis is the mean of what leads from `lower` to `upper`, one pitch higher; about it the body
+    stays as it is.
+    """
+    share = volume / volume.sum()
+    axis = share @ (moved[upper] - moved[lower])
+    axis /= np.linalg.norm(axis)
+    K = np.cross(np.eye(3), np.cross(axis, (0.0, 0.0, 1.0)))  # v x for v = axis x e_z
+    back = np.eye(3) + K + K @ K / (1 + axis[2])
+    return (moved - share @ moved[lower]) @ back.T + share @ x[lower]
 
 
 def _angle(x: np.ndarray) -> np.ndarray:

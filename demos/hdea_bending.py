@@ -81,7 +81,7 @@ def main():
     try:
         run = dea.solve(
             scene, path, record(), out=args.out, resume=args.resume, quiet=args.quiet,
-            settings=parser.settings(args),
+            settings=parser.settings(args), stability="every" if args.reach else "last",
         )  # fmt: skip
     except dea.EquilibriumLost as error:
         if not args.reach:
@@ -111,7 +111,9 @@ def main():
         run.add(voltage_for_4_2_deg_V=float(np.interp(wanted, angle, volts)),
                 contraction_at_4_2_deg=float(contraction))  # fmt: skip
     if args.reach:
-        run.add(**reach(args, device, unit), lost=lost)
+        unstable = next((row for row in run.history if row["inertia"]), None)
+        run.add(**reach(args, device, unit), lost=lost,
+                unstable_from_V=unstable["voltage_V"] if unstable else None)  # fmt: skip
     if args.curvature:
         curvature(args, comm, run, kappa, young, say)
     report(args, run, say)
@@ -201,6 +203,10 @@ def report(args, run, say):
         say(f"{name:48}{thesis:>8}{linear:>10}{fe:>18}")
     say("linear: small strains under a given pressure, without fringes, without the growth of the "
         "field as\nlayers thin")  # fmt: skip
+    if "unstable_from_V" in s:
+        volts = s["unstable_from_V"]
+        say("every state on the path is stable" if volts is None else
+            f"negative eigenvalues from {volts:.1f} V on")  # fmt: skip
     if s.get("lost"):
         say(f"the path ends: {s['lost']}")
 

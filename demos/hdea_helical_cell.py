@@ -294,7 +294,7 @@ def edges(args, comm, run, say):
         for mesh in [2**k for k in range(8) if 2**k <= args.mesh]:
             geometry = COARSE.refine(mesh)
             device = dea.read_gmsh(geometry, comm)
-            path = dea.Trace("voltage", first=0.2, steps=80, until=("c", 0.4), longest=1.0)
+            path = dea.Trace("voltage", first=0.2, steps=40, until=("c", 0.4), longest=1.0)
             try:
                 one = dea.solve(driven(args, device, geometry, 12e3, edge), path,
                                 {"c": dea.OverallContraction()}, quiet=True, stability="every")

@@ -96,9 +96,9 @@ def loaded(film, stretches, width, volts, device, supports, materials):
     )  # fmt: skip
 
 
-def tension_up(film, stretches, parts=6):
-    """The pre-stretch with the dead load that bears it; on all sides, the load a little ahead."""
-    if isinstance(film.second, Held):
+def tension_up(film, stretches, parts=6, together=False):
+    """The pre-stretch and, together with it or always a little ahead, the load that bears it."""
+    if together:
         return [dea.Ramp(("prestretch", "load"), steps=16)]
     t = np.linspace(0, 1, parts + 1)[1:]
     stress = elastic_stress(film.material, stretches[0] ** t, stretches[1] ** t)[0]
@@ -162,7 +162,7 @@ def stiffened(args, out, settings):
     scene = loaded(film, stretches, args.width, volts, dea.read_gmsh(shape, MPI.COMM_WORLD),
                    [dea.Fix("x_min", "x"), dea.Fix("bottom", "z")],
                    {"film": film.material, "stiffener": mylar})  # fmt: skip
-    path = [*tension_up(film, stretches), dea.Ramp("voltage", steps=6)]
+    path = [*tension_up(film, stretches, together=True), dea.Ramp("voltage", steps=6)]
     run = dea.solve(scene, path, STRAINS, out=out, resume=args.resume, quiet=args.quiet,
                     settings=settings)  # fmt: skip
     V, strain = run.column("voltage_V"), run.column("stretch_x") - 1

@@ -72,7 +72,7 @@ class HelicalCell(Geometry):
 
     def __post_init__(self) -> None:
         self.device(1)  # checks what both share
-        _check.count("HelicalCell", "through", self.through, least=2)
+        _check.count("HelicalCell", "through", self.through, least=1 if self.electrode > 0 else 2)
         _check.ratio("HelicalCell", "grading_rim", self.grading_rim)
         if not isinstance(self.films, bool):
             raise InputError(

@@ -42,7 +42,7 @@ def check_hdea(out, printed):
     assert s["volume_m3"] == pytest.approx(s["exact_volume_m3"], rel=2e-4)
     assert s["contraction"] == pytest.approx(0.01811, abs=2e-5)  # own value, coarse mesh, 2026-11
     assert s["stable"] is True
-    assert s["factorisations"] <= 3
+    assert s["factorisations"] <= 6  # made anew where that is cheaper: see tests/test_hdea.py
     with open(out / "trend.csv") as f:
         rows = [[float(x) for x in row] for row in list(csv.reader(f))[1:]]
     given, exact, full = (np.array(rows)[:, k] for k in (2, 3, 4))
@@ -97,6 +97,23 @@ def check_box(out, printed):
     force = {k: float(v) for k, v in last.items() if "force" in k}
     assert force["box_of_3_layers_force_N"] == pytest.approx(4 * 2.156, abs=3e-3)
     assert force["box_of_10_layers_force_N"] == pytest.approx(10 * force["box_of_1_layers_force_N"])
+
+
+def check_cell(out, printed):
+    """Linear against large displacements, two springs, and the linkage; digest section 11."""
+    s = summary(out)
+    assert s["edge_m"] == pytest.approx(2.01124 * 0.0254, rel=1e-5)
+    assert s["small_stroke_over_linear"] == pytest.approx(1, abs=2e-3)
+    assert s["drop_rigid_panels"] == pytest.approx(0.5, abs=5e-3)
+    assert s["drop_there"] == pytest.approx(0.3, abs=0.01)
+    assert s["spring_ratio_there"] == pytest.approx(4 / 3, rel=0.06)
+    assert s["misfit_of_springs"] < 0.01
+    history = dea.read_history(out)
+    assert np.all(history["inertia"] == 0)
+    assert -history["stroke_m"][-1] == pytest.approx(0.02, rel=1e-9)
+    assert s["twist_at_stroke_deg"] == pytest.approx(s["linkage_twist_at_stroke_deg"], rel=0.2)
+    assert (out / "force_stroke.png").exists()
+    assert (out / "held" / "fields.xdmf").exists()
 
 
 def check_smooth_fold(out, printed):
@@ -196,10 +213,10 @@ def check_ten_layer(out, printed):
     assert s["stroke_m"] == pytest.approx(s["contraction"] * 3.3e-3, rel=1e-12)
     assert 0 < s["bending_angle_deg"] < 0.1
     assert {"twist_rad", "unknowns", "ranks", "wall_s", "peak_memory_GB"} <= set(s)
-    # three turns are all ends: they shorten by a sixth less than the endless helix
-    assert s["middle_turn"]["contraction"] / s["helical_cell"]["contraction"] == pytest.approx(
-        5 / 6, abs=0.02
-    )
+    # three turns are all ends: the upper two shorten nearly as the endless helix, but twist more
+    middle, endless = s["middle_turn"], s["helical_cell"]
+    assert middle["contraction"] / endless["contraction"] == pytest.approx(0.992, abs=2e-3)
+    assert middle["twist_rad"] / endless["twist_rad"] == pytest.approx(1.387, abs=5e-3)
     assert s["helical_cell"]["unknowns"] < 0.05 * s["unknowns"]
     assert s["stable"] is True
     assert "contradict each other" in printed
@@ -399,6 +416,8 @@ CHECKS = {
     "hdea_ten_layer.py": (check_ten_layer, ["--turns", 3, "--mesh", 1, "--steps", 3]),
     "hdea_two_turn.py": (check_hdea, ["--mesh", 1, "--steps", 4, "--trend"]),
     "kresling_box.py": (check_box, []),
+    "kresling_cell.py": (check_cell, ["--mesh", 2, "--steps", 8, "--stroke", 0.02,
+                                      "--held-stroke", 0.0002]),
     "kresling_kinematics.py": (check_kresling, []),
     "membrane_disc.py": (check_disc, ["--mesh", 1]),
     "own_geometry.py": (check_own_geometry, []),

@@ -178,10 +178,16 @@ def test_turns_of_a_helical_state():
     angle = k * x[:, 2]
     c, s = np.cos(angle), np.sin(angle)
     moved = np.column_stack([c * x[:, 0] - s * x[:, 1], s * x[:, 0] + c * x[:, 1], lam * x[:, 2]])
-    turns = measure_turns(x, moved - x, device.pitch)
-    assert turns.contraction == pytest.approx([0.1, 0.1], abs=1e-12)
-    assert turns.twist_rad == pytest.approx([k * device.pitch] * 2, abs=1e-12)
-    assert turns.scatter == pytest.approx([0, 0], abs=1e-12)
+    # upright, and a body that leans and has moved
+    c, s = np.cos(0.1), np.sin(0.1)
+    leaning = moved @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) + 1e-3
+    for there in (moved, leaning):
+        turns = measure_turns(x, there - x, device.pitch)
+        # the axis found is a mean over whole turns, which a twist of 0.044 a turn tilts by 1e-3:
+        # its square is felt
+        assert turns.contraction == pytest.approx([0.1, 0.1], abs=1e-6)
+        assert turns.twist_rad == pytest.approx([k * device.pitch] * 2, abs=3e-6)
+        assert turns.scatter == pytest.approx([0, 0], abs=2e-4)
     with pytest.raises(dea.InputError, match="two turns"):
         measure_turns(x, moved - x, 5 * device.pitch)
 
@@ -199,7 +205,7 @@ BAD = {
                 supports=[dea.Clamp("bottom")], loads=[dea.Torque(1.0)],
                 kinematics=dea.Axisymmetric()), "Helical"),
     "hoop stretch": (lambda: ring(prescribed=[dea.Stretch("inner", "t", 1.1)]), "coordinates"),
-    "cells": (lambda: HelicalCell(through=1), "through"),
+    "cells": (lambda: HelicalCell(electrode=0.0, through=1), "through"),
     "inset": (lambda: HelicalCell(inset=3e-3), "leaves no electrode"),
 }  # fmt: skip
 

@@ -73,7 +73,7 @@ class Trouble:
 
 
 PLACES = {
-    "assembly": (NewtonSolver, "assemble"),
+    "assembly": (NewtonSolver, "_assemble"),
     "factorisation": (NewtonSolver, "_factorise"),
     "solve": (NewtonSolver, "_krylov"),
     "write": (results, "replace_file"),
@@ -89,7 +89,7 @@ def test_interrupt(tmp_path, whole, monkeypatch, place, number):
     calls = iter(range(1000))
 
     def struck(*arguments):
-        if next(calls) == (4 if place == "factorisation" else 9):
+        if next(calls) == (3 if place in ("assembly", "factorisation") else 9):
             signal.raise_signal(number)
         return original(*arguments)
 
@@ -103,6 +103,7 @@ def test_interrupt(tmp_path, whole, monkeypatch, place, number):
     assert f"by {number.name}; the steps up to {last} are kept" in one_sentence(caught.value)
     assert caught.value.exit_status == 130
     assert dea.read_summary(tmp_path)["status"] == "interrupted"
+    assert "Interrupted: the run ends" in (tmp_path / "run.log").read_text()
     assert readable(tmp_path) == last + 1 < 7
     carried_on(tmp_path, whole)
 

@@ -24,7 +24,10 @@ SPACE, PLANE, ROUND = dea.ThreeD(), dea.PlaneStrain(), dea.Axisymmetric()
 
 
 def check(device, supports, kinematics=SPACE, prescribed=()):
-    """What a solve does first: fixed displacements and rigid motions; no form is compiled."""
+    """What a solve does first: fixed displacements and rigid motions; no form is compiled.
+
+    Returns the displacement components and the constraints.
+    """
     scene = dea.Scene(
         device, dict.fromkeys(device.regions, RUBBER), supports=supports, prescribed=prescribed,
         kinematics=kinematics,
@@ -37,6 +40,7 @@ def check(device, supports, kinematics=SPACE, prescribed=()):
     constraints = Constraints(dim * (imap.size_local + imap.num_ghosts))
     apply_supports(scene, parts, constraints)
     check_rigid(scene, parts, constraints.fixed)
+    return parts, constraints
 
 
 MOTIONS = {
@@ -78,6 +82,17 @@ def test_free_motions_are_named(case):
 
 def test_three_vertices_hold_a_free_body():
     check(block((2, 2, 2)), [dea.FreeBody()])
+
+
+@pytest.mark.parametrize("shape", [((2, 2, 2), 1e-3), ((1, 1, 12), 20e-3), ((3, 3, 1), 1e-6)])
+def test_a_strain_along_the_axes_does_not_turn_a_free_body(shape):
+    """All that is held along an axis has the same coordinate there: it may stay where it is."""
+    cells, thickness = shape
+    parts, constraints = check(block(cells, thickness=thickness), [dea.FreeBody()])
+    assert np.count_nonzero(constraints.fixed) == 6
+    for axis, part in enumerate(parts):
+        X = part.space.tabulate_dof_coordinates()[constraints.fixed[part.dofs], axis]
+        assert len(X) and np.ptp(X) == pytest.approx(0, abs=1e-14)
 
 
 def test_prescribed_displacements_hold():
