@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -163,13 +164,12 @@ def speed_vs_error(
     limits: dict[str, float] = {}
     orders: dict[str, float] = {}
     for fidelity, make in makers.items():
-        climbed = []
+        climbed: list[Rung] = []
         for level in levels if inspect.signature(make).parameters else [0]:
-            measured = (
-                _solved(make, level, quantity, path, options, first=not climbed)
-                if level else _evaluated(make)
+            climbed.append(
+                _solved(name, fidelity, make, level, quantity, path, options, first=not climbed)
+                if level else _evaluated(name, fidelity, make)
             )  # fmt: skip
-            climbed.append(Rung(name, fidelity, **measured))
             say(f"{fidelity}, level {level}: {climbed[-1].value:.7g}, {climbed[-1].wall_s:.3g} s")
         values = [rung.value for rung in climbed]
         limits[fidelity] = values[-1]
@@ -210,36 +210,34 @@ def _relative(value: float, reference: float) -> float:
     return abs(value - reference) / abs(reference) if reference else abs(value)
 
 
-def _evaluated(make: Callable[[], float]) -> dict[str, float | int | str]:
-    """The fields of a formula's rung."""
+def _evaluated(name: str, fidelity: str, make: Callable[..., Any]) -> Rung:
+    """The rung of a formula."""
     start = time.perf_counter()
     value = float(make())
-    wall = time.perf_counter() - start
-    return {"element": "formula", "level": 0, "unknowns": 0, "wall_s": wall, "value": value}
+    return Rung(name, fidelity, "formula", 0, 0, time.perf_counter() - start, value)
 
 
 def _solved(
-    make: Make,
+    name: str,
+    fidelity: str,
+    make: Callable[..., Any],
     level: int,
     quantity: Observable | Callable[[Scene], Observable],
     path: Ramp | Sequence[Ramp] | None,
     options: NewtonOptions | None,
     first: bool,
-) -> dict[str, float | int | str]:
-    """The fields of a rung by finite elements; the first of its kind once more, to compile."""
+) -> Rung:
+    """A rung by finite elements; the first of its kind is solved twice, to compile."""
     for _ in range(1 + first):
         start = time.perf_counter()
         scene = make(level)
-        seen = quantity if hasattr(quantity, "bind") else quantity(scene)
+        seen = quantity(scene) if callable(quantity) else quantity
         run = solve(
             scene, path or Ramp(steps=1), {"quantity": seen}, quiet=True, stability="never",
             options=options,
         )  # fmt: skip
         wall = scene.device.comm.allreduce(time.perf_counter() - start, op=MPI.MAX)
     pressure = "P1disc" if run.problem.pressure_kind == "discontinuous" else "P1"
-    cell = NAMES[scene.device.mesh.topology.cell_name()]
-    column = f"quantity_{seen.unit}" if seen.unit else "quantity"
-    return {
-        "element": f"{cell}-{pressure}", "level": level, "wall_s": wall, "value": run[column],
-        "unknowns": run.summary["unknowns"],
-    }  # fmt: skip
+    element = f"{NAMES[scene.device.mesh.topology.cell_name()]}-{pressure}"
+    value = run[f"quantity_{seen.unit}" if seen.unit else "quantity"]
+    return Rung(name, fidelity, element, level, run.summary["unknowns"], wall, value)

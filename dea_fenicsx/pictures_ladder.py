@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -55,7 +56,7 @@ def ladder(path: str | os.PathLike, out: str | os.PathLike | None = None) -> lis
             if len(good):
                 best = good[np.argmin(wall[good])]
                 axes.plot(error[best], wall[best], "o", ms=8, mfc="none", mec="0.3", mew=0.8)
-                axes.annotate(f"{wanted:.2%}".rstrip("0").replace(".%", "%"),
+                axes.annotate(f"{100 * wanted:g} %",
                               (error[best], wall[best]), xytext=(4, 5),
                               textcoords="offset points", fontsize=6)  # fmt: skip
             axes.axvline(wanted, color="0.85", lw=0.6, zorder=0)
@@ -65,7 +66,7 @@ def ladder(path: str | os.PathLike, out: str | os.PathLike | None = None) -> lis
         axes.legend(fontsize=6)
         made = [
             write_whole(target.with_name(f"{target.name}.{end}"),
-                        lambda file, end=end: figure.savefig(file, format=end, dpi=300))
+                        partial(figure.savefig, format=end, dpi=300))
             for end in ("png", "svg")
         ]  # fmt: skip
         plt.close(figure)

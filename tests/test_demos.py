@@ -341,6 +341,20 @@ def check_bending(out, printed):
     assert (out / "bending_angle_voltage.png").exists()
 
 
+def check_speed_vs_error(out, printed):
+    """The limit is that of hdea_helical_cell.py on fine meshes, 2.3245 %."""
+    s = summary(out)
+    assert s["reference_contraction"] == pytest.approx(0.023245, rel=2e-4)
+    rows = list(csv.DictReader((out / "speed_vs_error.csv").read_text("utf-8").splitlines()))
+    assert set(rows[0]) >= {"scene", "fidelity", "element", "unknowns", "wall_s", "error"}
+    errors = [float(r["error"]) for r in rows if r["fidelity"] == "helix"]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 3e-4
+    assert float(rows[0]["error"]) == pytest.approx(0.12, abs=0.01)  # no fringes, no passive rims
+    assert (out / "speed_vs_error.png").exists()
+    assert "to 0.10%" in printed
+
+
 def check_first_actuator(out, printed):
     """Beam theory of two equal layers; the clamp and the free end make the strip 2 % stiffer."""
     s = summary(out)
@@ -409,6 +423,7 @@ CHECKS = {
     "dea_hinge.py": (check_hinge, ["--set", "C10-D1", "--top", 4000]),
     "design_search.py": (check_design, []),
     "first_actuator.py": (check_first_actuator, []),
+    "speed_vs_error.py": (check_speed_vs_error, []),
     "fit_rubber.py": (check_fit, []),
     "hdea_bending.py": (check_bending, ["--voltage", 4000, "--steps", 1, "--curvature", 5]),
     "hdea_helical_cell.py": (check_helical_cell, ["--steps", 3, "--linear", "--loads", "--force"]),
