@@ -65,7 +65,7 @@ class Mumps:
     Parameters
     ----------
     matrix
-        The matrix, symmetric; not needed after `make`.
+        The matrix, symmetric; `make` uses it up.
     icntl, cntl
         MUMPS's own controls, by number.
     single
@@ -80,6 +80,8 @@ class Mumps:
     def make(self) -> bool:
         """Factorise; False if MUMPS fails however much room it gets."""
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        nothing = PETSc.Mat().createAIJ(self.matrix.getSizes(), nnz=0, comm=self.matrix.getComm())
+        nothing.assemble()
         info = -1
         self.pc: Any = None
         for margin in WORKSPACE:
@@ -88,6 +90,12 @@ class Mumps:
             info = self._set_up(margin)
             if info not in TOO_LITTLE_ROOM:
                 break
+        if info == 0:
+            # the factor is all that is needed; PETSc would hold on to the matrix
+            self.pc.setReusePreconditioner(True)
+            self.pc.setOperators(nothing)
+        self.matrix.destroy()
+        nothing.destroy()
         return info == 0
 
     def _set_up(self, margin: int) -> int:
@@ -142,7 +150,7 @@ class WholeFactor:
         self._factor: Mumps | None = None
 
     def make(self, tangent: Any) -> bool:
-        """Factorise an assembled tangent; False if MUMPS fails.  Collective."""
+        """Factorise an assembled tangent and use it up; False if MUMPS fails.  Collective."""
         self.release()
         # 24: null pivots are detected, which makes the inertia right
         self._factor = Mumps(tangent, {24: 1}, {})
@@ -191,13 +199,18 @@ class SplitFactor:
         self._cells, self._softness = _pressure_cells(problem)
 
     def make(self, tangent: Any) -> bool:
-        """Factorise the blocks of an assembled tangent; False if MUMPS fails.  Collective."""
+        """Factorise the blocks of an assembled tangent and use it up; False if MUMPS fails.
+
+        Collective.
+        """
         self.release()
         blocks = self._blocks
         blocks["1/C"] = self._inverse_of_compressibility(tangent)
         blocks["B"] = self._block(tangent, "p", "u")
         blocks["Bt"] = self._block(tangent, "u", "p")
-        self._factors["u"] = self._low_rank(self._condensed(tangent, self._rows["u"]))
+        self._factors["u"] = self._low_rank(
+            self._condensed(tangent, self._rows["u"]), LOW_RANK, single=True
+        )
         if "phi" in self._rows:
             blocks["G"] = self._block(tangent, "phi", "u")
             blocks["Gt"] = self._block(tangent, "u", "phi")
@@ -205,16 +218,15 @@ class SplitFactor:
         for name, factor in self._factors.items():
             self._vectors[name] = factor.matrix.createVecs()
         self._vectors["p"] = blocks["1/C"].createVecs()
-        made = all([factor.make() for factor in self._factors.values()])
-        for factor in self._factors.values():
-            factor.matrix.destroy()
-        return made
+        tangent.destroy()  # before the factors need the room
+        return all([factor.make() for factor in self._factors.values()])
 
     def excess(self, tangent: Any) -> int | None:
         """Negative eigenvalues beyond those of a stable state if p is given a compressibility.
 
-        None if MUMPS fails.  What is stable when compressible is stable when it is not: a
-        constraint only takes motions away.  So 0 is a proof, any other number a question.
+        Uses up the assembled tangent.  None if MUMPS fails.  What is stable when compressible is
+        stable when it is not: a constraint only takes motions away.  So 0 is a proof, any other
+        number a question.
 
         Sylvester: the p condensed have one negative eigenvalue each; those left, of u and phi, are
         counted by a factor of both.
@@ -223,10 +235,11 @@ class SplitFactor:
         on = np.sort(np.concatenate([self._on[name] for name in names]))
         rows = self._index_set(on)
         inverse = self._inverse_of_compressibility(tangent)
-        factor = self._low_rank(self._condensed(tangent, rows, inverse))
+        # a slender body bends with a millionth of its cells' stiffness, which must not be lost
+        factor = self._low_rank(self._condensed(tangent, rows, inverse), 1e-3 * LOW_RANK, False)
         inverse.destroy()
+        tangent.destroy()
         made = factor.make()
-        factor.matrix.destroy()
         found = factor.negative - self.problem.counts.get("phi", 0) if made else None
         factor.release()
         return found
@@ -257,10 +270,10 @@ class SplitFactor:
             thing.destroy()
         return block
 
-    def _low_rank(self, matrix: Any) -> Mumps:
+    def _low_rank(self, matrix: Any, dropped: float, single: bool) -> Mumps:
         # 35: blocks of low rank in factorisation and solve; 36: compressed before they are
         # updated; 37: and so are those that wait to be eliminated
-        return Mumps(matrix, {35: 2, 36: 1, 37: 1}, {7: LOW_RANK}, single=True)
+        return Mumps(matrix, {35: 2, 36: 1, 37: 1}, {7: dropped}, single)
 
     def _inverse_of_compressibility(self, tangent: Any) -> Any:
         """1/C, block-diagonal over the cells, from the tangent's block -C."""

@@ -238,7 +238,7 @@ class _Session:
         known = solver.inertia.settled and solver.inertia.factors == step.cursor.factors
         wanted = self.stability == "every" or (self.stability == "last" and step.last)
         if wanted and not known:
-            solver.refresh_inertia()
+            solver.refresh_inertia(last=step.last)
         counters = solver.counters
         self.counts = (counters.newton, counters.krylov, counters.factorisations)
         spent = [now - then for now, then in zip(self.counts, before, strict=True)]

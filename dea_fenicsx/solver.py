@@ -358,7 +358,6 @@ class NewtonSolver:
         self._factor = factor
         self._ksp.getPC().setPythonContext(factor)
         ok = factor.make(matrix)
-        matrix.destroy()
         if not ok:
             self.trouble = "factorisation"
         elif isinstance(factor, WholeFactor):
@@ -375,12 +374,20 @@ class NewtonSolver:
         self.counters.assembly_s += time.perf_counter() - start
         return matrix
 
-    def refresh_inertia(self) -> None:
+    def refresh_inertia(self, last: bool = False) -> None:
         """Factorise the tangent at the problem's present state, to know its inertia.
 
         Where the kept factor is a split one, a cheaper count may prove that the state is stable.
+
+        Parameters
+        ----------
+        last
+            The kept factor is not needed any more, and makes room.
         """
         self.linearise()
+        if last:
+            self._factor.release()
+            self._stale = True
         if self._split and self._proves_stable(self._split):
             self.inertia = Inertia(0, dict(self.problem.factors), settled=True)
         elif self._factorise(self._whole):
@@ -393,7 +400,6 @@ class NewtonSolver:
         self.notify("counting negative eigenvalues")
         start = time.perf_counter()
         found = split.excess(matrix)
-        matrix.destroy()
         self.counters.factorisations += 1
         self.counters.factor_s += time.perf_counter() - start
         return found == 0

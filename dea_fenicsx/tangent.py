@@ -94,7 +94,7 @@ class Tangent:
         y.array[:] = self.times(x.array_r)
 
     def matrix(self) -> Any:
-        """Assemble the block in the free unknowns.  The caller destroys it.  Collective."""
+        """Assemble the block in the free unknowns.  For the caller to destroy.  Collective."""
         problem = self.problem
         whole = dolfinx.fem.petsc.create_matrix(self._matrix_form)
         dolfinx.fem.petsc.assemble_matrix(whole, self._matrix_form)
