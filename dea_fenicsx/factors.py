@@ -235,7 +235,7 @@ class SplitFactor:
         on = np.sort(np.concatenate([self._on[name] for name in names]))
         rows = self._index_set(on)
         inverse = self._inverse_of_compressibility(tangent)
-        # a slender body bends with a millionth of its cells' stiffness, which must not be lost
+        # a body that is held at points has eigenvalues far below its cells', not to be lost
         factor = self._low_rank(self._condensed(tangent, rows, inverse), 1e-3 * LOW_RANK, False)
         inverse.destroy()
         tangent.destroy()

@@ -6,6 +6,8 @@ the matrix costs a hundred.  So the matrix is assembled only to be factorised.
 
 from __future__ import annotations
 
+import weakref
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,21 @@ import ufl
 from dea_fenicsx import compat
 from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.weakform import Problem
+
+
+@dataclass
+class _Product:
+    """What PETSc calls for a product with the operator.
+
+    It does not own the tangent: a ring of owners that goes through PETSc is never freed.
+    """
+
+    tangent: weakref.ref[Tangent]
+
+    def mult(self, _: Any, x: Any, y: Any) -> None:
+        tangent = self.tangent()
+        assert tangent
+        y.array[:] = tangent.times(x.array_r)
 
 
 class Tangent:
@@ -45,7 +62,9 @@ class Tangent:
             problem.free + problem.rows.start, comm=problem.comm
         )
         n = (len(problem.free), None)
-        self.operator = PETSc.Mat().createPython((n, n), context=self, comm=problem.comm)
+        self.operator = PETSc.Mat().createPython(
+            (n, n), context=_Product(weakref.ref(self)), comm=problem.comm
+        )
         self.operator.setUp()
         self._loads: dict[str, np.ndarray] = {}
 
@@ -88,10 +107,6 @@ class Tangent:
         dolfinx.fem.petsc.assemble_vector(self._product, self._action)
         self._product.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return self._product.array_r
-
-    def mult(self, _: Any, x: Any, y: Any) -> None:
-        """What PETSc calls for a product with the operator."""
-        y.array[:] = self.times(x.array_r)
 
     def matrix(self) -> Any:
         """Assemble the block in the free unknowns.  For the caller to destroy.  Collective."""

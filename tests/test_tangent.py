@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from conftest import block
 
 import dea_fenicsx as dea
+from dea_fenicsx.solver import NewtonSolver
 from dea_fenicsx.tangent import Tangent
 from dea_fenicsx.weakform import Problem
 
@@ -81,3 +85,18 @@ def test_fixed_columns_are_the_tangents_too():
     problem.w.x.array[problem.fixed] += h * change
     difference = (problem.residual()[problem.free] - before) / h
     assert difference == pytest.approx(product, abs=1e-4 * np.abs(product).max())
+
+
+def test_a_solver_that_is_gone_leaves_nothing_behind():
+    """A ring of owners through PETSc would keep each problem, and its communicators run out."""
+    scene = dea.Scene(
+        block((1, 1, 1)), {"film": dea.Material(dea.NeoHookean(5e4))},
+        supports=[dea.Clamp("bottom")], loads=[dea.DeadLoad("top", (0, 0, 1e3))],
+    )  # fmt: skip
+    solver = NewtonSolver(Problem(scene))
+    solver.problem.set_factors({"load": 1.0})
+    assert solver.solve(lift=True).converged
+    gone = [weakref.ref(thing) for thing in (solver, solver.problem, solver.tangent)]
+    del solver
+    gc.collect()
+    assert [thing() for thing in gone] == [None] * 3
