@@ -2,6 +2,7 @@
 # make demo   the two-turn helical actuator on 2 ranks
 # make test   the test suite
 # make hard   the table of hard cases and the random kills, into hard_cases.csv
+# make peers  the same scenes here, in NGSolve and as a plain script, timed into peers.csv
 # make lint   ruff and mypy
 # make api    pages of all public names from their docstrings, into build/api
 # make pictures  those of README and pages
@@ -15,7 +16,7 @@ SHELL := /bin/bash
 READY := .venv/ready-$(firstword $(shell pwd | cksum))
 RUN := PATH="$(CURDIR)/.venv/bin:$$PATH" OMP_NUM_THREADS=1
 
-.PHONY: env demo test hard lint api pictures docker clean
+.PHONY: env demo test hard peers lint api pictures docker clean
 
 env: $(READY)
 
@@ -33,6 +34,10 @@ test: env
 hard: env
 	$(RUN) .venv/bin/python tests/hard/run.py
 
+peers: env
+	.venv/bin/python -m pip install --quiet ngsolve
+	$(RUN) .venv/bin/python -m tests.peers.run --out peers.csv
+
 lint: env
 	$(RUN) .ci/lint
 
@@ -46,5 +51,5 @@ docker:
 	docker/build
 
 clean:
-	rm -rf hard_cases.csv .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf hard_cases.csv peers.csv .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find dea_fenicsx geometry demos tests -name __pycache__ -type d -prune -exec rm -rf {} +
