@@ -76,6 +76,7 @@ class Mumps:
     icntl: dict[int, int]
     cntl: dict[int, float]
     single: bool = False
+    pc: Any = None
 
     def make(self) -> bool:
         """Factorise; False if MUMPS fails however much room it gets."""
@@ -83,10 +84,8 @@ class Mumps:
         nothing = PETSc.Mat().createAIJ(self.matrix.getSizes(), nnz=0, comm=self.matrix.getComm())
         nothing.assemble()
         info = -1
-        self.pc: Any = None
         for margin in WORKSPACE:
-            if self.pc is not None:
-                self.pc.destroy()
+            self.release()
             info = self._set_up(margin)
             if info not in TOO_LITTLE_ROOM:
                 break

@@ -29,7 +29,7 @@ from dea_fenicsx.observables import Measurement, Observable
 from dea_fenicsx.progress import Progress, step_line
 from dea_fenicsx.results import Folder, Run
 from dea_fenicsx.scene import Scene
-from dea_fenicsx.solver import NewtonOptions, NewtonSolver
+from dea_fenicsx.solver import NewtonOptions, NewtonSolver, silent
 from dea_fenicsx.stepping import Cursor, Ramp, Step, follow
 from dea_fenicsx.summary import fingerprint, settings, versions, work
 from dea_fenicsx.tracing import Trace
@@ -180,12 +180,12 @@ class _Session:
         interruption = Interruption(self.comm, self.progress.say)
 
         def notify(stage: str) -> None:
-            if stage == "assembling":  # once in each Newton iteration
+            if stage == "linearising":  # once in each Newton iteration
                 interruption.check()
             self.progress.stage(stage)
 
-        self.solver.notify = notify
         try:
+            self.solver.notify = notify
             with interruption:
                 for step in follow(
                     self.solver, self.path, cursor, self.progress.say, self._enough, sentinel
@@ -198,6 +198,8 @@ class _Session:
                 error.args = (f"{error}; {self._kept()}.",)
             self._finish(result, STATUS[type(error)], str(error))
             raise
+        finally:
+            self.solver.notify = silent  # it holds this session, which holds the solver
         self._finish(result, "completed")
         return result
 

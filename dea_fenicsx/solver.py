@@ -26,6 +26,10 @@ from dea_fenicsx.weakform import Probe, Problem
 FACTORS = ("auto", "whole", "split")
 
 
+def silent(stage: str) -> None:
+    """What `NewtonSolver.notify` does unless told otherwise: nothing."""
+
+
 @dataclass(frozen=True)
 class NewtonOptions:
     """Settings of the nonlinear solver.
@@ -173,7 +177,7 @@ class NewtonSolver:
         self.inertia = Inertia()
         self.references = References(problem)
         self.trouble = ""
-        self.notify: Callable[[str], None] = lambda stage: None
+        self.notify: Callable[[str], None] = silent
         self.tangent = Tangent(problem)
         self._whole = WholeFactor(problem)
         self._split = SplitFactor(problem) if self._splits() else None
@@ -309,6 +313,7 @@ class NewtonSolver:
 
     def linearise(self) -> None:
         """Take the tangent at the problem's present state from now on."""
+        self.notify("linearising")
         self.tangent.linearise()
 
     def linear_solve(self, rhs: np.ndarray, rtol: float) -> np.ndarray | None:
