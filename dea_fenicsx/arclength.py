@@ -22,7 +22,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.optimize import brentq
 
-from dea_fenicsx.solver import Attempt, NewtonSolver
+from dea_fenicsx.solver import LINEARISING, Attempt, NewtonSolver
 from dea_fenicsx.stability import Place, load_derivative
 from dea_fenicsx.weakform import Problem
 
@@ -104,7 +104,6 @@ class Branch:
 
         Without another point the load's change has the given sign.  None if the solve fails.
         """
-        self.solver.linearise()
         x = self.solver.linear_solve(-load_derivative(self.solver.tangent, self.rates), 1e-9)
         if x is None:
             return None
@@ -141,7 +140,7 @@ class Branch:
                 return Attempt("slow", iterations, norm)
             if not np.isfinite(norm) or (iterations > 3 and norm > 1e3 * previous):
                 return Attempt("diverged", iterations, norm)
-            solver.linearise()
+            solver.notify(LINEARISING)
             r = solver.linear_solve(-problem.unbalanced(residual), 1e-6)
             b = solver.linear_solve(-load_derivative(solver.tangent, self.rates), 1e-6)
             if r is None or b is None:

@@ -12,6 +12,7 @@ import os
 import platform
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import singledispatchmethod
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,27 @@ VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 # time to compile.  -ffast-math is not among them: it would hide the NaN of a failed trial step.
 _COMPILE_FLAGS = ["-g0", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math",
                   "-fassociative-math", "-fno-signed-zeros"]  # fmt: skip
+
+
+def _let_traversers_go() -> None:
+    """Keep CPython 3.13 from holding on to each UFL expression whose derivatives were expanded.
+
+    Its `singledispatchmethod` caches a method for each instance in a dictionary with weak keys,
+    and the method owns the instance: no key ever goes.  UFL's traversers own the expression, its
+    functions and their communicators, of which MPICH has 2048.  Without a cache nothing is kept.
+    """
+    with suppress(ImportError):  # UFL 2024.2 has no such classes
+        from ufl.corealg.dag_traverser import DAGTraverser
+
+        classes = [DAGTraverser]
+        for cls in classes:
+            classes += cls.__subclasses__()
+            for method in vars(cls).values():
+                if isinstance(method, singledispatchmethod) and hasattr(method, "_method_cache"):
+                    method._method_cache = None
+
+
+_let_traversers_go()
 
 
 def _cache_dir() -> Path:

@@ -29,7 +29,7 @@ from dea_fenicsx.observables import Measurement, Observable
 from dea_fenicsx.progress import Progress, step_line
 from dea_fenicsx.results import Folder, Run
 from dea_fenicsx.scene import Scene
-from dea_fenicsx.solver import NewtonOptions, NewtonSolver, silent
+from dea_fenicsx.solver import LINEARISING, NewtonOptions, NewtonSolver, silent
 from dea_fenicsx.stepping import Cursor, Ramp, Step, follow
 from dea_fenicsx.summary import fingerprint, settings, versions, work
 from dea_fenicsx.tracing import Trace
@@ -180,7 +180,7 @@ class _Session:
         interruption = Interruption(self.comm, self.progress.say)
 
         def notify(stage: str) -> None:
-            if stage == "linearising":  # once in each Newton iteration
+            if stage == LINEARISING:
                 interruption.check()
             self.progress.stage(stage)
 

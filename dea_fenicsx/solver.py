@@ -26,6 +26,10 @@ from dea_fenicsx.weakform import Probe, Problem
 FACTORS = ("auto", "whole", "split")
 
 
+LINEARISING = "linearising"
+"""The stage with which each Newton iteration begins."""
+
+
 def silent(stage: str) -> None:
     """What `NewtonSolver.notify` does unless told otherwise: nothing."""
 
@@ -233,7 +237,7 @@ class NewtonSolver:
         while change is not None or norm > options.tolerance:
             if iteration == options.max_iterations and increment is not None:
                 return Attempt(self._slowness(history, increment), iteration, norm)
-            self.linearise()
+            self.notify(LINEARISING)
             rhs = -problem.unbalanced(residual)
             if change is not None:
                 rhs -= self.tangent.times_fixed(change)
@@ -311,11 +315,6 @@ class NewtonSolver:
         self.counters.assembly_s += time.perf_counter() - start
         return residual
 
-    def linearise(self) -> None:
-        """Take the tangent at the problem's present state from now on."""
-        self.notify("linearising")
-        self.tangent.linearise()
-
     def linear_solve(self, rhs: np.ndarray, rtol: float) -> np.ndarray | None:
         """Solve for the increment; renew the factor where the old one no longer serves."""
         fresh = False
@@ -389,7 +388,6 @@ class NewtonSolver:
         last
             The kept factor is not needed any more, and makes room.
         """
-        self.linearise()
         if last:
             self._factor.release()
             self._stale = True

@@ -15,7 +15,7 @@ import ufl
 
 from dea_fenicsx import compat
 from dea_fenicsx.compat import PETSc, dolfinx
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.weakform import Problem, assembled
 
 
 @dataclass
@@ -34,7 +34,7 @@ class _Product:
 
 
 class Tangent:
-    """The tangent of a problem at the state at which it was last linearised.
+    """The tangent of a problem at its present state.
 
     Parameters
     ----------
@@ -49,14 +49,12 @@ class Tangent:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self._at = dolfinx.fem.Function(problem.W)
         self._along = dolfinx.fem.Function(problem.W)
-        # at the linearised state, whatever becomes of the problem's own
-        residual = ufl.replace(problem.residual_form, {problem.w: self._at})
+        residual, w = problem.residual_form, problem.w
         self._matrix_form = compat.compile_form(
-            ufl.derivative(residual, self._at, ufl.TrialFunction(problem.W))
+            ufl.derivative(residual, w, ufl.TrialFunction(problem.W))
         )
-        self._action = compat.compile_form(ufl.derivative(residual, self._at, self._along))
+        self._action = compat.compile_form(ufl.derivative(residual, w, self._along))
         self._product = compat.create_vector(self._action)
         self._columns = PETSc.IS().createGeneral(
             problem.free + problem.rows.start, comm=problem.comm
@@ -67,10 +65,6 @@ class Tangent:
         )
         self.operator.setUp()
         self._loads: dict[str, np.ndarray] = {}
-
-    def linearise(self) -> None:
-        """Take the tangent at the problem's present state from now on."""
-        self._at.x.array[:] = self.problem.w.x.array
 
     def times(self, direction: np.ndarray) -> np.ndarray:
         """Product with a vector of the free unknowns; both owned.  Collective."""
@@ -102,11 +96,7 @@ class Tangent:
         )
 
     def _along_times(self) -> np.ndarray:
-        with self._product.localForm() as local:
-            local.set(0.0)
-        dolfinx.fem.petsc.assemble_vector(self._product, self._action)
-        self._product.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        return self._product.array_r
+        return assembled(self._product, self._action)
 
     def matrix(self) -> Any:
         """Assemble the block in the free unknowns.  For the caller to destroy.  Collective."""
@@ -119,5 +109,4 @@ class Tangent:
         else:
             free = whole.createSubMatrix(self._columns, self._columns)
         whole.destroy()
-        free.setOption(PETSc.Mat.Option.SYMMETRIC, not problem.loads.following)
         return free

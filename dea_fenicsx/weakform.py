@@ -355,11 +355,7 @@ class Problem:
         """Internal minus external forces at all owned degrees of freedom, fixed ones included."""
         if not hasattr(self, "_b"):
             self._b = compat.create_vector(self._residual)
-        with self._b.localForm() as local:
-            local.set(0.0)
-        dolfinx.fem.petsc.assemble_vector(self._b, self._residual)
-        self._b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        return self._b.array_r.copy()
+        return assembled(self._b, self._residual).copy()
 
     def restrict(self, residual: np.ndarray) -> np.ndarray:
         """A vector over all owned degrees of freedom in the rows of the free unknowns (owned).
@@ -450,6 +446,15 @@ class Problem:
     def stress(self, k: int) -> Any:
         """Symbolic Cauchy stress of kernel k, dimensionless."""
         return cauchy_stress(self.states[k])
+
+
+def assembled(vector: Any, form: Any) -> np.ndarray:
+    """Assemble a linear form into a ghosted vector; returns its owned values.  Collective."""
+    with vector.localForm() as local:
+        local.set(0.0)
+    dolfinx.fem.petsc.assemble_vector(vector, form)
+    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    return vector.array_r
 
 
 def _cell_values(form: Any) -> np.ndarray:

@@ -101,7 +101,6 @@ def test_the_cheap_count_proves_a_stable_state_and_no_other(share, is_stable):
     solver = NewtonSolver(problem)
     assert solver.solve(lift=False).converged  # the pressure is all that is missing
     tangent = Tangent(problem)
-    tangent.linearise()
     matrix = tangent.matrix()
     assert (SplitFactor(problem).excess(matrix) == 0) is is_stable
     whole = WholeFactor(problem)

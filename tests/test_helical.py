@@ -116,7 +116,6 @@ def test_taylor_remainder_of_all_unknowns():
     problem.add_free(1e-3 * rng.standard_normal(len(problem.free)))
     start, residual = problem.get_state(), problem.unbalanced(problem.residual())
     linear = Tangent(problem)
-    linear.linearise()
     tangent = linear.matrix()
     x, y = tangent.createVecs()
     direction = rng.standard_normal(len(problem.free))

@@ -258,7 +258,6 @@ def test_assembled_tangent_is_the_derivative_of_the_residual(name):
     state = problem.get_state()
     d = np.random.default_rng(7).uniform(-0.02, 0.02, len(problem.free))
     linear = Tangent(problem)
-    linear.linearise()
     tangent = linear.matrix()
     x, y = tangent.createVecs()
     x.array[:] = d

@@ -53,7 +53,6 @@ def test_taylor_remainder(case, place):
     direction = rng.standard_normal(len(problem.free))
     residual = problem.residual()[problem.free]
     linear = Tangent(problem)
-    linear.linearise()
     tangent = linear.matrix()
     x, y = tangent.createVecs()
     x.array[:] = direction
@@ -77,7 +76,6 @@ def test_fixed_columns_are_the_tangents_too():
     problem = problem_at_a_rough_state(dea.NeoHookean(50e3), None, (1, 1, 1), dea.ThreeD(), rng)
     start, before = problem.get_state(), problem.residual()[problem.free]
     tangent = Tangent(problem)
-    tangent.linearise()
     change = rng.standard_normal(len(problem.fixed))
     product = tangent.times_fixed(change)
     h = 1e-6
@@ -93,11 +91,12 @@ def test_a_run_that_is_gone_leaves_nothing_behind(monkeypatch):
         block((1, 1, 1)), {"film": dea.Material(dea.NeoHookean(5e4))},
         supports=[dea.Clamp("bottom")], loads=[dea.DeadLoad("top", (0, 0, 1e3))],
     )  # fmt: skip
-    gone = []
+    gone, spaces = [], []
 
     def noted(self, *arguments):
         original(self, *arguments)
         gone.extend(weakref.ref(thing) for thing in (self, self.problem, self.tangent))
+        spaces.append(weakref.ref(self.problem.W))
 
     original = NewtonSolver.__init__
     monkeypatch.setattr(NewtonSolver, "__init__", noted)
@@ -107,3 +106,5 @@ def test_a_run_that_is_gone_leaves_nothing_behind(monkeypatch):
         assert [thing() for thing in gone] == [None] * 3
     finally:
         gc.enable()
+    gc.collect()
+    assert [space() for space in spaces] == [None]
