@@ -36,15 +36,15 @@ def check_declared(item: Any) -> None:
         return
     hints = _hints(type(item))
     for field in fields(item):
+        if not field.init:
+            continue
         value = getattr(item, field.name)
         hint = hints.get(field.name, Any)
-        if not field.init or not _fits(value, hint):
-            if field.init:
-                raise InputError(
-                    f"{type(item).__name__}: {field.name} is {shown(value)}, but must be "
-                    f"{_words(hint)}."
-                )
-            continue
+        if not _fits(value, hint):
+            raise InputError(
+                f"{type(item).__name__}: {field.name} is {shown(value)}, but must be "
+                f"{_words(hint)}."
+            )
         inside = value.values() if isinstance(value, Mapping) else value
         for part in inside if isinstance(inside, list | tuple | type({}.values())) else (value,):
             check_declared(part)

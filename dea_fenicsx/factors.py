@@ -207,9 +207,10 @@ class SplitFactor:
         blocks["1/C"] = self._inverse_of_compressibility(tangent)
         blocks["B"] = self._block(tangent, "p", "u")
         blocks["Bt"] = self._block(tangent, "u", "p")
-        self._factors["u"] = self._low_rank(
-            self._condensed(tangent, self._rows["u"]), LOW_RANK, single=True
+        stiffness = _condensed(
+            self._block(tangent, "u", "u"), blocks["Bt"], blocks["1/C"], blocks["B"]
         )
+        self._factors["u"] = _low_rank(stiffness, LOW_RANK, single=True)
         if "phi" in self._rows:
             blocks["G"] = self._block(tangent, "phi", "u")
             blocks["Gt"] = self._block(tangent, "u", "phi")
@@ -233,11 +234,16 @@ class SplitFactor:
         names = [name for name in ("u", "phi") if name in self._rows]
         on = np.sort(np.concatenate([self._on[name] for name in names]))
         rows = self._index_set(on)
-        inverse = self._inverse_of_compressibility(tangent)
+        parts = [
+            tangent.createSubMatrix(rows, self._rows["p"]),
+            self._inverse_of_compressibility(tangent),
+            tangent.createSubMatrix(self._rows["p"], rows),
+        ]
+        matrix = _condensed(tangent.createSubMatrix(rows, rows), *parts)
+        for thing in (*parts, tangent):
+            thing.destroy()
         # a body that is held at points has eigenvalues far below its cells', not to be lost
-        factor = self._low_rank(self._condensed(tangent, rows, inverse), 1e-3 * LOW_RANK, False)
-        inverse.destroy()
-        tangent.destroy()
+        factor = _low_rank(matrix, 1e-3 * LOW_RANK, single=False)
         made = factor.make()
         found = factor.negative - self.problem.counts.get("phi", 0) if made else None
         factor.release()
@@ -256,24 +262,6 @@ class SplitFactor:
     def _block(self, tangent: Any, row: str, column: str) -> Any:
         return tangent.createSubMatrix(self._rows[row], self._rows[column])
 
-    def _condensed(self, tangent: Any, rows: Any, inverse: Any = None) -> Any:
-        """The tangent's block in some rows, with B^T C^-1 B added."""
-        to_p = tangent.createSubMatrix(self._rows["p"], rows)
-        from_p = tangent.createSubMatrix(rows, self._rows["p"])
-        half = (inverse or self._blocks["1/C"]).matMult(to_p)
-        penalty = from_p.matMult(half)
-        block = tangent.createSubMatrix(rows, rows)
-        # p couples no two unknowns that share no cell
-        block.axpy(1.0, penalty, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-        for thing in (to_p, from_p, half, penalty):
-            thing.destroy()
-        return block
-
-    def _low_rank(self, matrix: Any, dropped: float, single: bool) -> Mumps:
-        # 35: blocks of low rank in factorisation and solve; 36: compressed before they are
-        # updated; 37: and so are those that wait to be eliminated
-        return Mumps(matrix, {35: 2, 36: 1, 37: 1}, {7: dropped}, single)
-
     def _inverse_of_compressibility(self, tangent: Any) -> Any:
         """1/C, block-diagonal over the cells, from the tangent's block -C."""
         pp = self._block(tangent, "p", "p")
@@ -281,8 +269,7 @@ class SplitFactor:
         offsets, columns, values = pp.getValuesCSR()
         own = sparse.csr_matrix((values, columns - first, offsets), shape=2 * (last - first,))
         n = self._cells.shape[1]
-        row = np.repeat(self._cells, n, axis=1).ravel()
-        column = np.tile(self._cells, (1, n)).ravel()
+        row, column = _entries(self._cells)
         given = np.asarray(own[row, column]).reshape(-1, n, n)
         inverse = np.linalg.inv(self._softness - given)
         order = np.lexsort((column, row))
@@ -333,6 +320,23 @@ class SplitFactor:
         self._factors, self._blocks, self._vectors = {}, {}, {}
 
 
+def _condensed(block: Any, from_p: Any, inverse: Any, to_p: Any) -> Any:
+    """A block of the tangent with B^T C^-1 B added to it."""
+    half = inverse.matMult(to_p)
+    penalty = from_p.matMult(half)
+    # p couples no two unknowns that share no cell
+    block.axpy(1.0, penalty, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    half.destroy()
+    penalty.destroy()
+    return block
+
+
+def _low_rank(matrix: Any, dropped: float, single: bool) -> Mumps:
+    # 35: blocks of low rank in factorisation and solve; 36: compressed before they are
+    # updated; 37: and so are those that wait to be eliminated
+    return Mumps(matrix, {35: 2, 36: 1, 37: 1}, {7: dropped}, single)
+
+
 def _pressure_cells(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     """Rows of each owned cell among the pressure's, and the compressibility it is given.
 
@@ -353,8 +357,12 @@ def _pressure_cells(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     dofs = space.dofmap.list[:count]
     n = dofs.shape[1]
     rows = np.searchsorted(problem.free[problem.free_fields["p"]], part.dofs[dofs])
-    values = np.asarray(
-        mass.to_scipy()[np.repeat(dofs, n, axis=1).ravel(), np.tile(dofs, (1, n)).ravel()]
-    )
+    values = np.asarray(mass.to_scipy()[_entries(dofs)])
     return rows, values.reshape(count, n, n)
+
+
+def _entries(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Row and column of each entry of blocks, whose rows are given; shape (blocks, rows)."""
+    n = rows.shape[1]
+    return np.repeat(rows, n, axis=1).ravel(), np.tile(rows, (1, n)).ravel()
 

@@ -83,6 +83,10 @@ class Ladder:
         good = [rung for rung in self.rungs if rung.error <= error]
         return min(good, key=lambda rung: rung.wall_s, default=None)
 
+    def choices(self) -> dict[float, Rung | None]:
+        """The cheapest rung for each error of `WANTED`."""
+        return {wanted: self.cheapest(wanted) for wanted in WANTED}
+
     def table(self) -> str:
         """The rungs as text, and the cheapest choice for each error of `WANTED`."""
         lines = [f"{'fidelity':28}{'element':12}{'level':>5}{'unknowns':>10}{'wall':>10}"
@@ -92,8 +96,7 @@ class Ladder:
             f"{r.value:15.7g}{r.mesh_error:12.1e}{r.error:11.1e}"
             for r in self.rungs
         ]
-        for wanted in WANTED:
-            best = self.cheapest(wanted)
+        for wanted, best in self.choices().items():
             lines.append(
                 f"to {wanted:.2%}: " + (f"{best.fidelity}, {best.element}, level {best.level}, "
                                         f"{best.wall_s:.3g} s" if best else "none of these")

@@ -84,11 +84,10 @@ def report(out, ladder, settings, say):
     out.mkdir(parents=True, exist_ok=True)
     table = out / "speed_vs_error.csv"
     ladder.write(table)
-    best = {f"{e:g}": r for e in (1e-2, 1e-3, 1e-4) if (r := ladder.cheapest(e))}
     summary = {
         "reference_contraction": ladder.reference,
         "orders": {name: order for name, order in ladder.orders.items() if order == order},
-        "cheapest": {error: asdict(rung) for error, rung in best.items()},
+        "cheapest": {f"{e:g}": asdict(rung) for e, rung in ladder.choices().items() if rung},
         "settings": settings,
     }
     (out / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", "utf-8")

@@ -23,6 +23,11 @@ def mpirun_command() -> str | None:
     return str(beside) if beside.exists() else shutil.which("mpirun")
 
 
+def needed_mpirun() -> str:
+    """The same; without one the test is skipped, for nothing runs on several ranks there."""
+    return mpirun_command() or pytest.skip("there is no mpirun")
+
+
 def clean_environment() -> dict[str, str]:
     """The environment for a new mpirun: without this process's own place in an MPI job."""
     drop = ("PMI", "OMPI_COMM", "OMPI_APP", "OMPI_UNIVERSE", "OMPI_FILE", "PRTE_LAUNCHED", "MPIR",
@@ -42,10 +47,7 @@ def start():
     def run(script, *arguments, ranks: int = 1, timeout: float = 300, check: bool = False):
         command = [sys.executable, str(script), *map(str, arguments)]
         if ranks > 1:
-            mpirun = mpirun_command()
-            if mpirun is None:
-                pytest.skip("there is no mpirun")
-            command = [mpirun, "-n", str(ranks), *command]
+            command = [needed_mpirun(), "-n", str(ranks), *command]
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=timeout, cwd=ROOT,
             env=clean_environment(), stdin=subprocess.DEVNULL,

@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from conftest import ROOT, clean_environment, mpirun_command
+from conftest import ROOT, clean_environment, needed_mpirun
 from mpi4py import MPI
 
 import dea_fenicsx as dea
@@ -67,9 +67,7 @@ def test_volume_and_height():
 @pytest.fixture(scope="module")
 def histories(tmp_path_factory):
     """The demo, ten steps on the coarse mesh, on 1, 2 and 3 ranks."""
-    mpirun = mpirun_command()
-    if mpirun is None:
-        pytest.skip("there is no mpirun")
+    mpirun = needed_mpirun()
     found = {}
     for ranks in (1, 2, 3):
         out = tmp_path_factory.mktemp("hdea") / str(ranks)

@@ -16,7 +16,7 @@ import time
 from dataclasses import is_dataclass
 
 import pytest
-from conftest import ROOT, clean_environment, mpirun_command
+from conftest import ROOT, clean_environment, needed_mpirun
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
@@ -419,9 +419,7 @@ for file in sorted(Path(sys.argv[1]).glob("*.msh")):
 @pytest.mark.mpi
 def test_meshes_damaged_at_random(tmp_path):
     """Each is read or refused in one sentence, on two ranks."""
-    mpirun = mpirun_command()
-    if mpirun is None:
-        pytest.skip("there is no mpirun")
+    mpirun = needed_mpirun()
     whole = tmp_path / "whole.msh"
     code = (
         "import gmsh, sys; gmsh.initialize(); gmsh.option.setNumber('General.Terminal', 0);"

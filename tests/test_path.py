@@ -12,7 +12,7 @@ import time
 
 import numpy as np
 import pytest
-from conftest import ROOT, block, clean_environment, mpirun_command
+from conftest import ROOT, block, clean_environment, needed_mpirun
 
 import dea_fenicsx as dea
 from dea_fenicsx.materials import EPSILON_0
@@ -123,9 +123,7 @@ def test_beyond_lock_up_ends_cleanly():
 
 def kill_after(out, steps, script, *arguments, ranks=2):
     """Start a script and kill -9 all of it once `steps` steps are on disk."""
-    mpirun = mpirun_command()
-    if mpirun is None:
-        pytest.skip("there is no mpirun")
+    mpirun = needed_mpirun()
     command = [mpirun, "-n", str(ranks), sys.executable, str(script), "--out", str(out), "--quiet",
                *map(str, arguments)]  # fmt: skip
     process = subprocess.Popen(command, cwd=ROOT, env=clean_environment(), start_new_session=True,

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import clean_environment, mpirun_command
+from conftest import clean_environment, needed_mpirun
 
 from dea_fenicsx import pictures
 from dea_fenicsx.errors import InputError
@@ -310,9 +310,7 @@ def test_without_display_and_opengl(run: Path, monkeypatch: pytest.MonkeyPatch) 
 @needs_pyvista
 @pytest.mark.mpi
 def test_rendering_from_inside_an_mpi_run(run: Path) -> None:
-    mpirun = mpirun_command()
-    if mpirun is None:
-        pytest.skip("mpirun is not installed")
+    mpirun = needed_mpirun()
     script = (
         "import dea_fenicsx as dea, sys\n"
         "from mpi4py import MPI\n"

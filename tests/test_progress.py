@@ -10,7 +10,7 @@ import subprocess
 import sys
 
 import pytest
-from conftest import clean_environment, mpirun_command
+from conftest import clean_environment, needed_mpirun
 from hard.table import LIMIT, Z, film
 
 import dea_fenicsx as dea
@@ -140,9 +140,7 @@ def test_time_left(monkeypatch):
 @pytest.mark.mpi
 def test_a_terminal_is_found_through_mpirun():
     """mpirun's ranks write into a pipe, which it passes on to its own terminal, or file."""
-    mpirun = mpirun_command()
-    if mpirun is None:
-        pytest.skip("there is no mpirun")
+    mpirun = needed_mpirun()
     code = "from dea_fenicsx.progress import on_terminal; print('terminal', on_terminal())"
     command = [mpirun, "-n", "1", sys.executable, "-c", code]
     main, its = pty.openpty()

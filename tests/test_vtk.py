@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import clean_environment, mpirun_command
+from conftest import clean_environment, needed_mpirun
 
 pyvista = pytest.importorskip("pyvista")
 
@@ -46,9 +46,7 @@ def start(folder: Path, *options: str, ranks: int = 1) -> Path:
     """Run the script in a process of its own."""
     command = [sys.executable, "-c", SCRIPT, str(folder), *options]
     if ranks > 1:
-        mpirun = mpirun_command()
-        if mpirun is None:
-            pytest.skip("mpirun is not installed")
+        mpirun = needed_mpirun()
         command = [mpirun, "-n", str(ranks), *command]
     done = subprocess.run(
         command, env=clean_environment(), capture_output=True, text=True, timeout=300
