@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 
 from dea_fenicsx.errors import InputError, install_hook
+from dea_fenicsx.launch import environment
 from dea_fenicsx.pictures_curves import axis_label, bare, curve, spoken, write_whole
 from dea_fenicsx.pictures_ladder import ladder
 from dea_fenicsx.reading import check_field, frame_times, read_history, read_summary
@@ -128,15 +129,14 @@ def _drawn(
     command = [
         sys.executable, "-m", "dea_fenicsx.pictures", what, str(place), "--here", *options,
     ]  # fmt: skip
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(_MPI)}
-    environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
+    variables = environment(without=_MPI)
     trials = [command]
-    if not environment.get("DISPLAY") and shutil.which("xvfb-run"):
+    if not variables.get("DISPLAY") and shutil.which("xvfb-run"):
         # VTK before 9.4 can do nothing without a display
         trials.append(["xvfb-run", "-a", *command])
     reason = ""
     for trial in trials:
-        status, told = _child(trial, environment, seconds)
+        status, told = _child(trial, variables, seconds)
         if status == 0:
             return True
         if status == InputError.exit_status and told.startswith("Error: "):

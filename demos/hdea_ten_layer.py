@@ -9,8 +9,6 @@ grows with turns and ranks.
 """
 
 import csv
-import os
-import shutil
 import subprocess
 import sys
 import time
@@ -21,6 +19,7 @@ from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import HDEA, HelicalCell
+from dea_fenicsx.launch import environment, mpirun
 from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.reading import read_frame, read_summary
 from dea_fenicsx.turns import per_turn
@@ -290,21 +289,15 @@ def growth(args):
 
 def alone(args, ranks, turns, folder):
     """This script, under an mpirun of its own: the memory of one run is not that of another."""
-    beside = Path(sys.executable).with_name("mpirun")
-    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
     command = [sys.executable, __file__, "--turns", turns, "--voltage", args.voltage, "--steps",
                args.steps, "--mu", args.mu, "--eps-r", args.eps_r, "--mesh", args.mesh,
                "--no-cell", "--no-pictures", "--quiet", "--out", folder]  # fmt: skip
     if args.electrode_mu is not None:
         command += ["--electrode-mu", args.electrode_mu]
     if ranks > 1:
-        command = [mpirun, "-n", ranks, *command]
-    # without this process's own place in an MPI job
-    ours = ("PMI", "OMPI_COMM", "OMPI_APP", "OMPI_UNIVERSE", "OMPI_FILE", "PRTE_LAUNCHED", "MPIR",
-            "HYDI", "MPIEXEC")  # fmt: skip
-    env = {k: v for k, v in os.environ.items() if not k.startswith(ours)}
-    env["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
-    done = subprocess.run(list(map(str, command)), env=env, stdin=subprocess.DEVNULL, check=False)
+        command = [mpirun(), "-n", ranks, *command]
+    done = subprocess.run(list(map(str, command)), env=environment(), stdin=subprocess.DEVNULL,
+                          check=False)  # fmt: skip
     if done.returncode:
         raise dea.SolverError(f"{turns} turns on {ranks} ranks ended with {done.returncode}.")
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,29 +10,21 @@ import pytest
 from mpi4py import MPI
 
 import dea_fenicsx as dea
+from dea_fenicsx import launch
 from dea_fenicsx.geometry import BoxStack, Layer
 
 ROOT = Path(__file__).resolve().parents[1]
 
 
-def mpirun_command() -> str | None:
-    """The mpirun that belongs to this interpreter: beside it, else on the PATH."""
-    beside = Path(sys.executable).with_name("mpirun")
-    return str(beside) if beside.exists() else shutil.which("mpirun")
-
-
 def needed_mpirun() -> str:
-    """The same; without one the test is skipped, for nothing runs on several ranks there."""
-    return mpirun_command() or pytest.skip("there is no mpirun")
+    """mpirun; without one the test is skipped, for nothing runs on several ranks there."""
+    return launch.mpirun() or pytest.skip("there is no mpirun")
 
 
 def clean_environment() -> dict[str, str]:
     """The environment for a new mpirun: without this process's own place in an MPI job."""
-    drop = ("PMI", "OMPI_COMM", "OMPI_APP", "OMPI_UNIVERSE", "OMPI_FILE", "PRTE_LAUNCHED", "MPIR",
-            "HYDI", "MPIEXEC")  # fmt: skip
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(drop)}
-    return kept | {
-        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "OMP_NUM_THREADS": "1",
+    return launch.environment() | {
+        "OMP_NUM_THREADS": "1",
         "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
     }  # fmt: skip

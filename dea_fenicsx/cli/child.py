@@ -13,9 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-# what places a process in an MPI job that is under way
-_MPI = ("PMI", "OMPI_COMM", "OMPI_APP", "OMPI_UNIVERSE", "OMPI_FILE", "PRTE_LAUNCHED", "MPIR",
-        "HYDI", "MPIEXEC")  # fmt: skip
+from dea_fenicsx.launch import environment
 
 
 @dataclass(frozen=True)
@@ -47,11 +45,9 @@ def start(what: str, seconds: float, before: Sequence[str] = ()) -> Done:
         Command that starts it, such as mpirun.
     """
     command = [*before, sys.executable, "-m", "dea_fenicsx.cli.probe", what]
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(_MPI)}
-    environment["PYTHONPATH"] = os.pathsep.join(p for p in sys.path if p)
     try:
         process = subprocess.Popen(
-            command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            command, env=environment(), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
             stderr=subprocess.PIPE, text=True, errors="replace", start_new_session=True,
         )  # fmt: skip
     except OSError as error:

@@ -15,6 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from dea_fenicsx import launch
 from dea_fenicsx.cli.child import start
 
 HELP = "is this machine set up, and if not, how to mend it"
@@ -145,8 +146,7 @@ def threads() -> Iterator[Finding]:
 
 def ranks(seconds: float) -> Iterator[Finding]:
     """Start mpirun -n 2: hello, and a reduction."""
-    beside = Path(sys.executable).with_name("mpirun")
-    mpirun = str(beside) if beside.exists() else shutil.which("mpirun")
+    mpirun = launch.mpirun()
     if mpirun is None:
         yield Finding(BAD, "mpi", "there is no mpirun",
                       "Install that of this MPI (Debian: openmpi-bin), or `make env`.")  # fmt: skip

@@ -24,9 +24,10 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from conftest import ROOT, clean_environment, mpirun_command
+from conftest import ROOT, clean_environment
 
 import dea_fenicsx as dea
+from dea_fenicsx import launch
 
 PHASES = ("before", "half", "after")
 
@@ -98,7 +99,7 @@ def start(script: Path, out: Path, ranks: int, resume: bool, **environment: str)
     """Start the run; it is the leader of a session of its own."""
     command = [sys.executable, str(script), str(out), *(["--resume"] if resume else [])]
     if ranks > 1:
-        mpirun = mpirun_command()
+        mpirun = launch.mpirun()
         assert mpirun, "there is no mpirun"
         command = [mpirun, "-n", str(ranks), *command]
     return subprocess.Popen(

@@ -8,9 +8,10 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from conftest import ROOT, clean_environment, mpirun_command
+from conftest import ROOT, clean_environment
 
 import dea_fenicsx as dea
+from dea_fenicsx import launch
 from hard.films import run
 from hard.table import (
     COMPLETED,
@@ -107,7 +108,7 @@ if device.comm.rank == 0:
 def ranks(cells, count):
     volts = 0.97 * LIMIT
     alone = run(film(volts=volts, device=strip((cells, 1))), dea.Ramp(steps=3))["z"]
-    mpirun = mpirun_command()
+    mpirun = launch.mpirun()
     assert mpirun, "there is no mpirun"
     done = subprocess.run(
         [mpirun, "-n", str(count), sys.executable, "-c",
