@@ -66,8 +66,8 @@ def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> Turns:
         If no two nodes lie a pitch apart along z.
     """
     grid = read_frame(Path(folder), step).grid
-    sizes = np.abs(np.asarray(grid.compute_cell_sizes(length=False, area=False)["Volume"]))
     nodes = np.reshape(grid.cells, (grid.n_cells, -1))[:, 1:]
+    sizes = _sizes(np.asarray(grid.points)[nodes[:, :8]])
     volume = np.bincount(nodes.ravel(), np.repeat(sizes, nodes.shape[1]), grid.n_points)
     found = measure_turns(
         np.asarray(grid.points), grid.point_data["displacement_m"], pitch, volume
@@ -112,6 +112,17 @@ def measure_turns(
     mean = np.bincount(turn, share * shorter)
     square = np.bincount(turn, share * (shorter - mean[turn]) ** 2)
     return Turns(mean, np.bincount(turn, share * turned), np.sqrt(square), np.empty(0))
+
+
+def _sizes(corners: np.ndarray) -> np.ndarray:
+    """Volumes of hexahedra, from their corners (n, 8, 3) in VTK's order: by the mean edges.
+
+    The volumes only weigh means; VTK's own do not know hexahedra of 27 nodes before version 9.4.
+    """
+    a = corners[:, [1, 2, 5, 6]].mean(axis=1) - corners[:, [0, 3, 4, 7]].mean(axis=1)
+    b = corners[:, [2, 3, 6, 7]].mean(axis=1) - corners[:, [0, 1, 4, 5]].mean(axis=1)
+    c = corners[:, 4:].mean(axis=1) - corners[:, :4].mean(axis=1)
+    return np.abs(np.einsum("ni,ni->n", np.cross(a, b), c))
 
 
 def _upright(
