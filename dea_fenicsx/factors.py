@@ -1,7 +1,8 @@
 """What preconditions the linear solves: a kept factor of the tangent, whole or split.
 
 `WholeFactor` is L D L^T of the whole tangent.  It is exact where it was made, and its pivots' signs
-are the tangent's inertia.
+are the tangent's inertia.  In single precision it costs half and serves as well to precondition,
+but its pivots tell nothing.
 
 `SplitFactor` is for large problems in space.  The tangent's blocks are
 
@@ -136,23 +137,26 @@ class Mumps:
 
 
 class WholeFactor:
-    """L D L^T of the whole tangent, which tells its inertia.
+    """L D L^T of the whole tangent, which tells its inertia unless in single precision.
 
     Parameters
     ----------
     problem
         The problem.
+    single
+        Single precision, if this PETSc can.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, single: bool = False) -> None:
         self.problem = problem
+        self.single = single
         self._factor: Mumps | None = None
 
     def make(self, tangent: Any) -> bool:
         """Factorise an assembled tangent and use it up; False if MUMPS fails.  Collective."""
         self.release()
         # 24: null pivots are detected, which makes the inertia right
-        self._factor = Mumps(tangent, {24: 1}, {})
+        self._factor = Mumps(tangent, {24: 1}, {}, self.single)
         return self._factor.make()
 
     @property

@@ -14,7 +14,13 @@ FASTER = 4.0
 """How much faster than in the step before the state may move with the load."""
 
 WANDERING = 8
-"""Newton iterations of a ramp's first step after which its result is not trusted."""
+"""Newton iterations of a ramp's first step after which its result is looked into."""
+
+ROUGH = 1e-3
+"""Tolerance of the state half-way to such a result: it tells a path from a jump, no more."""
+
+NEAR = 6
+"""Newton iterations after which a state half-way does not belong to those on its two sides."""
 
 
 class Predictor:
@@ -31,12 +37,14 @@ class Predictor:
         self.name = names[0]
         self.even = all(scene.is_electric(n) for n in names)
         self.known: list[tuple[float, np.ndarray]] = []
+        self._factors: dict[str, float] = {}  # of the last one
         self._phi = np.zeros(self.problem.size, dtype=bool)
         if self.problem.potential is not None:
             self._phi[self.problem.potential.dofs] = True
 
-    def add(self, factor: float) -> None:
-        """Remember the problem's state as that of a factor."""
+    def add(self, factors: dict[str, float]) -> None:
+        """Remember the problem's state as that of a ramp's factors."""
+        self._factors, factor = factors, factors[self.name]
         # a ramp to the present value comes by the same factor twice: no polynomial takes both
         others = [known for known in self.known if known[0] != factor]
         self.known = [*others[-2:], (factor, self.problem.get_state())]
@@ -52,7 +60,7 @@ class Predictor:
         span = abs(factor**2 - since[0] ** 2) if self.even else abs(factor - since[0])
         return self._moved(since[1], now) / span if span else 0.0
 
-    def _judge(self, factor: float, attempt: Attempt) -> Attempt:
+    def _judge(self, factors: dict[str, float], attempt: Attempt) -> Attempt:
         """Refuse a converged state that does not continue the path but lies on another branch.
 
         Towards a limit point the speed of a smooth path grows like an inverse square root, by a
@@ -61,24 +69,47 @@ class Predictor:
         """
         if not attempt.converged:
             return attempt
-        now = self.problem.get_state()
+        factor, now = factors[self.name], self.problem.get_state()
         if self._moved(self.known[-1][1], now) < AT_REST:
             return attempt
-        speed = self._speed(factor, self.known[-1], now)
         if len(self.known) == 1:
-            far = attempt.iterations > WANDERING
+            far = attempt.iterations > WANDERING and not self._led_to(factors, now)
         else:
             usual = self._speed(self.known[-1][0], self.known[-2], self.known[-1][1])
-            far = speed > FASTER * usual > 0
+            far = self._speed(factor, self.known[-1], now) > FASTER * usual > 0
         return replace(attempt, reason="jumped") if far else attempt
 
-    def between(self, low: dict[str, float], high: dict[str, float]) -> Place:
+    def _led_to(self, factors: dict[str, float], end: np.ndarray) -> bool:
+        """Whether a state half-way shows that a path leads to `end` from the only known state.
+
+        Newton, started between the two, must find it at once, and the second half may not be passed
+        much faster than the first.  That costs less than what it spares: two steps of half the
+        length.
+        """
+        problem, before = self.problem, self.known[-1]
+        low, high = before[0], factors[self.name]
+        middle = np.sqrt((low**2 + high**2) / 2) if self.even else (low + high) / 2
+        share = (middle - low) / (high - low) if high != low else 0.5
+        attempt = self.between(self._factors, factors, ROUGH)(share)
+        found = problem.get_state()
+        problem.set_factors(factors)
+        problem.set_state(end)
+        if not attempt.converged or attempt.iterations > NEAR:
+            return False
+        halves = self._speed(middle, before, found), self._speed(high, (middle, found), end)
+        return halves[1] <= FASTER * halves[0]
+
+    def between(
+        self, low: dict[str, float], high: dict[str, float], tolerance: float | None = None
+    ) -> Place:
         """How to find equilibria between the last accepted state and the present one.
 
         Parameters
         ----------
         low, high
             Factors of the two.
+        tolerance
+            Instead of the solver's own.
         """
         problem = self.problem
         a, b = self.known[-1][1], problem.get_state()
@@ -88,7 +119,7 @@ class Predictor:
             problem.set_factors(mixed)
             problem.set_state((1 - share) * a + share * b)
             problem.insert_fixed()
-            return self.solver.solve(lift=False)
+            return self.solver.solve(lift=False, tolerance=tolerance)
 
         return place
 
@@ -104,11 +135,11 @@ class Predictor:
             self._extrapolate(factors[self.name])
             problem.insert_fixed()
             if problem.probe().admissible:
-                attempt = self._judge(factors[self.name], self.solver.solve(lift=False))
+                attempt = self._judge(factors, self.solver.solve(lift=False))
                 if attempt.converged:
                     return attempt
             self.restore()
-        return self._judge(factors[self.name], self.solver.solve(lift=True))
+        return self._judge(factors, self.solver.solve(lift=True))
 
     def _extrapolate(self, factor: float) -> None:
         """Polynomial through the known states, at a factor."""

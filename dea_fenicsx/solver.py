@@ -23,7 +23,7 @@ from dea_fenicsx.references import References
 from dea_fenicsx.tangent import Tangent
 from dea_fenicsx.weakform import Probe, Problem
 
-FACTORS = ("auto", "whole", "split")
+FACTORS = ("auto", "whole", "single", "split")
 
 
 LINEARISING = "linearising"
@@ -49,9 +49,10 @@ class NewtonOptions:
     keep_factor
         False factorises at every Newton iteration (plain Newton).
     factor
-        What is factorised: the ``"whole"`` tangent, or its displacement and its potential
-        ``"split"``, with the pressure condensed; see `factors`.  ``"auto"`` splits large problems
-        in space.
+        What is factorised: the ``"whole"`` tangent, the same in ``"single"`` precision, or its
+        displacement and its potential ``"split"``, with the pressure condensed; see `factors`.
+        ``"auto"`` splits large problems in space if it can, and takes single precision for other
+        large ones.
     """
 
     tolerance: float = 1e-10
@@ -81,7 +82,7 @@ class NewtonOptions:
 
 
 LARGE = 20_000
-"""Unknowns in space above which the kept factor is a split one, unless told otherwise."""
+"""Unknowns above which the kept factor is a cheaper one than the whole, unless told otherwise."""
 
 ASSEMBLY = 30
 """Krylov iterations that take as long as assembling the tangent, in a small problem."""
@@ -185,7 +186,7 @@ class NewtonSolver:
         self.tangent = Tangent(problem)
         self._whole = WholeFactor(problem)
         self._split = SplitFactor(problem) if self._splits() else None
-        self._preferred: WholeFactor | SplitFactor = self._split or self._whole
+        self._preferred = self._split or self._whole_or_single()
         self._factor = self._preferred
         self._ksp = self._gmres()
         self._stale, self._wasted, self._best_rate = True, 0.0, np.inf
@@ -202,6 +203,11 @@ class NewtonSolver:
         large = problem.scene.kinematics.dim == 3 and problem.unknowns >= LARGE
         return choice == "split" or (choice == "auto" and possible and large)
 
+    def _whole_or_single(self) -> WholeFactor | SplitFactor:
+        choice = self.options.factor
+        large = choice == "auto" and self.problem.unknowns >= LARGE
+        return WholeFactor(self.problem, True) if choice == "single" or large else self._whole
+
     # --------------------------------------------------------------- residuals
 
     def residual_of(self, residual: np.ndarray) -> float:
@@ -212,7 +218,7 @@ class NewtonSolver:
 
     # ------------------------------------------------------------------ solve
 
-    def solve(self, lift: bool) -> Attempt:
+    def solve(self, lift: bool, tolerance: float | None = None) -> Attempt:
         """Find equilibrium at the problem's current ramp factors, from its current state.
 
         Parameters
@@ -221,8 +227,11 @@ class NewtonSolver:
             True: the fixed values of the new factors are reached together with the first Newton
             step, linearised at the old state (a tangent predictor, safe for large prescribed
             motions).  False: they are already in the state.
+        tolerance
+            Instead of that of the options.
         """
         problem, options = self.problem, self.options
+        tolerance = options.tolerance if tolerance is None else tolerance
         residual = problem.residual()
         change = None
         if lift:
@@ -234,7 +243,7 @@ class NewtonSolver:
         # with the loads lifted, the first residual is that of the old load and says nothing
         history = [] if lift else [norm]
         iteration, increment = 0, None
-        while change is not None or norm > options.tolerance:
+        while change is not None or norm > tolerance:
             if iteration == options.max_iterations and increment is not None:
                 return Attempt(self._slowness(history, increment), iteration, norm)
             self.notify(LINEARISING)
@@ -330,7 +339,8 @@ class NewtonSolver:
             if fresh and self._factor is self._whole:
                 break
             if fresh:
-                # a split factor that fails when it is new has met more coupling than it can bear
+                # a split factor that fails when it is new has met more coupling than it can bear,
+                # one in single precision a tangent too near to singular
                 self._preferred = self._whole
             if not self._factorise(self._preferred):
                 return None
@@ -364,8 +374,8 @@ class NewtonSolver:
         ok = factor.make(matrix)
         if not ok:
             self.trouble = "factorisation"
-        elif isinstance(factor, WholeFactor):
-            self.inertia = Inertia(factor.excess, dict(self.problem.factors))
+        elif factor is self._whole:
+            self.inertia = Inertia(self._whole.excess, dict(self.problem.factors))
         self._stale, self._wasted, self._best_rate = not ok, 0.0, np.inf
         self.counters.factor_s += time.perf_counter() - start
         return ok

@@ -259,7 +259,7 @@ def _follow_ramp(
         return _factors_at(ramp, names, cursor, position)
 
     predictor = Predictor(solver, names)
-    predictor.add(cursor.factors[names[0]])
+    predictor.add(cursor.factors)
     retries = 0
     while cursor.position < 1.0:
         position = cursor.position
@@ -282,7 +282,7 @@ def _follow_ramp(
                 yield Step(cursor, label, event.attempt, 0, False, event.name, event.mode)
             problem.set_factors(factors_at(target))
             problem.set_state(accepted)
-            predictor.add(factors_at(target)[names[0]])
+            predictor.add(factors_at(target))
             grown = 1.5 if attempt.iterations <= EASY else 1.0
             full = target == landing and target - position < size
             size = min(size * (1.0 if full else grown), 1.0)
@@ -315,7 +315,7 @@ def _follow_ramp(
         sentinel.start()
         size = first
         predictor = Predictor(solver, names)
-        predictor.add(cursor.factors[names[0]])
+        predictor.add(cursor.factors)
 
 
 def _factors_at(

@@ -41,16 +41,19 @@ def ramp(scene, factor, stability="last", **options):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("electrodes", [{}, {"stiffness": 1e3}, {"stiffness": 100, "kappa": 2e8}])
-def test_split_and_whole_factors_give_the_same_state(electrodes):
-    split, whole, plain = (
+def test_all_factors_give_the_same_state(electrodes):
+    split, single, whole, plain = (
         ramp(helix(**electrodes), "split"),
+        ramp(helix(**electrodes), "single"),
         ramp(helix(**electrodes), "whole"),
         ramp(helix(**electrodes), "whole", keep_factor=False),
     )
     for name in ("contraction", "charge_C"):
         assert split[name] == pytest.approx(whole[name], rel=1e-9)
+        assert single[name] == pytest.approx(whole[name], rel=1e-9)
         assert plain[name] == pytest.approx(whole[name], rel=1e-9)
-    assert split.summary["stable"] is whole.summary["stable"] is True
+    for run in (split, single, whole):
+        assert run.summary["stable"] is True
     assert plain.summary["factorisations"] >= plain.summary["newton_iterations"]
     assert split.summary["factorisations"] < split.summary["newton_iterations"]
 
@@ -128,5 +131,5 @@ def test_split_factors_need_a_discontinuous_pressure():
                       elements=dea.Discretisation(pressure="continuous"))  # fmt: skip
     with pytest.raises(dea.InputError, match="discontinuous pressure"):
         ramp(scene, "split")
-    with pytest.raises(dea.InputError, match="auto, whole, split"):
+    with pytest.raises(dea.InputError, match="auto, whole, single, split"):
         ramp(helix(), "half")

@@ -13,9 +13,12 @@ import time
 import numpy as np
 import pytest
 from conftest import ROOT, block, clean_environment, needed_mpirun
+from mpi4py import MPI
 
 import dea_fenicsx as dea
+from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0
+from dea_fenicsx.predictor import WANDERING
 
 MU, EPS_R, T = 50e3, 2.86, 1e-3
 LIMIT = 0.68736 * T * np.sqrt(MU / (EPS_R * EPSILON_0))  # free neo-Hookean film, anchors.md
@@ -61,6 +64,37 @@ def test_first_step_far_too_long_is_cut():
     run = dea.solve(free_film(0.999 * LIMIT), dea.Ramp(steps=1), STRETCH, quiet=True)
     assert run["voltage_V"] == pytest.approx(0.999 * LIMIT)
     assert 0.63 < run["stretch"] < 0.68
+
+
+def bender(steps, volts):
+    """A bilayer, 20 mm long; at 5 kV its tip has moved by 3.8 mm."""
+    layers = [Layer("passive", 0.5e-3), Layer("active", 0.5e-3)]
+    device = dea.read_gmsh(BoxStack(20e-3, None, layers, 20), MPI.COMM_SELF)
+    scene = dea.Scene(
+        device,
+        {"passive": dea.Material(dea.NeoHookean(MU)),
+         "active": dea.Material(dea.Gent(MU, 90.0), dea.IdealDielectric(EPS_R))},
+        electrodes=[dea.Electrode("top", volts), dea.Ground("interface_1")],
+        supports=[dea.Clamp("x_min")],
+        kinematics=dea.PlaneStrain(),
+    )  # fmt: skip
+    seen = {"tip": dea.MeanDisplacement("x_max", "y")}
+    return dea.solve(scene, dea.Ramp(steps=steps), seen, quiet=True)
+
+
+def test_one_large_step_is_trusted_if_a_path_leads_there():
+    once, slowly = bender(1, 5000.0), bender(20, 5000.0)
+    assert once["tip_m"] == pytest.approx(slowly["tip_m"], rel=1e-8)
+    assert once["tip_m"] == pytest.approx(-3.825e-3, rel=1e-3)
+    assert len(once.history) == 2
+    assert WANDERING + 1 < once.summary["newton_iterations"] < 20
+
+
+def test_one_large_step_onto_another_branch_is_refused():
+    """Beyond its maximum a Gent film has an equilibrium at a large stretch, but no path to it."""
+    film = free_film(1.2 * LIMIT, elastic=dea.Gent(MU, 20.0))
+    with pytest.raises(dea.EquilibriumLost):
+        dea.solve(film, dea.Ramp(steps=1), STRETCH, quiet=True)
 
 
 @pytest.mark.parametrize("elastic", [dea.NeoHookean(MU), dea.Gent(MU, 175.0)], ids=str)
