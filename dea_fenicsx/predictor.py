@@ -88,7 +88,7 @@ class Predictor:
         """
         problem, before = self.problem, self.known[-1]
         low, high = before[0], factors[self.name]
-        middle = np.sqrt((low**2 + high**2) / 2) if self.even else (low + high) / 2
+        middle = ((low**2 + high**2) / 2) ** 0.5 if self.even else (low + high) / 2
         share = (middle - low) / (high - low) if high != low else 0.5
         attempt = self.between(self._factors, factors, ROUGH)(share)
         found = problem.get_state()

@@ -124,9 +124,9 @@ def test_ten_steps_need_few_factorisations(histories):
         assert len(history["step"]) == 11
         # one at first, one that counts eigenvalues at the end, and a new one wherever the age of
         # the old has cost as much: on this mesh a factor is worth some 40 Krylov iterations, and
-        # rounding, which differs from machine to machine, may call for it a step earlier
-        assert history["factorisations"].sum() == summary["factorisations"] <= 6
-        assert 20 <= summary["newton_iterations"] <= 27
+        # rounding may call for it a step earlier (seen: 3 to 5 of them in 23 or 24 iterations)
+        assert history["factorisations"].sum() == summary["factorisations"] <= 5
+        assert 4 * summary["factorisations"] <= summary["newton_iterations"] <= 27
         assert np.all(history["volume_error"] < 1e-8)
         assert np.all(history["min_J"] > 0.9)
         assert summary["stable"] is True

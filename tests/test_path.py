@@ -18,7 +18,7 @@ from mpi4py import MPI
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0
-from dea_fenicsx.predictor import WANDERING
+from dea_fenicsx.predictor import WANDERING, Predictor
 
 MU, EPS_R, T = 50e3, 2.86, 1e-3
 LIMIT = 0.68736 * T * np.sqrt(MU / (EPS_R * EPSILON_0))  # free neo-Hookean film, anchors.md
@@ -90,11 +90,38 @@ def test_one_large_step_is_trusted_if_a_path_leads_there():
     assert WANDERING + 1 < once.summary["newton_iterations"] < 20
 
 
-def test_one_large_step_onto_another_branch_is_refused():
-    """Beyond its maximum a Gent film has an equilibrium at a large stretch, but no path to it."""
+def test_one_large_step_beyond_the_maximum_is_refused():
+    """There a Gent film has an equilibrium at a large stretch, but no path to it."""
     film = free_film(1.2 * LIMIT, elastic=dea.Gent(MU, 20.0))
     with pytest.raises(dea.EquilibriumLost):
         dea.solve(film, dea.Ramp(steps=1), STRETCH, quiet=True)
+
+
+def test_no_path_leads_over_a_snap(monkeypatch):
+    """At 0.9 of its maximum a Gent film is thick or, after a snap, thin: seen from rest, a jump."""
+    film = free_film(LIMIT, elastic=dea.Gent(MU, 20.0))
+    add, led = Predictor.add, []
+
+    def judged(self, factors):
+        problem, end = self.problem, self.problem.get_state()
+        if factors["voltage"] == 0.9:
+            from_rest = Predictor(self.solver, ("voltage",))
+            problem.set_factors({"voltage": 0.0})
+            problem.set_state(0 * end)
+            add(from_rest, {"voltage": 0.0})
+            problem.set_factors(factors)
+            problem.set_state(end)
+            led.append(from_rest._led_to(factors, end))
+            assert np.all(problem.get_state() == end)
+        add(self, factors)
+
+    monkeypatch.setattr(Predictor, "add", judged)
+    path = [dea.Ramp(to=0.9, steps=9), dea.Ramp(to=1.1, steps=2, snap=True),
+            dea.Ramp(to=0.9, steps=2)]  # fmt: skip
+    run = dea.solve(film, path, STRETCH, quiet=True)
+    # the thick state was added twice: as the first ramp's last one and the second's first one
+    assert led == [True, True, False]
+    assert run["stretch"] == pytest.approx(0.1193, rel=1e-3)
 
 
 @pytest.mark.parametrize("elastic", [dea.NeoHookean(MU), dea.Gent(MU, 175.0)], ids=str)
