@@ -14,13 +14,13 @@ FASTER = 4.0
 """How much faster than in the step before the state may move with the load."""
 
 WANDERING = 8
-"""Newton iterations of a ramp's first step after which its result is looked into."""
+"""Newton iterations of a ramp's first step after which its result is looked into.
+
+A state half-way that took more than that belongs as little to those on its two sides.
+"""
 
 ROUGH = 1e-3
 """Tolerance of the state half-way to such a result: it tells a path from a jump, no more."""
-
-NEAR = 6
-"""Newton iterations after which a state half-way does not belong to those on its two sides."""
 
 
 class Predictor:
@@ -90,17 +90,21 @@ class Predictor:
         low, high = before[0], factors[self.name]
         middle = ((low**2 + high**2) / 2) ** 0.5 if self.even else (low + high) / 2
         share = (middle - low) / (high - low) if high != low else 0.5
-        attempt = self.between(self._factors, factors, ROUGH)(share)
+        attempt = self.between(self._factors, factors, ROUGH, patient=True)(share)
         found = problem.get_state()
         problem.set_factors(factors)
         problem.set_state(end)
-        if not attempt.converged or attempt.iterations > NEAR:
+        if not attempt.converged or attempt.iterations > WANDERING:
             return False
         halves = self._speed(middle, before, found), self._speed(high, (middle, found), end)
         return halves[1] <= FASTER * halves[0]
 
     def between(
-        self, low: dict[str, float], high: dict[str, float], tolerance: float | None = None
+        self,
+        low: dict[str, float],
+        high: dict[str, float],
+        tolerance: float | None = None,
+        patient: bool = False,
     ) -> Place:
         """How to find equilibria between the last accepted state and the present one.
 
@@ -108,18 +112,23 @@ class Predictor:
         ----------
         low, high
             Factors of the two.
-        tolerance
-            Instead of the solver's own.
+        tolerance, patient
+            As of `NewtonSolver.solve`.
         """
         problem = self.problem
         a, b = self.known[-1][1], problem.get_state()
+        start, end = low[self.name], high[self.name]
 
         def place(share: float) -> Attempt:
             mixed = {n: (1 - share) * low[n] + share * high[n] for n in low}
             problem.set_factors(mixed)
-            problem.set_state((1 - share) * a + share * b)
+            guess = (1 - share) * a + share * b
+            if self.even and start**2 != end**2:
+                even = (mixed[self.name] ** 2 - start**2) / (end**2 - start**2)
+                guess = np.where(self._phi, guess, (1 - even) * a + even * b)
+            problem.set_state(guess)
             problem.insert_fixed()
-            return self.solver.solve(lift=False, tolerance=tolerance)
+            return self.solver.solve(lift=False, tolerance=tolerance, patient=patient)
 
         return place
 

@@ -42,11 +42,14 @@ def ramp(scene, factor, stability="last", **options):
 @pytest.mark.slow
 @pytest.mark.parametrize("electrodes", [{}, {"stiffness": 1e3}, {"stiffness": 100, "kappa": 2e8}])
 def test_all_factors_give_the_same_state(electrodes):
+    # stiff electrodes bear most of what a residual is relative to: 1e-10 of it is 2e-9 of the
+    # contraction
+    close = {"tolerance": 1e-11}
     split, single, whole, plain = (
-        ramp(helix(**electrodes), "split"),
-        ramp(helix(**electrodes), "single"),
-        ramp(helix(**electrodes), "whole"),
-        ramp(helix(**electrodes), "whole", keep_factor=False),
+        ramp(helix(**electrodes), "split", **close),
+        ramp(helix(**electrodes), "single", **close),
+        ramp(helix(**electrodes), "whole", **close),
+        ramp(helix(**electrodes), "whole", keep_factor=False, **close),
     )
     for name in ("contraction", "charge_C"):
         assert split[name] == pytest.approx(whole[name], rel=1e-9)
