@@ -92,9 +92,10 @@ FORCING = 3e-4
 """Relative tolerance of each linear solve.
 
 An iteration of Newton's method costs little more than the Krylov iterations in it.  Measured on
-strips and a helix: 5 to 10 % fewer of them than with a tolerance that shrinks with the residual
-(Eisenstat and Walker), which a part that bends makes useless: there a residual falls and rises by
-turns.  1e-2 spares some more at times, but lets Newton stray with the augmented pressure.
+strips, a bender and a helix: up to a quarter fewer of them than with a tolerance that shrinks with
+the residual (Eisenstat and Walker), which a part that bends makes useless: there the residual falls
+and rises by turns.  1e-3 spares a few more, but leaves so much of a thin part's bending, of which the
+residual tells little, that Newton strays.
 """
 
 LAST = 0.1

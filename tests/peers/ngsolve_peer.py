@@ -6,10 +6,11 @@ import time
 from typing import Any
 
 import numpy as np
-from netgen.meshing import Element2D, Element3D, FaceDescriptor, MeshPoint, Pnt
+from netgen.meshing import Element1D, Element2D, Element3D, FaceDescriptor, MeshPoint, Pnt
 from netgen.meshing import Mesh as NetgenMesh
 from ngsolve import (
     BND,
+    CF,
     H1,
     BilinearForm,
     Cof,
@@ -25,6 +26,7 @@ from ngsolve import (
     dx,
     grad,
     log,
+    x,
 )
 
 from tests.peers.scenes import EPSILON_0, Case
@@ -38,7 +40,8 @@ def solve(case: Case) -> dict[str, Any]:
     eps0 = max(m.eps_r or 0.0 for m in case.materials.values()) * EPSILON_0
     volt = length * np.sqrt(mu0 / eps0)
     surfaces = set(mesh.GetBoundaries())
-    U = VectorH1(mesh, order=2, dirichlet=case.clamped)
+    ends = {"dirichletx": "x_min"} if case.axisymmetric else {}
+    U = VectorH1(mesh, order=2, dirichlet=case.clamped, **ends)
     P = H1(mesh, order=1)
     live = mesh.Materials("|".join([*case.dielectrics, *(set(case.electrodes) - surfaces)]))
     Phi = H1(mesh, order=2, definedon=live)
@@ -59,9 +62,16 @@ def solve(case: Case) -> dict[str, Any]:
     held = ~np.isnan(volts)
     a = BilinearForm(X, symmetric=True)
     u, p, phi = X.TrialFunction()
-    F = Id(3) + grad(u)
+    F, E, weight = Id(3), grad(phi), CF(1)
+    if case.flat:
+        g, hoop = grad(u), u[0] / x if case.axisymmetric else CF(0)
+        F = F + CF((g[0, 0], g[0, 1], 0, g[1, 0], g[1, 1], 0, 0, 0, hoop), dims=(3, 3))
+        E = CF((E[0], E[1], 0))
+        weight = 2 * np.pi * x if case.axisymmetric else weight
+    else:
+        F = F + grad(u)
     J = Det(F)
-    pulled = Cof(F) * grad(phi)
+    pulled = Cof(F) * E
     I1 = Trace(F.trans * F) - 3
     for name, m in case.materials.items():
         mu = m.mu / mu0
@@ -69,7 +79,7 @@ def solve(case: Case) -> dict[str, Any]:
         energy += p * (J - 1) - mu * log(J)
         if m.eps_r:
             energy -= m.eps_r * EPSILON_0 / eps0 / 2 * InnerProduct(pulled, pulled) / J
-        a += Variation(energy.Compile() * dx(mesh.Materials(name)))
+        a += Variation((weight * energy).Compile() * dx(mesh.Materials(name)))
     residual, step_ = w.vec.CreateVector(), w.vec.CreateVector()
     newton, spent = 0, {"assembly_s": 0.0, "solve_s": 0.0}
     for step in range(1, case.steps + 1):
@@ -88,8 +98,8 @@ def solve(case: Case) -> dict[str, Any]:
             if step_.Norm() < 1e-9 * w.vec.Norm():
                 break
     seen = mesh.Boundaries(case.seen)
-    area = Integrate(1, mesh, BND, definedon=seen)
-    mean = Integrate(w.components[0][case.axis], mesh, BND, definedon=seen) / area
+    area = Integrate(weight, mesh, BND, definedon=seen)
+    mean = Integrate(weight * w.components[0][case.axis], mesh, BND, definedon=seen) / area
     return {
         "value": float(mean) * length,
         "unknowns": sum(1 for f in free if f),
@@ -101,8 +111,21 @@ def netgen_mesh(case: Case) -> tuple[Any, float]:
     """The case's mesh, its size scaled to 1, and its size in m."""
     given = case.geometry.mesh()
     length = float(np.ptp(given.points, axis=0).max())
-    made = NetgenMesh(3)
-    numbers = [made.Add(MeshPoint(Pnt(*map(float, x / length)))) for x in given.points]
+    made = NetgenMesh(dim=2 if case.flat else 3)
+    place = np.zeros((len(given.points), 3))
+    place[:, : given.points.shape[1]] = given.points / length
+    numbers = [made.Add(MeshPoint(Pnt(*map(float, x)))) for x in place]
+    if case.flat:
+        for index, (name, cells) in enumerate(given.regions.items(), start=1):
+            made.Add(FaceDescriptor(surfnr=index, domin=1, bc=index))
+            made.SetMaterial(index, name)
+            for corners in given.corners(given.cells[cells])[:, [0, 2, 3, 1]]:
+                made.Add(Element2D(index, [numbers[k] for k in corners]))
+        for index, (name, facets) in enumerate(given.facets.items(), start=1):
+            made.SetBCName(index - 1, name)
+            for corners in given.corners(facets):
+                made.Add(Element1D([numbers[k] for k in corners], index=index))
+        return Mesh(made), length
     turn = [0, 4, 6, 2, 1, 5, 7, 3]  # from lattice order to one ring above the other
     for index, (name, cells) in enumerate(given.regions.items(), start=1):
         made.SetMaterial(index, name)

@@ -21,20 +21,24 @@ def material(rubber: Rubber) -> Any:
 def solve(case: Case, own_elements: bool = False) -> dict[str, Any]:
     """Solve a case; `own_elements` takes the package's default elements instead of the peers'."""
     device = dea.read_gmsh(case.geometry, MPI.COMM_WORLD)
+    kinematics: Any = dea.PlaneStrain() if case.flat else dea.ThreeD()
+    axis: list[Any] = []
+    if case.axisymmetric:
+        kinematics, axis = dea.Axisymmetric(), [dea.Fix("x_min", "r")]
     same = dea.Discretisation(pressure="continuous", augmentation=0.0)
     scene = dea.Scene(
         device,
         {name: material(m) for name, m in case.materials.items()},
         electrodes=[dea.Electrode(name, volts) if volts else dea.Ground(name)
                     for name, volts in case.electrodes.items()],
-        supports=[dea.Clamp(case.clamped)],
-        kinematics=dea.ThreeD() if device.dim == 3 else dea.PlaneStrain(),
+        supports=[dea.Clamp(case.clamped), *axis],
+        kinematics=kinematics,
         elements=dea.Discretisation() if own_elements else same,
     )  # fmt: skip
-    axis = scene.kinematics.axes[case.axis]
+    along = scene.kinematics.axes[case.axis]
     run = dea.solve(
         scene, dea.Ramp("voltage", steps=case.steps),
-        {"seen": dea.MeanDisplacement(case.seen, axis)}, quiet=True, stability="never",
+        {"seen": dea.MeanDisplacement(case.seen, along)}, quiet=True, stability="never",
     )  # fmt: skip
     told = run.summary
     return {

@@ -30,8 +30,12 @@ def solve(case: Case) -> dict[str, Any]:
     w, test = dolfinx.fem.Function(W), ufl.TestFunction(W)
     u, p, phi = ufl.split(w)
     grad = ufl.grad(u)
+    x = ufl.SpatialCoordinate(mesh)
+    hoop = u[0] / x[0] if case.axisymmetric else 0
+    weight = 2 * ufl.pi * x[0] if case.axisymmetric else 1
     if dim == 2:
-        grad = ufl.as_matrix([[grad[0, 0], grad[0, 1], 0], [grad[1, 0], grad[1, 1], 0], [0, 0, 0]])
+        grad = ufl.as_matrix([[grad[0, 0], grad[0, 1], 0], [grad[1, 0], grad[1, 1], 0],
+                              [0, 0, hoop]])  # fmt: skip
     F = ufl.Identity(3) + grad
     J, C = ufl.det(F), F.T * F
     E = -ufl.grad(phi)
@@ -49,7 +53,7 @@ def solve(case: Case) -> dict[str, Any]:
         W_e += p * (J - 1) - mu * ufl.ln(J)
         if m.eps_r:
             W_e -= m.eps_r * EPSILON_0 / eps0 / 2 * J * ufl.dot(pulled, pulled)
-        energy += W_e * dx(k)
+        energy += W_e * weight * dx(k)
     residual = ufl.derivative(energy, w, test)
     form = dolfinx.fem.form(residual)
     tangent = dolfinx.fem.form(ufl.derivative(residual, w, ufl.TrialFunction(W)))
@@ -63,7 +67,7 @@ def solve(case: Case) -> dict[str, Any]:
     ksp.setType("preonly")
     ksp.getPC().setType("lu")
     ksp.getPC().setFactorSolverType("mumps")
-    x = b.duplicate()
+    step_ = b.duplicate()
     newton, spent = 0, {"assembly_s": 0.0, "solve_s": 0.0}
     for step in range(1, case.steps + 1):
         bound.x.array[fixed] = step / case.steps * volts / volt
@@ -80,17 +84,17 @@ def solve(case: Case) -> dict[str, Any]:
             dolfinx.fem.petsc.set_bc(b, bcs, w.x.petsc_vec, -1.0)
             now = time.perf_counter()
             spent["assembly_s"] += now - start
-            ksp.solve(b, x)
+            ksp.solve(b, step_)
             spent["solve_s"] += time.perf_counter() - now
-            w.x.petsc_vec.axpy(-1.0, x)
+            w.x.petsc_vec.axpy(-1.0, step_)
             w.x.scatter_forward()
             newton += 1
-            if x.norm() < 1e-9 * w.x.petsc_vec.norm():
+            if step_.norm() < 1e-9 * w.x.petsc_vec.norm():
                 break
     ds = ufl.Measure("ds", mesh, subdomain_data=[(0, _sides(device, case.seen))],
                      metadata={"quadrature_degree": 4})  # fmt: skip
     one = dolfinx.fem.Constant(mesh, 1.0)
-    total, area = (dolfinx.fem.assemble_scalar(dolfinx.fem.form(f * ds(0)))
+    total, area = (dolfinx.fem.assemble_scalar(dolfinx.fem.form(f * weight * ds(0)))
                    for f in (u[case.axis], one))  # fmt: skip
     return {
         "value": float(total / area) * length,
@@ -114,6 +118,8 @@ def _fixed(case: Case, device: Any, W: Any) -> tuple[np.ndarray, np.ndarray]:
         values[locate(W.sub(2), dim if whole else dim - 1, entities)] = volts
     mesh.topology.create_connectivity(dim - 1, dim)
     values[locate(W.sub(0), dim - 1, device.facets_of(case.clamped))] = 0.0
+    if case.axisymmetric:
+        values[locate(W.sub(0).sub(0), dim - 1, device.facets_of("x_min"))] = 0.0
     fixed = np.flatnonzero(~np.isnan(values)).astype(np.int32)
     return fixed, values[fixed]
 

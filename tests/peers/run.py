@@ -74,7 +74,7 @@ def main() -> None:
     for name in args.cases:
         case, wall = CASES[name], None
         for code in args.codes:
-            if code in BY_PEERS and (case.alone or (code == "ngsolve" and case.flat)):
+            if code in BY_PEERS and case.alone:
                 continue
             found = measure(name, code, args.limit)
             if found is None:

@@ -38,6 +38,7 @@ class Case:
     seen, axis : facet group and axis of the mean displacement that is compared
     steps : equal steps of the voltage ramp
     alone : compared with no peer, which would take too long or too much memory
+    axisymmetric : a flat mesh in (r, z) instead of plane strain; the axis is x_min
     """
 
     geometry: Any
@@ -48,10 +49,11 @@ class Case:
     axis: int
     steps: int = 1
     alone: bool = False
+    axisymmetric: bool = False
 
     @property
     def flat(self) -> bool:
-        """Plane strain, on quadrilaterals."""
+        """On quadrilaterals."""
         return bool(self.geometry.dimension == 2)
 
     def small(self) -> Case:
@@ -87,6 +89,13 @@ def bilayer(geometry: Any, volts: float, axis: int, steps: int) -> Case:
     )  # fmt: skip
 
 
+def membrane(divisions: int, through: int) -> Case:
+    """A bilayer disc, radius 20 mm, 1 mm thick, held along its axis: its rim bends down."""
+    layers = [Layer("passive", 0.5e-3, through), Layer("active", 0.5e-3, through)]
+    disc = BoxStack(20e-3, None, layers, divisions, order=1)
+    return replace(bilayer(disc, 8e3, 1, 8), axisymmetric=True)
+
+
 def helix(turns: int, mesh: dict[str, int], alone: bool = False) -> Case:
     return Case(
         HDEA(turns=turns, order=1, **mesh),
@@ -103,6 +112,7 @@ MIDDLE = {"angular": 16, "radial": 8, "rim": 2, "through": 2}
 CASES = {
     "strip in one step": bilayer(strip((40, 10), 2), 6e3, 2, 1),
     "plane-strain bender": bilayer(FLAT, 8e3, 1, 8),
+    "axisymmetric membrane": membrane(120, 8),
     "helix, one turn": helix(1, MIDDLE),
     "helix, two turns": helix(2, MIDDLE),
     "helix, ten turns": helix(10, MIDDLE, alone=True),
