@@ -34,17 +34,18 @@ from tests.peers.scenes import EPSILON_0, Case
 INVERSE = "sparsecholesky"
 
 
-def solve(case: Case) -> dict[str, Any]:
+def solve(case: Case, order: int = 2) -> dict[str, Any]:
+    """Solve a case; displacement and potential of an order, pressure of one less."""
     mesh, length = netgen_mesh(case)
     mu0 = min(m.mu for m in case.materials.values())
     eps0 = max(m.eps_r or 0.0 for m in case.materials.values()) * EPSILON_0
     volt = length * np.sqrt(mu0 / eps0)
     surfaces = set(mesh.GetBoundaries())
     ends = {"dirichletx": "x_min"} if case.axisymmetric else {}
-    U = VectorH1(mesh, order=2, dirichlet=case.clamped, **ends)
-    P = H1(mesh, order=1)
+    U = VectorH1(mesh, order=order, dirichlet=case.clamped, **ends)
+    P = H1(mesh, order=order - 1)
     live = mesh.Materials("|".join([*case.dielectrics, *(set(case.electrodes) - surfaces)]))
-    Phi = H1(mesh, order=2, definedon=live)
+    Phi = H1(mesh, order=order, definedon=live)
     X = U * P * Phi
     w = GridFunction(X)
     free = X.FreeDofs()

@@ -1,0 +1,152 @@
+"""What an error of 0.1 % costs here and in NGSolve, each with its best mesh and order.
+
+    python -m tests.peers.to_error [--scenes NAME ...] [--limit SECONDS] [--out CSV]
+
+Here: the package's own elements on a ladder of meshes.  NGSolve: orders 2, 3 and 4 on ladders of
+their own.  The exact answer is taken from the finest run of all, an order 4; the next finest of the
+other code must agree with it to a fifth of the error asked, or the scene is said not to be settled.
+Each run is in a process of its own, on one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+from dea_fenicsx.geometry import BoxStack, Layer
+from tests.peers.scenes import Case, bilayer
+
+ASKED = 1e-3
+COLUMNS = ["scene", "code", "order", "mesh", "unknowns", "value", "wall_s", "error"]
+
+
+def layers(through: int) -> list[Layer]:
+    return [Layer(name, 0.5e-3, through) for name in ("passive", "active")]
+
+
+def strip(mesh: tuple[int, ...]) -> Case:
+    """20 x 5 x 1 mm, 6 kV in one step."""
+    return bilayer(BoxStack(20e-3, 5e-3, layers(mesh[2]), mesh[:2], order=1), 6e3, 2, 1)
+
+
+def bender(mesh: tuple[int, ...]) -> Case:
+    """The same in plane strain, 8 kV in eight steps."""
+    return bilayer(BoxStack(20e-3, None, layers(mesh[1]), mesh[0], order=1), 8e3, 1, 8)
+
+
+def membrane(mesh: tuple[int, ...]) -> Case:
+    """A disc, radius 20 mm, held along its axis."""
+    return replace(bender(mesh), axisymmetric=True)
+
+
+FLAT = ((10, 1), (20, 1), (40, 2), (80, 4), (160, 8), (320, 16))
+SCENES: dict[str, tuple[Callable[[tuple[int, ...]], Case], dict[str, tuple]]] = {
+    "strip in one step": (strip, {
+        "ours": ((10, 3, 1), (15, 4, 1), (20, 5, 1), (30, 8, 1), (40, 10, 2), (80, 20, 2)),
+        "2": ((10, 3, 1), (20, 5, 1), (30, 8, 1), (40, 10, 2)),
+        "3": ((6, 2, 1), (10, 3, 1), (16, 4, 1), (24, 6, 1)),
+        "4": ((4, 1, 1), (6, 2, 1), (10, 3, 1), (16, 4, 1)),
+    }),
+    "plane-strain bender": (bender, {
+        "ours": FLAT, "2": FLAT, "3": FLAT[:5], "4": ((5, 1), *FLAT[:5]),
+    }),
+    "axisymmetric membrane": (membrane, {
+        "ours": FLAT, "2": FLAT, "3": FLAT[:5], "4": ((5, 1), *FLAT[:5]),
+    }),
+}  # fmt: skip
+"""Builder of a scene's cases, and the meshes for each choice, coarse to fine."""
+
+
+def child(scene: str, choice: str, mesh: tuple[int, ...]) -> None:
+    """Solve one case and print what it took."""
+    build = SCENES[scene][0]
+
+    def solve(case: Case) -> dict:
+        if choice == "ours":
+            from tests.peers import ours
+
+            return ours.solve(case, own_elements=True)
+        from tests.peers import ngsolve_peer
+
+        return ngsolve_peer.solve(case, int(choice))
+
+    solve(build(mesh).small())
+    start = time.perf_counter()
+    found = solve(build(mesh))
+    found["wall_s"] = time.perf_counter() - start
+    print("found", json.dumps(found))
+
+
+def measure(scene: str, choice: str, mesh: tuple[int, ...], limit: float) -> dict | None:
+    """One run in a process of its own; None if it takes too long or fails."""
+    command = [sys.executable, "-m", "tests.peers.to_error", "--child", scene, choice,
+               *map(str, mesh)]  # fmt: skip
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit)
+    except subprocess.TimeoutExpired:
+        return None
+    line = next((x for x in done.stdout.splitlines() if x.startswith("found ")), None)
+    return json.loads(line.removeprefix("found ")) if line else None
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--scenes", nargs="*", default=list(SCENES), choices=list(SCENES))
+    parser.add_argument("--limit", type=float, default=300.0, help="seconds a run may take")
+    parser.add_argument("--out", default="to_error.csv")
+    parser.add_argument("--child", nargs="+", help=argparse.SUPPRESS)
+    args = parser.parse_args()
+    if args.child:
+        scene, choice, *mesh = args.child
+        child(scene, choice, tuple(map(int, mesh)))
+        return
+    rows: list[dict] = []
+    for scene in args.scenes:
+        rows += of_scene(scene, args.limit)
+    with open(args.out, "w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def of_scene(scene: str, limit: float) -> list[dict]:
+    """Run all choices of a scene, and print them with what the error asked costs."""
+    rows: list[dict] = []
+    for choice, meshes in SCENES[scene][1].items():
+        for mesh in meshes:
+            found = measure(scene, choice, mesh, limit)
+            code = "ours" if choice == "ours" else "ngsolve"
+            row = {"scene": scene, "code": code, "order": 2 if code == "ours" else int(choice),
+                   "mesh": "x".join(map(str, mesh))}  # fmt: skip
+            if found is None:
+                print(f"{scene}: {code}, order {row['order']}, {row['mesh']}: too long, or no answer")
+                break
+            rows.append(row | {key: found[key] for key in ("unknowns", "value", "wall_s")})
+    exact = next(row["value"] for row in reversed(rows) if row["order"] == 4)
+    for row in rows:
+        row["error"] = abs(row["value"] / exact - 1)
+        print(f"{scene:22} {row['code']:8} order {row['order']} {row['mesh']:8} "
+              f"{row['unknowns']:7d} unknowns {row['value']:.8e} m {row['wall_s']:7.2f} s  "
+              f"error {row['error']:.1e}", flush=True)  # fmt: skip
+    ours = [row for row in rows if row["code"] == "ours"]
+    if ours[-1]["error"] > ASKED / 5:
+        print(f"{scene}: not settled, the two codes' finest runs differ by {ours[-1]['error']:.1e}")
+    best = {code: min((row for row in rows if row["code"] == code and row["error"] < ASKED),
+                      key=lambda row: row["wall_s"], default=None)
+            for code in ("ours", "ngsolve")}  # fmt: skip
+    if None not in best.values():
+        a, b = best["ours"], best["ngsolve"]
+        print(f"{scene}: to {ASKED:.1%}: here {a['wall_s']:.2f} s ({a['mesh']}), NGSolve "
+              f"{b['wall_s']:.2f} s (order {b['order']}, {b['mesh']}), "
+              f"x {b['wall_s'] / a['wall_s']:.2f}", flush=True)  # fmt: skip
+    return rows
+
+
+if __name__ == "__main__":
+    main()
