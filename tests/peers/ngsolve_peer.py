@@ -15,6 +15,7 @@ from ngsolve import (
     BilinearForm,
     Cof,
     Det,
+    FESpace,
     GridFunction,
     Id,
     InnerProduct,
@@ -34,8 +35,11 @@ from tests.peers.scenes import EPSILON_0, Case
 INVERSE = "sparsecholesky"
 
 
-def solve(case: Case, order: int = 2) -> dict[str, Any]:
-    """Solve a case; displacement and potential of an order, pressure of one less."""
+def solve(case: Case, order: int = 2, jumps: bool = False) -> dict[str, Any]:
+    """Solve a case; displacement and potential of an order, pressure of one less.
+
+    `jumps` gives each region a pressure of its own, which may jump where regions meet.
+    """
     mesh, length = netgen_mesh(case)
     mu0 = min(m.mu for m in case.materials.values())
     eps0 = max(m.eps_r or 0.0 for m in case.materials.values()) * EPSILON_0
@@ -43,13 +47,19 @@ def solve(case: Case, order: int = 2) -> dict[str, Any]:
     surfaces = set(mesh.GetBoundaries())
     ends = {"dirichletx": "x_min"} if case.axisymmetric else {}
     U = VectorH1(mesh, order=order, dirichlet=case.clamped, **ends)
-    P = H1(mesh, order=order - 1)
+    regions = list(case.materials) if jumps else ["|".join(case.materials)]
+    pressures = [H1(mesh, order=order - 1, definedon=mesh.Materials(r)) for r in regions]
     live = mesh.Materials("|".join([*case.dielectrics, *(set(case.electrodes) - surfaces)]))
     Phi = H1(mesh, order=order, definedon=live)
-    X = U * P * Phi
+    X = FESpace([U, *pressures, Phi])
     w = GridFunction(X)
     free = X.FreeDofs()
-    first = X.Range(2).start
+    for part, region in enumerate(regions, start=1):
+        begin = X.Range(part).start
+        for k, on in enumerate(pressures[part - 1].GetDofs(mesh.Materials(region))):
+            if not on:
+                free[begin + k] = False
+    first = X.Range(len(regions) + 1).start
     for k, on in enumerate(Phi.GetDofs(live)):
         if not on:
             free[first + k] = False
@@ -62,7 +72,7 @@ def solve(case: Case, order: int = 2) -> dict[str, Any]:
         volts[[v.nr for element in where.Elements() for v in element.vertices]] = value
     held = ~np.isnan(volts)
     a = BilinearForm(X, symmetric=True)
-    u, p, phi = X.TrialFunction()
+    u, *p, phi = X.TrialFunction()
     F, E, weight = Id(3), grad(phi), CF(1)
     if case.flat:
         g, hoop = grad(u), u[0] / x if case.axisymmetric else CF(0)
@@ -74,10 +84,10 @@ def solve(case: Case, order: int = 2) -> dict[str, Any]:
     J = Det(F)
     pulled = Cof(F) * E
     I1 = Trace(F.trans * F) - 3
-    for name, m in case.materials.items():
+    for k, (name, m) in enumerate(case.materials.items()):
         mu = m.mu / mu0
         energy = mu / 2 * I1 if m.Jm is None else -mu * m.Jm / 2 * log(1 - I1 / m.Jm)
-        energy += p * (J - 1) - mu * log(J)
+        energy += p[k if jumps else 0] * (J - 1) - mu * log(J)
         if m.eps_r:
             energy -= m.eps_r * EPSILON_0 / eps0 / 2 * InnerProduct(pulled, pulled) / J
         a += Variation((weight * energy).Compile() * dx(mesh.Materials(name)))
@@ -85,7 +95,9 @@ def solve(case: Case, order: int = 2) -> dict[str, Any]:
     newton, spent = 0, {"assembly_s": 0.0, "solve_s": 0.0}
     for step in range(1, case.steps + 1):
         # on the vertices; the bubbles of a constant are 0
-        w.components[2].vec.FV().NumPy()[: mesh.nv][held] = step / case.steps * volts[held] / volt
+        w.components[len(regions) + 1].vec.FV().NumPy()[: mesh.nv][held] = (
+            step / case.steps * volts[held] / volt
+        )
         for _ in range(40):
             start = time.perf_counter()
             a.Apply(w.vec, residual)
