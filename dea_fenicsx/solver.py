@@ -94,8 +94,8 @@ FORCING = 3e-4
 An iteration of Newton's method costs little more than the Krylov iterations in it.  Measured on
 strips, a bender and a helix: up to a quarter fewer of them than with a tolerance that shrinks with
 the residual (Eisenstat and Walker), which a part that bends makes useless: there the residual falls
-and rises by turns.  1e-3 spares a few more, but leaves so much of a thin part's bending, of which the
-residual tells little, that Newton strays.
+and rises by turns.  1e-3 spares a few more, but leaves so much of a thin part's bending, of which
+the residual tells little, that Newton strays.
 """
 
 LAST = 0.1
@@ -236,9 +236,7 @@ class NewtonSolver:
 
     # ------------------------------------------------------------------ solve
 
-    def solve(
-        self, lift: bool, tolerance: float | None = None, patient: bool = False
-    ) -> Attempt:
+    def solve(self, lift: bool, tolerance: float | None = None, patient: bool = False) -> Attempt:
         """Find equilibrium at the problem's current ramp factors, from its current state.
 
         Parameters
@@ -380,8 +378,7 @@ class NewtonSolver:
         self._best_rate = min(self._best_rate, rate)
         self._wasted += (rate - self._best_rate) * digits
         self._stale = (
-            iterations > self.options.krylov_limit
-            or self._wasted > ASSEMBLY + self._factor.worth
+            iterations > self.options.krylov_limit or self._wasted > ASSEMBLY + self._factor.worth
         )
 
     def _factorise(self, factor: WholeFactor | SplitFactor) -> bool:

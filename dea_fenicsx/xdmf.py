@@ -78,5 +78,3 @@ def _attribute(
         f'    <Attribute Name="{name}" AttributeType="{kind}" Center="{center}">\n'
         f"{_item(shape, number, where)}\n    </Attribute>"
     )
-
-

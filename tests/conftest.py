@@ -10,10 +10,41 @@ import pytest
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx import launch
+from dea_fenicsx import launch, solver
+from dea_fenicsx.corotation import Corotation
 from dea_fenicsx.geometry import BoxStack, Layer
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+ENGINES = {
+    "whole": {"factor": "whole"},
+    "cheap": {},
+    "plain": {"factor": "whole", "keep_factor": False},
+    "unturned": {},
+}
+"""Settings of the solver in place of the usual ones, for all tests of this process that name none.
+
+No speed-up may change an answer, so the suite passes with each: ``pytest --engine plain``.  "cheap"
+takes a split factor or one in single precision however small the problem.
+"""
+
+
+def pytest_addoption(parser):
+    parser.addoption("--engine", choices=sorted(ENGINES), help="run with other solver settings")
+
+
+def pytest_configure(config):
+    engine = config.getoption("--engine")
+    if engine is None:
+        return
+    changed = dea.NewtonOptions(**ENGINES[engine])
+    names = dea.NewtonOptions.__dataclass_fields__
+    dea.NewtonOptions.__init__.__defaults__ = tuple(getattr(changed, name) for name in names)
+    if engine == "cheap":
+        solver.LARGE = 0
+    if engine == "unturned":
+        Corotation.update = lambda self: None
 
 
 def needed_mpirun() -> str:

@@ -52,7 +52,7 @@ def thin(ratio: float) -> Case:
 
 SCENES: dict[str, tuple[Callable[[float], Case], tuple[float, ...]]] = {
     "strip": (strip, (1.4, 2, 3, 4, 5, 6)),
-    "stack": (stack, (1.5, 2, 3, 4, 5, 6)),
+    "stack": (stack, (1.5, 2, 3, 4, 5, 6, 7.8)),
     "thin": (thin, (10, 30, 100, 300, 1000)),
 }
 """Builder of a scene's cases and its sizes."""
@@ -95,9 +95,10 @@ def main() -> None:
             found = json.loads(line.removeprefix("found ")) | {"scene": name, "size": size}
             found["krylov_per_newton"] = found["krylov"] / found["newton"]
             of_scene.append({key: found[key] for key in COLUMNS})
-            print(f"{name:6} {size:7g} {found['unknowns']:8d} unknowns  Newton {found['newton']:3d}  "
-                  f"Krylov per Newton {found['krylov_per_newton']:5.1f}  factors "
-                  f"{found['factorisations']:2d}  {found['wall_s']:7.1f} s  "
+            print(f"{name:6} {size:7g} {found['unknowns']:8d} unknowns  "
+                  f"Newton {found['newton']:3d}  "
+                  f"Krylov per Newton {found['krylov_per_newton']:5.1f}  "
+                  f"factors {found['factorisations']:2d}  {found['wall_s']:7.1f} s  "
                   f"{found['memory_GB']:6.2f} GB  {found['value']:.8e} m", flush=True)  # fmt: skip
         if name != "thin" and len(of_scene) > 1:
             n = np.log([row["unknowns"] for row in of_scene])

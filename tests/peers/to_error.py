@@ -3,8 +3,9 @@
     python -m tests.peers.to_error [--scenes NAME ...] [--limit SECONDS] [--out CSV]
 
 Here: the package's own elements on a ladder of meshes.  NGSolve: orders 2, 3 and 4 on ladders of
-their own, with a pressure that may jump between the regions, without which it converges slowly.  The exact answer is taken from the finest run of all, an order 4; the next finest of the
-other code must agree with it to a fifth of the error asked, or the scene is said not to be settled.
+their own, with a pressure that may jump between the regions, without which it converges slowly.
+The exact answer is taken from the finest run of all, an order 4; the finest run here must agree
+with it to a fifth of the error asked, or the scene is said not to be settled.
 Each run is in a process of its own, on one core.
 """
 
