@@ -126,7 +126,9 @@ def apply_supports(scene: Scene, parts: list[Component], constraints: Constraint
                 constraints.fix(dofs)
 
 
-def apply_overall(scene: Scene, parts: dict[str, Component], constraints: Constraints) -> None:
+def apply_overall(
+    scene: Scene, parts: dict[str, Component], constraints: Constraints
+) -> None:
     """Fix the overall unknowns that the scene prescribes: elongation, and twist in 1/length."""
     for item in scene.prescribed:
         if isinstance(item, AxialStretch):

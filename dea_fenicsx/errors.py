@@ -88,7 +88,9 @@ def install_hook() -> None:
     """
     previous = sys.excepthook
 
-    def hook(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    def hook(
+        kind: type[BaseException], error: BaseException, trace: TracebackType | None
+    ) -> None:
         world = _world()
         speaks, together = (True, True) if world is None else _agree(world)
         status = getattr(error, "exit_status", 130 if isinstance(error, KeyboardInterrupt) else 1)

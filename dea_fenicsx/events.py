@@ -170,7 +170,9 @@ class Sentinel:
         except SolverError:
             return None
         problem = self.problem
-        return Passed(alarm.name, share, problem.get_state(), dict(problem.factors), attempts[-1])
+        return Passed(
+            alarm.name, share, problem.get_state(), dict(problem.factors), attempts[-1]
+        )
 
     def _bifurcations(
         self, place: Place, before: int, after: int, rates: dict[str, float]

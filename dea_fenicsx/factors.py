@@ -369,3 +369,4 @@ def _entries(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Row and column of each entry of blocks, whose rows are given; shape (blocks, rows)."""
     n = rows.shape[1]
     return np.repeat(rows, n, axis=1).ravel(), np.tile(rows, (1, n)).ravel()
+

@@ -292,7 +292,9 @@ class Gauge:
                 x = problem.place_of(int(cells[k]), int(q))
                 place[: len(x)] = x * problem.scales.length
                 best = (float(margins[k, q]), float(values[k, q]), name, place)
-        margin, value, name, place = min(problem.comm.allgather(best), key=lambda b: (b[0], *b[3]))
+        margin, value, name, place = min(
+            problem.comm.allgather(best), key=lambda b: (b[0], *b[3])
+        )
         return Worst(value, margin, name, place)
 
 
@@ -309,4 +311,6 @@ def pull_in(scene: Scene, error: EquilibriumLost, last: Mapping[str, Any]) -> li
         return []
     volts = scene.reference_voltage(label) or 1.0
     low, high = (f[label] * volts for f in (error.reached, error.failed))
-    return [{"mode": "pull-in", "step": last["step"], f"{label}_V": low, f"{label}_above_V": high}]
+    return [
+        {"mode": "pull-in", "step": last["step"], f"{label}_V": low, f"{label}_above_V": high}
+    ]

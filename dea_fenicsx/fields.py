@@ -86,7 +86,9 @@ class FieldWriter:
         cells = problem.scene.device.cells
         tags = np.zeros(int(cells.indices.max(initial=-1)) + 1, dtype=np.int32)
         tags[cells.indices] = cells.values
-        gathered = [self.gather(a) for a in (numbers, coordinates, tags[: self.owned_cells])]
+        gathered = [
+            self.gather(a) for a in (numbers, coordinates, tags[: self.owned_cells])
+        ]
         if problem.comm.rank != 0:
             return None
         numbers, coordinates, regions = (np.asarray(g) for g in gathered)
@@ -219,3 +221,5 @@ def _quadratic_from_linear(kind: str) -> np.ndarray:
         basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped
     )
     return np.asarray(linear.tabulate(0, quadratic.points)[0, :, :, 0])
+
+

@@ -138,7 +138,6 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
 
     made = []
-
     def log_stretch(ramp: str, axis: int, name: str) -> float:
         return sum(
             float(np.log(item.stretches[axis])) for item in prestretches
@@ -162,10 +161,8 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
                 eps=cellwise(permittivity) if field_lives else None,
                 kappa=None if incompressible else cellwise(bulk_modulus),
                 prestretch={
-                    ramp: (
-                        factors[ramp],
-                        [cellwise(partial(log_stretch, ramp, axis)) for axis in range(3)],
-                    )
+                    ramp: (factors[ramp],
+                           [cellwise(partial(log_stretch, ramp, axis)) for axis in range(3)])
                     for ramp in ramps
                 },
                 regions=tuple(names),

@@ -90,6 +90,7 @@ class Loads:
             self.unit_work[load.ramp] = self.unit_work.get(load.ramp, 0) + unit_work
             self.work += self.factors[load.ramp] * unit_work
 
+
     def add_strain(self, ramp: str, factor: Any, work: Any) -> None:
         """A pre-stretch: its factor is part of the energy, `work` minus the residual's derivative
         by it."""

@@ -126,7 +126,7 @@ def step_line(
 
 
 def _duration(seconds: float) -> str:
-    """ "12 s", "3 min", "2.5 h"."""
+    """"12 s", "3 min", "2.5 h"."""
     if seconds < 99.5:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5970 else f"{seconds / 3600:.1f} h"

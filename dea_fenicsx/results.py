@@ -288,7 +288,9 @@ class Folder:
 
     def _grid_xml(self, step: int, time: float, file: Path, prefix: str, whole: bool) -> str:
         mesh, mesh_prefix = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
-        return xdmf.grid_xml(f"step {step}", time, (mesh, mesh_prefix), (file, prefix), self.path)
+        return xdmf.grid_xml(
+            f"step {step}", time, (mesh, mesh_prefix), (file, prefix), self.path
+        )
 
     def write_mode(
         self,
@@ -313,7 +315,9 @@ class Folder:
         replace_file(file, _h5(put))
         grid_xml = xdmf.grid_xml(f"mode of step {step}", 0.0, (file, ""), (file, ""), folder)
         text = xdmf.document(grid_xml)
-        replace_file(file.with_suffix(".xdmf"), lambda t: _discard(t.write_text(text, "utf-8")))
+        replace_file(
+            file.with_suffix(".xdmf"), lambda t: _discard(t.write_text(text, "utf-8"))
+        )
 
     def consolidate(self, history: list[dict[str, Any]]) -> None:
         """Bring all steps into one fields.h5 and remove the parts (rank 0)."""

@@ -107,7 +107,9 @@ def solve(
         In all these cases everything up to the last accepted step is on disk, and the error's
         attribute `run` holds it.
     """
-    check_arguments(scene, path, record, out, resume, quiet, stability, failures, options, settings)
+    check_arguments(
+        scene, path, record, out, resume, quiet, stability, failures, options, settings
+    )
     path = [path] if isinstance(path, Ramp | Trace) else list(path)
     watched = default_failures(scene) if failures is None else tuple(failures)
     return _Session(
@@ -291,7 +293,9 @@ class _Session:
         self._report(row, now - self._step_started, self._share(cursor))
         self._step_started = time.perf_counter()
 
-    def _write(self, step: Step, row: dict[str, Any], by_cell: Mapping[str, np.ndarray]) -> None:
+    def _write(
+        self, step: Step, row: dict[str, Any], by_cell: Mapping[str, np.ndarray]
+    ) -> None:
         """Write an accepted step; the run can be resumed from it unless it is an event's."""
         assert self.folder and self.writer
         told = None if step.event else {
@@ -420,8 +424,7 @@ class _Session:
             "stable": stable,
             "events": [
                 {"event": row["event"], "step": row["step"], **self._loads(row)}
-                for row in self.history
-                if row["event"]
+                for row in self.history if row["event"]
             ],
             "failures": self.found + self._lost_by_pull_in(),
             "steps": len(self.history) - 1 if self.history else 0,

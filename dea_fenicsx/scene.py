@@ -416,20 +416,21 @@ def _check_overall(scene: Scene) -> None:
     for item in [*scene.prescribed, *scene.loads]:
         what = type(item).__name__
         if isinstance(item, FollowerPressure) and kinematics.overall:
-            where = (
-                "a helical cell"
-                if isinstance(kinematics, Helical)
-                else ("generalised plane strain")
+            where = "a helical cell" if isinstance(kinematics, Helical) else (
+                "generalised plane strain"
             )
             raise InputError(
-                f"FollowerPressure on {item.where!r} is not available in {where}; use DeadPressure."
+                f"FollowerPressure on {item.where!r} is not available in {where}; use "
+                "DeadPressure."
             )
         if not isinstance(item, AxialStretch | Twist | AxialForce | Torque):
             continue
         needed = "twist" if isinstance(item, Twist | Torque) else "elongation"
         if needed not in kinematics.overall:
             also = " or GeneralisedPlaneStrain(depth)" if needed == "elongation" else ""
-            raise InputError(f"{what} is for helical cells; take kinematics=Helical(pitch){also}.")
+            raise InputError(
+                f"{what} is for helical cells; take kinematics=Helical(pitch){also}."
+            )
         if isinstance(item, AxialStretch):
             finite(item.stretch, "The axial stretch")
             if item.stretch <= 0:

@@ -231,7 +231,9 @@ def _follow_trace(
             dict(cursor.start), found.direction, switched,
         )  # fmt: skip
         last = done >= item.steps and cursor.ramp == len(path) - 1
-        yield Step(cursor, item.what, found.attempt, found.retries, last, found.event, found.mode)
+        yield Step(
+            cursor, item.what, found.attempt, found.retries, last, found.event, found.mode
+        )
         if done >= item.steps or (not found.event and enough()):
             return
 
@@ -342,7 +344,9 @@ def _snap(
         raise lost from None
     landed = problem.get_state()
     factors = _factors_at(ramp, names, cursor, limit.factor)
-    cursor = replace(cursor, step=cursor.step + 1, position=limit.factor, factors=factors, size=0.0)
+    cursor = replace(
+        cursor, step=cursor.step + 1, position=limit.factor, factors=factors, size=0.0
+    )
     problem.set_factors(factors)
     problem.set_state(limit.state)
     kind = "maximum" if abs(ramp.to) > abs(cursor.start[names[0]]) else "minimum"

@@ -91,7 +91,9 @@ class Tangent:
                 vector = problem.restrict(problem.load_vector(ramp))
             problem.add_sources(vector, ramp, 1.0)
             self._loads[ramp] = vector
-        return self._loads[ramp] + self.times_fixed(problem.constraints.base[ramp][problem.fixed])
+        return self._loads[ramp] + self.times_fixed(
+            problem.constraints.base[ramp][problem.fixed]
+        )
 
     def _along_times(self) -> np.ndarray:
         return assembled(self._product, self._action)

@@ -174,7 +174,9 @@ def followers(groups: list[Group], pairs: Pairs | None, fixed: np.ndarray) -> np
     return found
 
 
-def expansion(free: np.ndarray, groups: list[Group], pairs: Pairs | None, rows: Rows) -> PETSc.Mat:
+def expansion(
+    free: np.ndarray, groups: list[Group], pairs: Pairs | None, rows: Rows
+) -> PETSc.Mat:
     """Matrix from the free unknowns to all owned degrees of freedom; rows of fixed ones are 0."""
     offset = rows.comm.exscan(len(free)) or 0
     column = np.full(rows.owned, -1, dtype=np.int64)

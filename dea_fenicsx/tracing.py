@@ -122,13 +122,8 @@ def trace(
         for event in events:
             slope = np.sign(there.factor - here.factor)
             factor = event.factors[item.what]
-            spots.append(
-                (
-                    event.share * arc,
-                    event.state,
-                    Traced(factor, arc, slope, event.attempt, 0, event.name, event.mode),
-                )
-            )
+            spots.append((event.share * arc, event.state,
+                          Traced(factor, arc, slope, event.attempt, 0, event.name, event.mode)))
         for _, state, traced in sorted(spots, key=lambda spot: spot[0]):
             branch.set_factor(traced.factor)
             problem.set_state(state)

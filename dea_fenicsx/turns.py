@@ -69,7 +69,9 @@ def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> Turns:
     nodes = np.reshape(grid.cells, (grid.n_cells, -1))[:, 1:]
     sizes = _sizes(np.asarray(grid.points)[nodes[:, :8]])
     volume = np.bincount(nodes.ravel(), np.repeat(sizes, nodes.shape[1]), grid.n_points)
-    found = measure_turns(np.asarray(grid.points), grid.point_data["displacement_m"], pitch, volume)
+    found = measure_turns(
+        np.asarray(grid.points), grid.point_data["displacement_m"], pitch, volume
+    )
     if FIELD in grid.cell_data:
         field = np.asarray(grid.cell_data[FIELD])
         of = np.floor(_height(np.asarray(grid.cell_centers().points), pitch)).astype(int)

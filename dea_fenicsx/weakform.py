@@ -265,7 +265,9 @@ class Problem:
         self.points = points
         self._probes = [
             compat.expression(
-                ufl.as_vector([s.J, s.chain_margin, ufl.sqrt(ufl.dot(s.true_field, s.true_field))]),
+                ufl.as_vector(
+                    [s.J, s.chain_margin, ufl.sqrt(ufl.dot(s.true_field, s.true_field))]
+                ),
                 points,
             )
             for s in self.states
@@ -431,7 +433,6 @@ class Problem:
     def place_of(self, cell: int, point: int) -> np.ndarray:
         """Undeformed position of a quadrature point of a local cell, dimensionless."""
         return self._place(self.mesh, np.array([cell], dtype=np.int32))[0, point]
-
     def swelling(self) -> np.ndarray:
         """Change of volume int (J - 1) dX of each owned cell, dimensionless."""
         return _cell_values(self._swelling)[: len(self.cell_volumes)]

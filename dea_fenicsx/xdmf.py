@@ -78,3 +78,5 @@ def _attribute(
         f'    <Attribute Name="{name}" AttributeType="{kind}" Center="{center}">\n'
         f"{_item(shape, number, where)}\n    </Attribute>"
     )
+
+

@@ -184,7 +184,8 @@ def study(args, name, out, settings):
             hinge.laminate(stress="pressure").curvature(np.array(VOLTS)) * args.thin
         ).tolist(),
         "fold_given_pressure_at_1_2_4_kV_deg": [
-            float(np.interp(v, volts, fold)) if v <= volts[-1] * (1 + 1e-9) else None for v in VOLTS
+            float(np.interp(v, volts, fold)) if v <= volts[-1] * (1 + 1e-9) else None
+            for v in VOLTS
         ],
         "given_pressure_ends_V": float(volts[-1]) if stopped else None,
     }
@@ -215,7 +216,9 @@ def blocked(hinge, quiet):
         found |= {f"blocked_{key}force_1kV_N": -run["push_N"],
                   f"closed_form_blocked_{key}force_1kV_N": exact}  # fmt: skip
     # eps E^2 x thickness x width, whatever the voltage
-    found["maxwell_force_4kV_N"] = hinge.maxwell(max(VOLTS)) * shape.films * shape.film * args.width
+    found["maxwell_force_4kV_N"] = (
+        hinge.maxwell(max(VOLTS)) * shape.films * shape.film * args.width
+    )
     run = dea.solve(
         hinge.scene(100.0, taper=False, supports=[dea.Clamp("x_min"), dea.Fix("x_max", "y")]),
         dea.Ramp(steps=1), {"push": dea.Reaction("x_max", "y")}, **quiet,

@@ -33,13 +33,8 @@ def parse():
     parser.number("--electrode-mu", None, "Pa", "shear modulus of the electrodes; default: --mu")
     parser.number("--eps-r", 4.7, "-", "relative permittivity (thesis Table 5.2)")
     parser.count("--mesh", 1, "mesh density: all divisions of the coarse mesh times this")
-    parser.number(
-        "--taper",
-        0.0,
-        "m",
-        "width over which the driven electrode's potential falls to "
-        "zero at its edges; narrower than an elastomer layer it makes things worse",
-    )
+    parser.number("--taper", 0.0, "m", "width over which the driven electrode's potential falls to "
+                  "zero at its edges; narrower than an elastomer layer it makes things worse")
     parser.add_argument("--loads", action="store_true", help="also compare full field, thin-film "
                         "field and given Maxwell pressure (loads.csv)")  # fmt: skip
     parser.add_argument("--force", action="store_true", help="also blocked force and stiffness")
@@ -157,11 +152,9 @@ def report(args, run, geometry, lost, say):
         run.add(pull_in_voltage_V=top["voltage_V"], pull_in_contraction=top["contraction"])
     if unstable:
         before = rows[rows.index(unstable) - 1]
-        say(
-            f"stable up to {before['voltage_V']:.1f} V; at {unstable['voltage_V']:.1f} V "
+        say(f"stable up to {before['voltage_V']:.1f} V; at {unstable['voltage_V']:.1f} V "
             f"{unstable['inertia']} negative eigenvalues (at sharp electrode edges, so this "
-            "voltage depends on the mesh)"
-        )
+            "voltage depends on the mesh)")
         run.add(stable_up_to_V=before["voltage_V"], unstable_from_V=unstable["voltage_V"])
     if lost:
         say(f"the branch ends: {lost}")
@@ -254,10 +247,8 @@ def loads(args, comm, run, device, geometry, say):
     for volts, full, thin, given in rows:
         say(f"{volts:10.0f}{100 * full:12.4f}{100 * thin:12.4f} ({thin / full - 1:+7.2%})"
             f"{100 * given:12.4f} ({given / full - 1:+7.2%})")  # fmt: skip
-    say(
-        "thin film: without fringes; given pressure: also without the field's growth as layers thin"
-        "\nand without what it pulls in their plane"
-    )
+    say("thin film: without fringes; given pressure: also without the field's growth as layers thin"
+        "\nand without what it pulls in their plane")
     columns = ["voltage_V", "full_field", "thin_film", "given_pressure"]
     run.add(loads=[dict(zip(columns, row, strict=True)) for row in rows])
     table(comm, run.out / "loads.csv", columns, rows)
@@ -282,18 +273,12 @@ def force(args, run, device, geometry, say):
     rest = dea.solve(loaded, small, record, **quiet)["stretch"] - 1
     live = dea.solve(loaded, [ramp, small], record, **quiet).column("stretch")
     stiffness = [float(pull / (d * geometry.pitch)) for d in (rest, live[-1] - live[-2])]
-    say(
-        f"\nat {args.voltage:g} V: blocked force {blocked:.4f} N (linear, no fringes: "
+    say(f"\nat {args.voltage:g} V: blocked force {blocked:.4f} N (linear, no fringes: "
         f"{linear:.4f} N); stiffness of a turn {stiffness[1]:.1f} N/m, at rest "
-        f"{stiffness[0]:.1f} N/m (E A/pitch: {3 * args.mu * area / geometry.pitch:.1f} N/m)"
-    )
-    run.add(
-        blocked_force_N=blocked,
-        linear_blocked_force_N=float(linear),
-        stiffness_of_turn_N_per_m=stiffness[1],
-        stiffness_of_turn_at_rest_N_per_m=stiffness[0],
-        linear_stiffness_of_turn_N_per_m=float(3 * args.mu * area / geometry.pitch),
-    )
+        f"{stiffness[0]:.1f} N/m (E A/pitch: {3 * args.mu * area / geometry.pitch:.1f} N/m)")
+    run.add(blocked_force_N=blocked, linear_blocked_force_N=float(linear),
+            stiffness_of_turn_N_per_m=stiffness[1], stiffness_of_turn_at_rest_N_per_m=stiffness[0],
+            linear_stiffness_of_turn_N_per_m=float(3 * args.mu * area / geometry.pitch))
 
 
 def edges(args, comm, run, say):
@@ -311,13 +296,8 @@ def edges(args, comm, run, say):
             device = dea.read_gmsh(geometry, comm)
             path = dea.Trace("voltage", first=0.2, steps=40, until=("c", 0.4), longest=1.0)
             try:
-                one = dea.solve(
-                    driven(args, device, geometry, 12e3, edge),
-                    path,
-                    {"c": dea.OverallContraction()},
-                    quiet=True,
-                    stability="every",
-                )
+                one = dea.solve(driven(args, device, geometry, 12e3, edge), path,
+                                {"c": dea.OverallContraction()}, quiet=True, stability="every")
             except dea.EquilibriumLost as error:
                 one = error.run
             c, volts = one.column("c"), one.column("voltage_V")

@@ -44,23 +44,15 @@ def parse():
     parser.number("--eps-r", 4.7, "-", "relative permittivity (thesis Table 5.2)")
     parser.count("--mesh", 2, f"mesh density, {min(MESHES)} (coarse) to {max(MESHES)} (fine, "
                  "42 000 unknowns a turn)")  # fmt: skip
-    parser.number(
-        "--taper",
-        0.0,
-        "m",
-        "width over which the driven electrode's potential falls to zero at its edges",
-    )
+    parser.number("--taper", 0.0, "m", "width over which the driven electrode's potential falls to "
+                  "zero at its edges")
     parser.add_argument("--reach", action="store_true", help="on to 13 %% or to pull-in")
     parser.add_argument("--blocked", action="store_true", help="also the force between two rigid "
                         "plates, and the axial stiffness")  # fmt: skip
     parser.number("--cap", None, "m", "flat ends with passive discs of this thickness")
     parser.add_argument("--no-cell", action="store_true", help="skip the helically periodic cell")
-    parser.add_argument(
-        "--no-count",
-        action="store_true",
-        help="do not count negative eigenvalues "
-        "at the end: at ten turns of mesh 3 that takes more memory than all else",
-    )
+    parser.add_argument("--no-count", action="store_true", help="do not count negative eigenvalues "
+                        "at the end: at ten turns of mesh 3 that takes more memory than all else")
     parser.add_argument("--no-pictures", action="store_true", help="draw nothing")
     parser.add_argument("--table", nargs="*", type=int, metavar="TURNS", help="run these turns "
                         "(1 2 5 10 if none is named), each by an mpirun of its own, and write "
@@ -202,11 +194,8 @@ def report(args, run, say):
         ("height, mm", "16.5", f"{1e3 * s['height_m']:.1f}"),
         ("voltage, kV", "56.6", f"{run['voltage_V'] / 1e3:.1f}"),
         ("contraction, %", "13.3", f"{100 * s['contraction']:.4f}"),
-        (
-            "voltage for 13.3 %, kV",
-            "56.6",
-            f"{s.get('voltage_for_13_3_percent_V', float('nan')) / 1e3:.4f}",
-        ),
+        ("voltage for 13.3 %, kV", "56.6",
+         f"{s.get('voltage_for_13_3_percent_V', float('nan')) / 1e3:.4f}"),
         ("stroke, mm", "2.2", f"{1e3 * s['stroke_m']:.4f}"),
         ("twist between the ends, rad", "-", f"{s['twist_rad']:.5f}"),
         ("bending angle, deg", "-", f"{s['bending_angle_deg']:.4f}"),

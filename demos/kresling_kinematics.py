@@ -89,7 +89,8 @@ def main():
         "folded_panel_angle_deg": float(np.degrees(flat.at(flat.height).panel_angle)),
         "least_fold_width_m": float(least_fold_width(args.thickness)),
         "strokes": [
-            {"collapsed_height_m": c} | {k: float(v) for k, v in strokes(args.height, c, c).items()}
+            {"collapsed_height_m": c}
+            | {k: float(v) for k, v in strokes(args.height, c, c).items()}
             for c in (args.height / 8, PLIES)  # either is meant by 700 %
         ],
         "settings": parser.settings(args),

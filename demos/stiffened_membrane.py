@@ -268,11 +268,8 @@ def vary(args, film):
         run, _ = section(args, args.volts, **chosen)
         words = ", ".join(f"{k} {v:g}" for k, v in change.items()) or "nothing"
         table.append(
-            {
-                "changed": words,
-                "angle_deg": float(np.degrees(run["angle_rad"])),
-                "tip_m": float(run["tip_m"]),
-            }
+            {"changed": words, "angle_deg": float(np.degrees(run["angle_rad"])),
+             "tip_m": float(run["tip_m"])}
         )
     return table
 

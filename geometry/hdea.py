@@ -23,7 +23,9 @@ ENDS = ("ramp", "flat")
 
 
 @dataclass(frozen=True)
-@in_si(outer_radius="m", inner_radius="m", inset="m", elastomer="m", electrode="m", cap="m")
+@in_si(
+    outer_radius="m", inner_radius="m", inset="m", elastomer="m", electrode="m", cap="m"
+)
 class HDEA(Geometry):
     """Two electrodes wound as helicoids in an elastomer ring, every turn bonded to the next.
 

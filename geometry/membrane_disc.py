@@ -161,7 +161,9 @@ class MembraneDisc(Geometry):
 
     def _section(self) -> StructuredMesh:
         a = self.electrode_radius
-        radial = joined_ends(a * graded(self.cells[0], self.grading, "end"), a + self._outside())
+        radial = joined_ends(
+            a * graded(self.cells[0], self.grading, "end"), a + self._outside()
+        )
         through = self.thickness * graded(self.layers, 1.0, "none")
         mesh, cell = lattice([radial, through], self.order)
         mesh.add_facets("axis", cell[0] == 0, 0, 0)

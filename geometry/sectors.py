@@ -90,7 +90,9 @@ def checked_sectors(owner: str, sectors: Any) -> tuple[Sector, ...]:
                 if len(made) > 1
                 else f"the ends of the sector {here.start:g} to {here.end:g}"
             )
-            raise InputError(f"{owner}: {both} degrees overlap or touch; leave a gap between them.")
+            raise InputError(
+                f"{owner}: {both} degrees overlap or touch; leave a gap between them."
+            )
     return tuple(made)
 
 

@@ -35,7 +35,9 @@ def check_stiffened(out, printed):
     assert s["max_relative_error"] < 1e-6
     slack = {"gent, 2.125": 0.136, "gent, 2.75": 0.091}
     assert s["loss_of_tension_strain"] == pytest.approx(slack, abs=5e-4)
-    stiff, bare, mixed = (np.array(s[f"{k}_voltage_V"]) for k in ("stiffened", "bare", "mixture"))
+    stiff, bare, mixed = (
+        np.array(s[f"{k}_voltage_V"]) for k in ("stiffened", "bare", "mixture")
+    )
     assert np.all(bare < stiff) and np.all(stiff < mixed)
     assert 0 < s["voltage_rise"] < 0.1
     assert s["mid_plane_bending_angle_deg"] < 1e-4

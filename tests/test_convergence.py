@@ -199,3 +199,4 @@ def test_rates_in_three_dimensions():
         found.append(errors(run, R, ufl.as_vector([x[0] / R, x[1] / R, 0])))
     slope = rates(levels, found)
     assert np.all(slope[:3] > np.array([3, 2, 2]) - 0.2), slope
+

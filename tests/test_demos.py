@@ -188,6 +188,7 @@ def check_helical_cell(out, printed):
     for name in ("fields.xdmf", "history.csv", "contraction_voltage.png"):
         assert (out / name).exists()
 
+
     # one scene, three loads: what is left out shows, fringes first (2.4 % of any stroke)
     full, thin, given = (np.array([row[name] for row in s["loads"]])
                          for name in ("full_field", "thin_film", "given_pressure"))  # fmt: skip
@@ -406,7 +407,7 @@ def check_own_material(out, printed):
 
 def check_read_results(out, printed):
     """The same numbers by each way of reading."""
-    found = json.loads(printed[printed.rindex("{") :])
+    found = json.loads(printed[printed.rindex("{"):])
     s = summary(out)
     assert found["top_from_history_m"] == s["top_m"] < 0
     assert found["largest_displacement_meshio_m"] == found["largest_displacement_h5py_m"]
@@ -430,10 +431,8 @@ CHECKS = {
     "hdea_ten_layer.py": (check_ten_layer, ["--turns", 3, "--mesh", 1, "--steps", 3]),
     "hdea_two_turn.py": (check_hdea, ["--mesh", 1, "--steps", 4, "--trend"]),
     "kresling_box.py": (check_box, []),
-    "kresling_cell.py": (
-        check_cell,
-        ["--mesh", 2, "--steps", 8, "--stroke", 0.02, "--held-stroke", 0.0002],
-    ),
+    "kresling_cell.py": (check_cell, ["--mesh", 2, "--steps", 8, "--stroke", 0.02,
+                                      "--held-stroke", 0.0002]),
     "kresling_kinematics.py": (check_kresling, []),
     "membrane_disc.py": (check_disc, ["--mesh", 1]),
     "own_geometry.py": (check_own_geometry, []),

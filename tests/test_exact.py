@@ -72,7 +72,9 @@ def thesis_film(curve: dict) -> Film:
     return replace(free, second=Held(side)).prestretched(float(words[3].replace("p", ".")), side)
 
 
-@pytest.mark.parametrize("curve", CURVES, ids=lambda c: f"{c['case']}-{c['column']}-{c['model']}")
+@pytest.mark.parametrize(
+    "curve", CURVES, ids=lambda c: f"{c['case']}-{c['column']}-{c['model']}"
+)
 def test_thesis_curves_to_the_digits_given(curve):
     f = thesis_film(curve)
     if "other_free" not in curve["case"] and "no_prestretch" not in curve["case"]:
@@ -338,9 +340,9 @@ def test_stiff_bulk_approaches_the_incompressible_film():
     errors = []
     for kappa in (5e7, 5e8):
         for stress in ("field", "pressure"):
-            peak = trace(Film(replace(soft, bulk_modulus=kappa), MM, stress=stress)).event(
-                "pull-in"
-            )
+            peak = trace(
+                Film(replace(soft, bulk_modulus=kappa), MM, stress=stress)
+            ).event("pull-in")
             errors.append(abs(peak.stretches[0] - 2 ** (1 / 3)))
     assert errors[0] < 2e-3 and errors[2] < 0.15 * errors[0] and errors[3] < 0.15 * errors[1]
 

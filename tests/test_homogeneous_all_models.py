@@ -219,7 +219,9 @@ def test_homogeneous_state(name, load, kinematics, cell):
 @pytest.mark.parametrize("name", MODELS)
 def test_held_stretch_and_its_force(name):
     """One side held at 1.3, the other under a dead load: stretches, charge and the force."""
-    stretches, charge, problem = run(ThreeD(), "hexahedron", single(name), 0.0, 1e4, 4e3, held=1.3)
+    stretches, charge, problem = run(
+        ThreeD(), "hexahedron", single(name), 0.0, 1e4, 4e3, held=1.3
+    )
     film = Film(
         Material(MODELS[name], IdealDielectric(4.7)), 1e-3, first=Held(1.3), second=Dead(1e4)
     )
@@ -265,6 +267,8 @@ def test_assembled_tangent_is_the_derivative_of_the_residual(name):
     for h in (1.0, 0.5, 0.25, 0.125):
         problem.set_state(state)
         problem.add_free(h * d)
-        remainders.append(np.linalg.norm(problem.residual()[problem.free] - residual - h * linear))
+        remainders.append(
+            np.linalg.norm(problem.residual()[problem.free] - residual - h * linear)
+        )
     assert np.log2(remainders[-2] / remainders[-1]) == pytest.approx(2, abs=0.1)
     assert remainders[-1] < 0.05 * np.linalg.norm(0.125 * linear)

@@ -154,11 +154,8 @@ dea.solve(film(volts=0.8 * LIMIT, device=strip), dea.Ramp(steps=6),
 def test_one_rank_interrupted_ends_all(start, tmp_path):
     """Rank 1 alone is sent the signal; one sentence, and what was done is kept."""
     script = tmp_path / "film.py"
-    script.write_text(
-        INTERRUPTED.format(tests=os.path.dirname(__file__)).replace(
-            "from mpi4py", "from dea_fenicsx.geometry import BoxStack, Layer\nfrom mpi4py"
-        )
-    )
+    script.write_text(INTERRUPTED.format(tests=os.path.dirname(__file__)).replace(
+        "from mpi4py", "from dea_fenicsx.geometry import BoxStack, Layer\nfrom mpi4py"))
     done = start(script, tmp_path / "out", ranks=2, timeout=100)
     assert done.returncode == 130, done.stderr
     told = [x for x in done.stderr.splitlines() if x.startswith("Error: ")]

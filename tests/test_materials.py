@@ -37,7 +37,9 @@ def closed_form(model, l: np.ndarray, n: float) -> np.ndarray:
     l3 = 1 / (l * l2)
     I1 = l**2 + l2**2 + l3**2
     if isinstance(model, Ogden):
-        return sum(m * (l**a - l3**a) for m, a in zip(model.mu, model.alpha, strict=True)) / l
+        return sum(
+            m * (l**a - l3**a) for m, a in zip(model.mu, model.alpha, strict=True)
+        ) / l
     if isinstance(model, NeoHookean):
         W1, W2 = model.mu / 2, 0.0
     elif isinstance(model, MooneyRivlin):

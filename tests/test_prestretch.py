@@ -28,9 +28,8 @@ def membrane(stretches, nominal=(0.0, 0.0), volts=0.0, thickness=None, **more):
     # force over the stretched face: nominal stress times l of its own direction
     loads = [dea.DeadLoad("x_max", (nominal[0] * l1, 0.0, 0.0)),
              dea.DeadLoad("y_max", (0.0, nominal[1] * l2, 0.0))]  # fmt: skip
-    more.setdefault(
-        "supports", [dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")]
-    )
+    more.setdefault("supports",
+                    [dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")])
     return dea.Scene(
         block((1, 1, 1), size=2e-3, thickness=thickness), {"film": RUBBER},
         electrodes=[dea.Electrode("top", volts), dea.Ground("bottom")],
@@ -82,7 +81,9 @@ def test_derivative_by_the_ramp():
     errors = []
     for h in (1e-2, 5e-3):
         problem.set_factors({"prestretch": 0.6 + h, "load": 0.6 + h, "voltage": 1.0})
-        errors.append(np.linalg.norm(problem.unbalanced(problem.residual()) - start - h * slope))
+        errors.append(
+            np.linalg.norm(problem.unbalanced(problem.residual()) - start - h * slope)
+        )
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
     assert errors[1] < 0.01 * h * np.linalg.norm(slope)
 

@@ -130,7 +130,9 @@ def cubes(comm, shift, kind="hexahedron"):
         mesh.topology.create_connectivity(d, 3)
     mesh.topology.create_connectivity(3, 2)
     n = mesh.topology.index_map(3).size_local + mesh.topology.index_map(3).num_ghosts
-    tags = dolfinx.mesh.meshtags(mesh, 3, np.arange(n, dtype=np.int32), np.ones(n, dtype=np.int32))
+    tags = dolfinx.mesh.meshtags(
+        mesh, 3, np.arange(n, dtype=np.int32), np.ones(n, dtype=np.int32)
+    )
     left = dolfinx.mesh.locate_entities_boundary(mesh, 2, lambda p: np.isclose(p[0], 0.0))
     facets = dolfinx.mesh.meshtags(mesh, 2, np.sort(left), np.ones(len(left), dtype=np.int32))
     return Device(mesh, tags, facets, {"film": 1}, {"left": 1}, 1.0, "cubes")

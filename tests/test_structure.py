@@ -14,7 +14,7 @@ ORDER = [
     "materials", "kinematics", "conditions", "scene",
     "exact", "origami",
     "forms", "loads", "constraints", "rigid", "ties", "weakform",
-    "tangent", "factors", "references", "solver",
+    "tangent", "factors", "corotation", "references", "solver",
     "stability", "events", "arclength", "tracing", "predictor", "stepping",
     "checks", "observables", "overall", "rotation", "failures", "fields", "reading", "turns",
     "provenance", "summary", "xdmf", "results", "interruption", "progress", "arguments", "run",

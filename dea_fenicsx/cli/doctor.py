@@ -183,31 +183,19 @@ def solver(seconds: float) -> Iterator[Finding]:
         yield from _blas(facts["blas"]["blas"])
     inertia = facts.get("inertia", {"inertia": None, "failed": done.reason})
     if inertia["inertia"] is None:
-        yield Finding(
-            BAD,
-            "mumps",
-            f"no L D L^T: {inertia['failed']}",
-            "PETSc must be built with MUMPS, as Debian's and the wheel's are.",
-        )
+        yield Finding(BAD, "mumps", f"no L D L^T: {inertia['failed']}",
+                      "PETSc must be built with MUMPS, as Debian's and the wheel's are.")
     elif inertia["inertia"][0] != inertia["inertia"][1]:
-        yield Finding(
-            BAD,
-            "mumps",
-            "counts {} negative pivots instead of {}".format(*inertia["inertia"]),
-            "Stability cannot be judged with this MUMPS.",
-        )
+        yield Finding(BAD, "mumps", "counts {} negative pivots instead of {}".format(
+            *inertia["inertia"]), "Stability cannot be judged with this MUMPS.")
     else:
         yield Finding(OK, "mumps", "L D L^T solves, inertia right")
     cache = facts.get("cache", {"cache": None, "folder": "?", "failed": done.reason})
     if cache["cache"]:
         yield Finding(OK, "form cache", cache["cache"])
     else:
-        yield Finding(
-            BAD,
-            "form cache",
-            f"{cache['folder']} cannot be written: {cache['failed']}",
-            "Set XDG_CACHE_HOME to a folder that can.",
-        )
+        yield Finding(BAD, "form cache", f"{cache['folder']} cannot be written: {cache['failed']}",
+                      "Set XDG_CACHE_HOME to a folder that can.")
     form = facts.get("form", {"form": None, "failed": done.reason})
     if form["form"] is not None and abs(form["form"] - 1) < 1e-12:
         text = f"{_compiler()}, a small form in {form['seconds']:.1f} s"

@@ -36,7 +36,7 @@ def ranks() -> None:
 
 
 def _mpi_name(text: str) -> str:
-    """ "MPICH 5.0.2" from what the library says about itself."""
+    """"MPICH 5.0.2" from what the library says about itself."""
     found = re.match(r"\s*(Open MPI|MPICH|Intel\S* MPI)?[^0-9]*([0-9.]*[0-9])?", text)
     return " ".join(part for part in (found.groups() if found else ()) if part)
 

@@ -27,51 +27,24 @@ _COMMON = {
 
 
 def add(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "results",
-        nargs="+",
-        type=Path,
-        metavar="RESULTS",
-        help="results folder; curves of several are laid over one another",
-    )
+    parser.add_argument("results", nargs="+", type=Path, metavar="RESULTS",
+                        help="results folder; curves of several are laid over one another")
     parser.add_argument("--x", metavar="COLUMN", help="abscissa (default: the load)")
-    parser.add_argument(
-        "--y",
-        metavar="COLUMN",
-        action="append",
-        help="ordinate, may be given several times (default: the first recorded)",
-    )
-    parser.add_argument(
-        "--field",
-        metavar="NAME",
-        help="field to colour by (default: the electric field, if there is one)",
-    )
-    parser.add_argument(
-        "--step", type=int, metavar="N", help="step to draw, -1 for the last (default)"
-    )
-    parser.add_argument(
-        "--warp",
-        type=float,
-        default=1.0,
-        metavar="-",
-        help="scale of the drawn displacement (default 1)",
-    )
-    parser.add_argument(
-        "--format",
-        choices=("png", "svg"),
-        action="append",
-        help="format of the curves, may be given twice (default: both)",
-    )
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        help="where pictures go (default: the first results folder)",
-    )
+    parser.add_argument("--y", metavar="COLUMN", action="append",
+                        help="ordinate, may be given several times (default: the first recorded)")
+    parser.add_argument("--field", metavar="NAME", help="field to colour by (default: the "
+                        "electric field, if there is one)")
+    parser.add_argument("--step", type=int, metavar="N",
+                        help="step to draw, -1 for the last (default)")
+    parser.add_argument("--warp", type=float, default=1.0, metavar="-",
+                        help="scale of the drawn displacement (default 1)")
+    parser.add_argument("--format", choices=("png", "svg"), action="append",
+                        help="format of the curves, may be given twice (default: both)")
+    parser.add_argument("--out", type=Path, metavar="DIR",
+                        help="where pictures go (default: the first results folder)")
     parser.add_argument("--animate", type=Path, metavar="FILE", help="a film, .gif or .mp4")
-    parser.add_argument(
-        "--paraview", action="store_true", help="write view.py, which opens the results in ParaView"
-    )
+    parser.add_argument("--paraview", action="store_true",
+                        help="write view.py, which opens the results in ParaView")
     parser.add_argument("--text", action="store_true", help="the summary only")  # fmt: skip
 
 

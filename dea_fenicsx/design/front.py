@@ -157,7 +157,9 @@ class Front:
         if len(self.objectives) < 2:
             raise InputError("A front of one objective is a single design and has no picture.")
         x, y = list(self.objectives)[:2]
-        labels = [axis_label(with_unit(n, units), float(np.max(np.abs(self[n])))) for n in (x, y)]
+        labels = [
+            axis_label(with_unit(n, units), float(np.max(np.abs(self[n])))) for n in (x, y)
+        ]
         (x_text, x_unit), (y_text, y_unit) = labels
         with matplotlib.rc_context(STYLE):
             figure = Figure(figsize=(4.5, 3.2), layout="constrained")
@@ -193,3 +195,4 @@ def first_front(F: np.ndarray) -> np.ndarray:
     once = np.sort(once)
     best = NonDominatedSorting().do(F[once], only_non_dominated_front=True)
     return once[np.sort(np.asarray(best, dtype=int))]
+

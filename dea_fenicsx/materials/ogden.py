@@ -55,7 +55,9 @@ class Ogden:
         return tuple(m * a / 2 for m, a in zip(self.mu, self.alpha, strict=True)), self.alpha
 
     def energy(self, s: Strain) -> Any:
-        return sum(m / a * (s.power_sum(a) - 3) for m, a in zip(self.mu, self.alpha, strict=True))
+        return sum(
+            m / a * (s.power_sum(a) - 3) for m, a in zip(self.mu, self.alpha, strict=True)
+        )
 
     def shear_modulus(self) -> float:
         return sum(m * a / 2 for m, a in zip(self.mu, self.alpha, strict=True))

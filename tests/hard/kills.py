@@ -39,7 +39,7 @@ LEFT_OUT = {"wall_s", "newton_iterations", "krylov_iterations", "factorisations"
 
 STEPS = 15
 
-SCRIPT = """
+SCRIPT = '''
 import os, shutil, signal, sys
 import dea_fenicsx as dea
 import dea_fenicsx.results as results
@@ -92,7 +92,7 @@ dea.solve(scene, path, {"Q": dea.Charge("top"), "w": dea.LargestDisplacement("bo
     out=sys.argv[1], resume="--resume" in sys.argv, quiet=True, stability="every")
 if os.environ.get("COUNT_WRITES") and scene.device.comm.rank == 0:
     print(writes)
-"""
+'''
 
 
 def start(script: Path, out: Path, ranks: int, resume: bool, **environment: str):

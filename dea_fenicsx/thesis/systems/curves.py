@@ -90,7 +90,8 @@ def _hyperelastic() -> list[Row]:
         peak = branch("equibiaxial_prestretch_3p5", "c3p5", m).event("pull-in")
         peaks[m] = f"peak at {peak.stretches[0]:.3f}" if peak else "monotonic"
     literal = [
-        1 - (l1**2 + l2**2 + 1 / (l1 * l2) ** 2 - 3) for l1, l2 in ((2.125, 1.0), (2.75, 1.0))
+        1 - (l1**2 + l2**2 + 1 / (l1 * l2) ** 2 - 3)
+        for l1, l2 in ((2.125, 1.0), (2.75, 1.0))
     ] + [1 - (2 * 3.5**2 - 3.5**-4 - 3)]
     return [
         answer(s, "fig_5_12", None, MISSING,
