@@ -47,7 +47,7 @@ class Corotation:
     Attributes
     ----------
     factor
-        What preconditions at the last factorisation's state.
+        What preconditions at the last factorisation's state, or None.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -81,8 +81,8 @@ class Corotation:
         self._shared = dolfinx.fem.Function(space)
         self._at_factor = self._turn = np.tile(np.eye(dim), (len(nodes), 1, 1))
 
-    def start(self, factor: Factor) -> None:
-        """A factor was made of the tangent at the present state.  Collective."""
+    def start(self, factor: Factor | None) -> None:
+        """A factor was made, or could not be, of the tangent at the present state.  Collective."""
         self.factor = factor
         self._turned = False
         if self._possible:

@@ -391,7 +391,7 @@ class NewtonSolver:
             self._factor.release()
         self._factor = factor
         ok = factor.make(matrix)
-        self._corotation.start(factor)
+        self._corotation.start(factor if ok else None)
         if not ok:
             self.trouble = "factorisation"
         elif factor is self._whole:
@@ -420,6 +420,7 @@ class NewtonSolver:
         """
         if last:
             self._factor.release()
+            self._corotation.factor = None
             self._stale = True
         if self._split and self._proves_stable(self._split):
             self.inertia = Inertia(0, dict(self.problem.factors), settled=True)
