@@ -54,11 +54,10 @@ class Corotation:
         self.problem = problem
         self.factor: Factor | None = None
         parts = problem.displacement
-        dim = self._dim = problem.mesh.topology.dim
-        self._at_factor = self._turn = np.empty((0, dim, dim))
-        self._turned = False
+        self._dim = problem.mesh.topology.dim
+        self._turn: np.ndarray | None = None
         # a helical cell's components are cylindrical, and its plane is not their space
-        self._possible = len(parts) == dim
+        self._possible = len(parts) == self._dim
         if not self._possible:
             return
         space = parts[0].space
@@ -70,21 +69,19 @@ class Corotation:
         row = np.full(problem.size, -1)
         row[problem.free] = np.arange(len(problem.free))
         rows = np.stack([row[part.dofs] for part in parts], axis=1)
-        nodes = np.flatnonzero(np.all(rows >= 0, axis=1))
-        self._rows = rows[nodes]
-        self._nodes = nodes
+        self._nodes = np.flatnonzero(np.all(rows >= 0, axis=1))
+        self._rows = rows[self._nodes]
         around = space.dofmap.list[: len(self._cells)]
         size = len(parts[0].dofs)
         column = np.repeat(self._cells, around.shape[1])
         ones = np.ones(around.size)
         self._sum = sparse.csr_matrix((ones, (around.ravel(), column)), (size, len(self._cells)))
         self._shared = dolfinx.fem.Function(space)
-        self._at_factor = self._turn = np.tile(np.eye(dim), (len(nodes), 1, 1))
 
     def start(self, factor: Factor | None) -> None:
         """A factor was made, or could not be, of the tangent at the present state.  Collective."""
         self.factor = factor
-        self._turned = False
+        self._turn = None
         if self._possible:
             self._at_factor = self._rotations()
 
@@ -92,14 +89,15 @@ class Corotation:
         """Turn the factor to the present state.  Collective."""
         if not self._possible:
             return
-        self._turn = np.matmul(self._rotations(), np.swapaxes(self._at_factor, 1, 2))
-        most = float(np.max(np.abs(self._turn - np.eye(self._dim)), initial=0.0))
-        self._turned = self.problem.comm.allreduce(most, op=MPI.MAX) > LEAST
+        turn = np.matmul(self._rotations(), np.swapaxes(self._at_factor, 1, 2))
+        most = float(np.max(np.abs(turn - np.eye(self._dim)), initial=0.0))
+        enough = self.problem.comm.allreduce(most, op=MPI.MAX) > LEAST
+        self._turn = turn if enough else None
 
     def apply(self, context: Any, x: Any, y: Any) -> None:
         """What PETSc calls to precondition."""
         assert self.factor
-        if not self._turned:
+        if self._turn is None:
             self.factor.apply(context, x, y)
             return
         back = x.duplicate()

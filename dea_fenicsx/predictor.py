@@ -28,6 +28,7 @@ class Predictor:
 
     Displacement and pressure are even in a voltage or charge, so for such a ramp they are
     extrapolated in its square; the potential is extrapolated in the voltage or charge itself.
+    What lies between two states is interpolated alike.
     """
 
     def __init__(self, solver: NewtonSolver, names: tuple[str, ...]) -> None:
@@ -123,9 +124,8 @@ class Predictor:
             mixed = {n: (1 - share) * low[n] + share * high[n] for n in low}
             problem.set_factors(mixed)
             guess = (1 - share) * a + share * b
-            if self.even and start**2 != end**2:
-                even = (mixed[self.name] ** 2 - start**2) / (end**2 - start**2)
-                guess = np.where(self._phi, guess, (1 - even) * a + even * b)
+            if start != end:
+                guess = self._through([(start, a), (end, b)], mixed[self.name])
             problem.set_state(guess)
             problem.insert_fixed()
             return self.solver.solve(lift=False, tolerance=tolerance, patient=patient)
@@ -141,7 +141,7 @@ class Predictor:
         problem = self.problem
         problem.set_factors(factors)
         if len(self.known) > 1:
-            self._extrapolate(factors[self.name])
+            problem.set_state(self._through(self.known, factors[self.name]))
             problem.insert_fixed()
             if problem.probe().admissible:
                 attempt = self._judge(factors, self.solver.solve(lift=False))
@@ -150,10 +150,10 @@ class Predictor:
             self.restore()
         return self._judge(factors, self.solver.solve(lift=True))
 
-    def _extrapolate(self, factor: float) -> None:
-        """Polynomial through the known states, at a factor."""
-        at = np.array([f for f, _ in self.known])
-        states = [s for _, s in self.known]
+    def _through(self, known: list[tuple[float, np.ndarray]], factor: float) -> np.ndarray:
+        """The polynomial through states at different factors, at a factor."""
+        at = np.array([f for f, _ in known])
+        states = [s for _, s in known]
         by_factor = _lagrange(at, factor)
         guess = sum(c * s for c, s in zip(by_factor, states, strict=True))
         if self.even:
@@ -162,7 +162,7 @@ class Predictor:
                 by_square = _lagrange(squares, factor**2)
                 even = sum(c * s for c, s in zip(by_square, states, strict=True))
                 guess = np.where(self._phi, guess, even)
-        self.problem.set_state(guess)
+        return np.asarray(guess)
 
 
 def _lagrange(nodes: np.ndarray, x: float) -> np.ndarray:
