@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mpi4py import MPI
@@ -78,6 +80,23 @@ def start():
         return done
 
     return run
+
+
+@pytest.fixture
+def on_ranks(start, tmp_path):
+    """Call a test module's function on some ranks; returns what rank 0 has, as JSON keeps it."""
+
+    def call(module: str, function: str, ranks: int) -> Any:
+        script = tmp_path / "script.py"
+        script.write_text(
+            f"import json, sys\nsys.path.insert(0, {str(ROOT / 'tests')!r})\n"
+            f"from mpi4py import MPI\nfrom {module} import {function}\n"
+            f"found = {function}(MPI.COMM_WORLD)\n"
+            "if MPI.COMM_WORLD.rank == 0:\n    print(json.dumps(found))\n"
+        )
+        return json.loads(start(script, ranks=ranks, check=True).stdout.splitlines()[-1])
+
+    return call
 
 
 def block(cells=(1, 1, 1), size=1e-3, thickness=None, order=2):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -61,22 +59,19 @@ def test_all_factors_give_the_same_state(electrodes):
     assert split.summary["factorisations"] < split.summary["newton_iterations"]
 
 
+def split_ramp(comm):
+    """Contraction at the end of a ramp with a split factor, and whether it is stable."""
+    run = ramp(helix(comm), "split")
+    return run["contraction"], run.summary["stable"]
+
+
 @pytest.mark.mpi
-def test_split_factors_on_any_number_of_ranks(start, tmp_path):
-    script = tmp_path / "script.py"
-    script.write_text(
-        "import sys\nfrom pathlib import Path\n"
-        f"sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-        "from mpi4py import MPI\nfrom test_factors import helix, ramp\n"
-        "run = ramp(helix(MPI.COMM_WORLD), 'split')\n"
-        "if MPI.COMM_WORLD.rank == 0:\n"
-        "    print(repr(run['contraction']), run.summary['stable'])\n"
-    )
-    here = ramp(helix(), "split")["contraction"]
+def test_split_factors_on_any_number_of_ranks(on_ranks):
+    here, _ = split_ramp(MPI.COMM_SELF)
     for ranks in (2, 3):
-        value, stable = start(script, ranks=ranks, check=True).stdout.split()[-2:]
-        assert float(value) == pytest.approx(here, rel=1e-9)
-        assert stable == "True"
+        value, stable = on_ranks("test_factors", "split_ramp", ranks)
+        assert value == pytest.approx(here, rel=1e-9)
+        assert stable is True
 
 
 @pytest.mark.parametrize(("share", "is_stable"), [(0.95, True), (1.3, False)])

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
-from conftest import ROOT
 from mpi4py import MPI
 from scipy.integrate import quad
 from scipy.optimize import brentq
@@ -152,19 +149,12 @@ def inset_history(comm):
 
 
 @pytest.mark.mpi
-def test_same_history_on_any_number_of_ranks(start, tmp_path):
-    script = tmp_path / "script.py"
-    script.write_text(
-        f"import json, sys\nsys.path.insert(0, {str(ROOT / 'tests')!r})\n"
-        "from mpi4py import MPI\nfrom test_helical import inset_history\n"
-        "found = inset_history(MPI.COMM_WORLD)\n"
-        "if MPI.COMM_WORLD.rank == 0:\n    print(json.dumps(found))\n"
-    )
+def test_same_history_on_any_number_of_ranks(on_ranks):
     here = inset_history(MPI.COMM_SELF)
     assert len(here) == 7
     assert here["stretch"][-1] < 0.97
     for ranks in (2, 3):
-        there = json.loads(start(script, ranks=ranks, check=True).stdout.splitlines()[-1])
+        there = on_ranks("test_helical", "inset_history", ranks)
         for name, values in here.items():
             assert there[name] == pytest.approx(values, rel=1e-8), name
 
