@@ -51,5 +51,5 @@ docker:
 	docker/build
 
 clean:
-	rm -rf hard_cases.csv peers.csv .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf hard_cases.csv peers.csv growth.csv to_error.csv .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find dea_fenicsx geometry demos tests -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -10,18 +10,13 @@ a scene.
 from __future__ import annotations
 
 import argparse
-import csv
-import json
-import resource
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 
 import numpy as np
 
-from dea_fenicsx.geometry import BoxStack, Layer
-from tests.peers.scenes import Case, bilayer
+from dea_fenicsx.geometry import BoxStack
+from tests.peers.apart import ask, tell, write
+from tests.peers.scenes import Case, bilayer, layers
 
 COLUMNS = ["scene", "size", "unknowns", "value", "newton", "factorisations", "krylov",
            "krylov_per_newton", "assembly_s", "solve_s", "wall_s", "memory_GB"]  # fmt: skip
@@ -29,24 +24,22 @@ COLUMNS = ["scene", "size", "unknowns", "value", "newton", "factorisations", "kr
 
 def strip(n: float) -> Case:
     """The bilayer strip, 20 x 5 x 1 mm, with cells of about the same shape on all meshes."""
-    layers = [Layer(name, 0.5e-3, max(1, round(n))) for name in ("passive", "active")]
-    box = BoxStack(20e-3, 5e-3, layers, (round(20 * n), round(5 * n)), order=1)
+    box = BoxStack(20e-3, 5e-3, layers(max(1, round(n))), (round(20 * n), round(5 * n)), order=1)
     return bilayer(box, 3e3, 2, 4)
 
 
 def stack(n: float) -> Case:
     """Passive and active block of 10 x 10 x 5 mm each: as bulky as actuators get."""
-    layers = [Layer(name, 5e-3, round(2 * n)) for name in ("passive", "active")]
-    box = BoxStack(10e-3, 10e-3, layers, (round(4 * n), round(4 * n)), order=1)
+    through = layers(round(2 * n), 5e-3)
+    box = BoxStack(10e-3, 10e-3, through, (round(4 * n), round(4 * n)), order=1)
     return bilayer(box, 30e3, 2, 4)
 
 
 def thin(ratio: float) -> Case:
     """A strip with layers `ratio` times thinner than wide, at one field, on one mesh."""
     thickness = 5e-3 / ratio
-    layers = [Layer(name, thickness, 2) for name in ("passive", "active")]
     # the curvature grows as the thickness falls: the same turn of the tip for all
-    box = BoxStack(40 * thickness, 5e-3, layers, (40, 8), order=1)
+    box = BoxStack(40 * thickness, 5e-3, layers(2, thickness), (40, 8), order=1)
     return bilayer(box, 6e6 * thickness, 2, 4)
 
 
@@ -62,13 +55,7 @@ def child(name: str, size: float) -> None:
     """Solve one case and print what it took."""
     from tests.peers import ours
 
-    case = SCENES[name][0](size)
-    ours.solve(case.small(), own_elements=True)
-    start = time.perf_counter()
-    found = ours.solve(case, own_elements=True)
-    found["wall_s"] = time.perf_counter() - start
-    found["memory_GB"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
-    print("found", json.dumps(found))
+    tell(lambda case: ours.solve(case, own_elements=True), SCENES[name][0](size))
 
 
 def main() -> None:
@@ -87,12 +74,9 @@ def main() -> None:
         for size in SCENES[name][1]:
             if of_scene and _next_unknowns(of_scene, name, size) > args.most:
                 break
-            command = [sys.executable, "-m", "tests.peers.growth", "--child", name, str(size)]
-            done = subprocess.run(command, capture_output=True, text=True)
-            line = next((x for x in done.stdout.splitlines() if x.startswith("found ")), None)
-            if line is None:
-                raise SystemExit(f"{name} of size {size} failed:\n{done.stderr[-2000:]}")
-            found = json.loads(line.removeprefix("found ")) | {"scene": name, "size": size}
+            found = ask("tests.peers.growth", name, size)
+            assert found  # without a limit there is an answer
+            found |= {"scene": name, "size": size}
             found["krylov_per_newton"] = found["krylov"] / found["newton"]
             of_scene.append({key: found[key] for key in COLUMNS})
             print(f"{name:6} {size:7g} {found['unknowns']:8d} unknowns  "
@@ -106,10 +90,7 @@ def main() -> None:
                       for key in ("wall_s", "memory_GB")]  # fmt: skip
             print(f"{name}: wall ~ unknowns^{powers[0]:.2f}, memory ~ unknowns^{powers[1]:.2f}")
         rows += of_scene
-    with open(args.out, "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(rows)
+    write(args.out, COLUMNS, rows)
 
 
 def _next_unknowns(before: list[dict], name: str, size: float) -> float:

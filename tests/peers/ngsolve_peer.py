@@ -54,21 +54,22 @@ def solve(case: Case, order: int = 2, jumps: bool = False) -> dict[str, Any]:
     X = FESpace([U, *pressures, Phi])
     w = GridFunction(X)
     free = X.FreeDofs()
+    potential = len(pressures) + 1  # its place among the components
+
+    def hold(part: int, dofs: Any) -> None:
+        """Take degrees of freedom of a component from the unknowns."""
+        first = X.Range(part).start
+        for k, on in enumerate(dofs):
+            if on:
+                free[first + k] = False
+
     for part, region in enumerate(regions, start=1):
-        begin = X.Range(part).start
-        for k, on in enumerate(pressures[part - 1].GetDofs(mesh.Materials(region))):
-            if not on:
-                free[begin + k] = False
-    first = X.Range(len(regions) + 1).start
-    for k, on in enumerate(Phi.GetDofs(live)):
-        if not on:
-            free[first + k] = False
+        hold(part, ~pressures[part - 1].GetDofs(mesh.Materials(region)))
+    hold(potential, ~Phi.GetDofs(live))
     volts = np.full(mesh.nv, np.nan)
     for name, value in case.electrodes.items():
         where = mesh.Boundaries(name) if name in surfaces else mesh.Materials(name)
-        for k, on in enumerate(Phi.GetDofs(where)):
-            if on:
-                free[first + k] = False
+        hold(potential, Phi.GetDofs(where))
         volts[[v.nr for element in where.Elements() for v in element.vertices]] = value
     held = ~np.isnan(volts)
     a = BilinearForm(X, symmetric=True)
@@ -95,7 +96,7 @@ def solve(case: Case, order: int = 2, jumps: bool = False) -> dict[str, Any]:
     newton, spent = 0, {"assembly_s": 0.0, "solve_s": 0.0}
     for step in range(1, case.steps + 1):
         # on the vertices; the bubbles of a constant are 0
-        w.components[len(regions) + 1].vec.FV().NumPy()[: mesh.nv][held] = (
+        w.components[potential].vec.FV().NumPy()[: mesh.nv][held] = (
             step / case.steps * volts[held] / volt
         )
         for _ in range(40):

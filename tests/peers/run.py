@@ -2,19 +2,14 @@
 
     python -m tests.peers.run [--cases NAME ...] [--codes NAME ...] [--limit SECONDS] [--out CSV]
 
-Each runs in a process of its own; the wall time is that of the whole solve, with the mesh.  Forms
-are compiled beforehand, by a run on a few cells that is not counted.
+Each runs in a process of its own; the wall time is that of the whole solve, with the mesh.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
-import json
-import resource
-import subprocess
-import sys
-import time
+
+from tests.peers.apart import ask, tell, write
 
 COLUMNS = ["scene", "code", "unknowns", "value", "newton", "factorisations", "krylov",
            "assembly_s", "solve_s", "wall_s", "memory_GB", "ratio_to_ours"]  # fmt: skip
@@ -36,25 +31,7 @@ def child(case: str, code: str) -> None:
         def solve(given):
             return ours.solve(given, own_elements="own" in code)
 
-    solve(CASES[case].small())  # compiles what is to be compiled
-    start = time.perf_counter()
-    found = solve(CASES[case])
-    found["wall_s"] = time.perf_counter() - start
-    found["memory_GB"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
-    print("found", json.dumps(found))
-
-
-def measure(case: str, code: str, limit: float) -> dict | None:
-    """One run in a process of its own; None if it takes too long."""
-    command = [sys.executable, "-m", "tests.peers.run", "--child", case, code]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=limit)
-    except subprocess.TimeoutExpired:
-        return None
-    line = next((x for x in done.stdout.splitlines() if x.startswith("found ")), None)
-    if line is None:
-        raise SystemExit(f"{code} failed on {case}:\n{done.stderr[-2000:]}")
-    return json.loads(line.removeprefix("found "))
+    tell(solve, CASES[case])
 
 
 def main() -> None:
@@ -76,7 +53,7 @@ def main() -> None:
         for code in args.codes:
             if code in BY_PEERS and case.alone:
                 continue
-            found = measure(name, code, args.limit)
+            found = ask("tests.peers.run", name, code, limit=args.limit)
             if found is None:
                 print(f"{name:22} {code:20} more than {args.limit:g} s", flush=True)
                 rows.append({"scene": name, "code": code})
@@ -88,10 +65,7 @@ def main() -> None:
                   f"Newton {found['newton']:3d}  factors {found['factorisations']:3d}  "
                   f"{found['wall_s']:7.1f} s  {found['memory_GB']:.2f} GB  "
                   f"x {found['ratio_to_ours']:.2f}", flush=True)  # fmt: skip
-    with open(args.out, "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(rows)
+    write(args.out, COLUMNS, rows)
 
 
 if __name__ == "__main__":

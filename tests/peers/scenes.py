@@ -74,10 +74,9 @@ VHB = Rubber(73.7e3, eps_r=4.7)
 PLATE = Rubber(73.7e3, conducts=True)
 
 
-def strip(divisions: tuple[int, int], through: int) -> BoxStack:
-    """Passive and active layer, 20 x 5 x 1 mm."""
-    layers = [Layer("passive", 0.5e-3, through), Layer("active", 0.5e-3, through)]
-    return BoxStack(20e-3, 5e-3, layers, divisions, order=1)
+def layers(through: int, thickness: float = 0.5e-3) -> list[Layer]:
+    """A passive and an active layer, with cells through each."""
+    return [Layer(name, thickness, through) for name in ("passive", "active")]
 
 
 def bilayer(geometry: Any, volts: float, axis: int, steps: int) -> Case:
@@ -89,13 +88,6 @@ def bilayer(geometry: Any, volts: float, axis: int, steps: int) -> Case:
     )  # fmt: skip
 
 
-def membrane(divisions: int, through: int) -> Case:
-    """A bilayer disc, radius 20 mm, 1 mm thick, held along its axis: its rim bends down."""
-    layers = [Layer("passive", 0.5e-3, through), Layer("active", 0.5e-3, through)]
-    disc = BoxStack(20e-3, None, layers, divisions, order=1)
-    return replace(bilayer(disc, 8e3, 1, 8), axisymmetric=True)
-
-
 def helix(turns: int, mesh: dict[str, int], alone: bool = False) -> Case:
     return Case(
         HDEA(turns=turns, order=1, **mesh),
@@ -105,14 +97,13 @@ def helix(turns: int, mesh: dict[str, int], alone: bool = False) -> Case:
     )  # fmt: skip
 
 
-LAYERS = [Layer("passive", 0.5e-3, 8), Layer("active", 0.5e-3, 8)]
-FLAT = BoxStack(20e-3, None, LAYERS, 120, order=1)
+BENDER = bilayer(BoxStack(20e-3, None, layers(8), 120, order=1), 8e3, 1, 8)
 MIDDLE = {"angular": 16, "radial": 8, "rim": 2, "through": 2}
 
 CASES = {
-    "strip in one step": bilayer(strip((40, 10), 2), 6e3, 2, 1),
-    "plane-strain bender": bilayer(FLAT, 8e3, 1, 8),
-    "axisymmetric membrane": membrane(120, 8),
+    "strip in one step": bilayer(BoxStack(20e-3, 5e-3, layers(2), (40, 10), order=1), 6e3, 2, 1),
+    "plane-strain bender": BENDER,
+    "axisymmetric membrane": replace(BENDER, axisymmetric=True),  # a disc, held along its axis
     "helix, one turn": helix(1, MIDDLE),
     "helix, two turns": helix(2, MIDDLE),
     "helix, ten turns": helix(10, MIDDLE, alone=True),

@@ -12,16 +12,12 @@ Each run is in a process of its own, on one core.
 from __future__ import annotations
 
 import argparse
-import csv
-import json
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from dea_fenicsx.geometry import BoxStack, Layer
-from tests.peers.scenes import Case, bilayer
+from dea_fenicsx.geometry import BoxStack
+from tests.peers.apart import ask, tell, write
+from tests.peers.scenes import Case, bilayer, layers
 from tests.peers.scenes import helix as turns
 
 ASKED = 1e-3
@@ -30,10 +26,6 @@ GRADED = 30.0
 """Largest over smallest cell along the strip: the field is singular at its ends."""
 
 COLUMNS = ["scene", "code", "order", "mesh", "unknowns", "value", "wall_s", "error"]
-
-
-def layers(through: int) -> list[Layer]:
-    return [Layer(name, 0.5e-3, through) for name in ("passive", "active")]
 
 
 def strip(mesh: tuple[int, ...]) -> Case:
@@ -87,7 +79,6 @@ SCENES: dict[str, tuple[Callable[[tuple[int, ...]], Case], dict[str, tuple]]] = 
 
 def child(scene: str, choice: str, mesh: tuple[int, ...]) -> None:
     """Solve one case and print what it took."""
-    build = SCENES[scene][0]
 
     def solve(case: Case) -> dict:
         if choice == "ours":
@@ -98,23 +89,7 @@ def child(scene: str, choice: str, mesh: tuple[int, ...]) -> None:
 
         return ngsolve_peer.solve(case, int(choice), jumps=True)
 
-    solve(build(mesh).small())
-    start = time.perf_counter()
-    found = solve(build(mesh))
-    found["wall_s"] = time.perf_counter() - start
-    print("found", json.dumps(found))
-
-
-def measure(scene: str, choice: str, mesh: tuple[int, ...], limit: float) -> dict | None:
-    """One run in a process of its own; None if it takes too long or fails."""
-    command = [sys.executable, "-m", "tests.peers.to_error", "--child", scene, choice,
-               *map(str, mesh)]  # fmt: skip
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=limit)
-    except subprocess.TimeoutExpired:
-        return None
-    line = next((x for x in done.stdout.splitlines() if x.startswith("found ")), None)
-    return json.loads(line.removeprefix("found ")) if line else None
+    tell(solve, SCENES[scene][0](mesh))
 
 
 def main() -> None:
@@ -131,10 +106,7 @@ def main() -> None:
     rows: list[dict] = []
     for scene in args.scenes:
         rows += of_scene(scene, args.limit)
-    with open(args.out, "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        writer.writeheader()
-        writer.writerows(rows)
+    write(args.out, COLUMNS, rows)
 
 
 def of_scene(scene: str, limit: float) -> list[dict]:
@@ -142,14 +114,12 @@ def of_scene(scene: str, limit: float) -> list[dict]:
     rows: list[dict] = []
     for choice, meshes in SCENES[scene][1].items():
         for mesh in meshes:
-            found = measure(scene, choice, mesh, limit)
+            found = ask("tests.peers.to_error", scene, choice, *mesh, limit=limit)
             code = "ours" if choice == "ours" else "ngsolve"
             row = {"scene": scene, "code": code, "order": 2 if code == "ours" else int(choice),
                    "mesh": "x".join(map(str, mesh))}  # fmt: skip
             if found is None:
-                print(
-                    f"{scene}: {code}, order {row['order']}, {row['mesh']}: too long, or no answer"
-                )
+                print(f"{scene}: {code}, order {row['order']}, {row['mesh']}: too long")
                 break
             row |= {key: found[key] for key in ("unknowns", "value", "wall_s")}
             rows.append(row)

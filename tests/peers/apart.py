@@ -1,0 +1,53 @@
+"""Runs in processes of their own, so that none leaves memory, threads or caches to the next."""
+
+from __future__ import annotations
+
+import csv
+import json
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from tests.peers.scenes import Case
+
+MARK = "found "
+
+
+def tell(solve: Callable[[Case], dict[str, Any]], case: Case) -> None:
+    """In the child: solve a case and print what it took.
+
+    Forms are compiled beforehand, by a run on a few cells that is not counted.
+    """
+    solve(case.small())
+    start = time.perf_counter()
+    found = solve(case)
+    found["wall_s"] = time.perf_counter() - start
+    found["memory_GB"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
+    print(MARK + json.dumps(found))
+
+
+def ask(module: str, *child: object, limit: float | None = None) -> dict[str, Any] | None:
+    """Run ``python -m module --child ...`` and return what it tells; None if it takes too long.
+
+    Ends the program if it fails.
+    """
+    command = [sys.executable, "-m", module, "--child", *map(str, child)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit)
+    except subprocess.TimeoutExpired:
+        return None
+    line = next((x for x in done.stdout.splitlines() if x.startswith(MARK)), None)
+    if line is None:
+        raise SystemExit(f"{' '.join(command[2:])} failed:\n{done.stderr[-2000:]}")
+    return json.loads(line.removeprefix(MARK))
+
+
+def write(path: str, columns: Sequence[str], rows: list[dict[str, Any]]) -> None:
+    """Write rows as CSV."""
+    with open(path, "w", newline="") as file:
+        writer = csv.DictWriter(file, columns)
+        writer.writeheader()
+        writer.writerows(rows)
