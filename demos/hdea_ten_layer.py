@@ -292,8 +292,11 @@ def alone(args, ranks, turns, folder):
     command = [sys.executable, __file__, "--turns", turns, "--voltage", args.voltage, "--steps",
                args.steps, "--mu", args.mu, "--eps-r", args.eps_r, "--mesh", args.mesh,
                "--no-cell", "--no-pictures", "--quiet", "--out", folder]  # fmt: skip
-    if args.electrode_mu is not None:
-        command += ["--electrode-mu", args.electrode_mu]
+    for name in ("electrode_mu", "taper", "cap"):
+        if (value := getattr(args, name)) is not None:
+            command += ["--" + name.replace("_", "-"), value]
+    if args.no_count:
+        command += ["--no-count"]
     if ranks > 1:
         command = [mpirun(), "-n", ranks, *command]
     done = subprocess.run(list(map(str, command)), env=environment(), stdin=subprocess.DEVNULL,
