@@ -97,9 +97,10 @@ def trace(
     if here is None:
         yield solver.trouble
         return
+    before: Point | None = None
     retries = 0
     while True:
-        attempt, there, reason = branch.advance(here, arc)
+        attempt, there, reason = branch.advance(here, arc, before)
         count = None
         turns = there is not None and here.slope * there.slope < 0
         if not reason:
@@ -118,7 +119,7 @@ def trace(
         spots = list(_spots(branch, item, here, there, arc, turns, sentinel))
         if spots:
             branch.restore(there)
-        events = sentinel.passed(branch.place(here, arc), branch.rates, count, int(turns))
+        events = sentinel.passed(branch.place(here, there, arc), branch.rates, count, int(turns))
         for event in events:
             slope = np.sign(there.factor - here.factor)
             factor = event.factors[item.what]
@@ -133,6 +134,7 @@ def trace(
             if traced.event == "bifurcation" and item.switch and may_switch:
                 may_switch = False
                 assert traced.mode is not None
+                before = None
                 here = branch.aside(state, traced.factor, np.sign(item.switch) * traced.mode)
                 arc = abs(item.switch)
                 break
@@ -140,7 +142,7 @@ def trace(
             branch.restore(there)
             grown = 1.5 if attempt.iterations <= 3 else 1.0 if attempt.iterations <= 6 else 0.7
             arc = min(arc * grown, item.longest)
-            here = there
+            before, here = here, there
             yield Traced(there.factor, arc, np.sign(there.slope), attempt, retries)
             retries = 0
             continue
@@ -162,7 +164,7 @@ def _spots(
     sentinel: Sentinel,
 ) -> Iterator[tuple[float, np.ndarray, Traced]]:
     """Limit point and requested loads between two points: arc, state and what to report."""
-    pieces = [(0.0, here.factor), (arc, there.factor)]
+    pieces = [(0.0, here), (arc, there)]
     sign = np.sign(there.slope)
     if turns and (found := branch.limit_point(here, there, arc)) is not None:
         limit, s = found
@@ -170,15 +172,15 @@ def _spots(
         kind = "maximum" if here.slope > 0 else "minimum"
         attempt = Attempt("", 0, branch.solver.residual_of(branch.problem.residual()),
                           branch.problem.probe())  # fmt: skip
-        pieces.insert(1, (s, limit.factor))
+        pieces.insert(1, (s, limit))
         mode = sentinel.mode_of(limit.direction) if sentinel.stability else None
         yield s, limit.state, Traced(limit.factor, arc, sign, attempt, 0, kind, mode)
-    for (low, f), (high, g) in pairwise(pieces):
+    for (low, start), (high, end) in pairwise(pieces):
         for wanted in item.at:
-            if (f - wanted) * (g - wanted) < 0:
-                attempt = branch.land(here, arc, low, high, wanted)
+            if (start.factor - wanted) * (end.factor - wanted) < 0:
+                attempt = branch.land(start, end, wanted)
                 if attempt.converged:
-                    share = (wanted - f) / (g - f)
+                    share = (wanted - start.factor) / (end.factor - start.factor)
                     yield (low + share * (high - low), branch.problem.get_state(),
                            Traced(wanted, arc, sign, attempt, 0, "landed"))  # fmt: skip
 
@@ -217,11 +219,12 @@ def over_the_limit(
     """
     branch = Branch(solver, rates, first, factor)
     here, arc = branch.point(None, 1.0), 1.0
+    before: Point | None = None
     limit: Point | None = None
     for _ in range(steps):
         if here is None:
             break
-        attempt, there, reason = branch.advance(here, arc)
+        attempt, there, reason = branch.advance(here, arc, before)
         if there is None or reason:
             arc /= 2
             branch.restore(here)
@@ -235,7 +238,7 @@ def over_the_limit(
             log(f"limit point at {limit.factor:.8g} of the ramp; its far side is searched")
             branch.restore(there)
         if limit is not None and there.slope > 0 and there.factor > limit.factor:
-            landing = branch.land(here, arc, 0.0, arc, limit.factor)
+            landing = branch.land(here, there, limit.factor)
             solver.refresh_inertia()
             if landing.converged and solver.inertia.excess == 0:
                 return limit, landing
@@ -243,7 +246,7 @@ def over_the_limit(
         # forces grow by orders of magnitude towards lock-up, and rounding with them
         solver.references.remember(solver.problem.residual())
         arc = min(arc * (1.5 if attempt.iterations <= 3 else 1.0), 4.0)
-        here = there
+        before, here = here, there
     if limit is None:
         raise SolverError("no limit point was found")
     return limit, None
