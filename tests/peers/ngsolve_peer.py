@@ -20,10 +20,12 @@ from ngsolve import (
     Id,
     InnerProduct,
     Integrate,
+    LinearForm,
     Mesh,
     Trace,
     Variation,
     VectorH1,
+    ds,
     dx,
     grad,
     log,
@@ -45,8 +47,8 @@ def solve(case: Case, order: int = 2, jumps: bool = False) -> dict[str, Any]:
     eps0 = max(m.eps_r or 0.0 for m in case.materials.values()) * EPSILON_0
     volt = length * np.sqrt(mu0 / eps0)
     surfaces = set(mesh.GetBoundaries())
-    ends = {"dirichletx": "x_min"} if case.axisymmetric else {}
-    U = VectorH1(mesh, order=order, dirichlet=case.clamped, **ends)
+    ends = {"dirichlet" + "xyz"[axis]: name for name, axis in case.slides.items()}
+    U = VectorH1(mesh, order=order, dirichlet=case.clamped or "", **ends)
     regions = list(case.materials) if jumps else ["|".join(case.materials)]
     pressures = [H1(mesh, order=order - 1, definedon=mesh.Materials(r)) for r in regions]
     live = mesh.Materials("|".join([*case.dielectrics, *(set(case.electrodes) - surfaces)]))
@@ -92,30 +94,44 @@ def solve(case: Case, order: int = 2, jumps: bool = False) -> dict[str, Any]:
         if m.eps_r:
             energy -= m.eps_r * EPSILON_0 / eps0 / 2 * InnerProduct(pulled, pulled) / J
         a += Variation((weight * energy).Compile() * dx(mesh.Materials(name)))
-    residual, step_ = w.vec.CreateVector(), w.vec.CreateVector()
-    newton, spent = 0, {"assembly_s": 0.0, "solve_s": 0.0}
-    for step in range(1, case.steps + 1):
-        # on the vertices; the bubbles of a constant are 0
-        w.components[potential].vec.FV().NumPy()[: mesh.nv][held] = (
-            step / case.steps * volts[held] / volt
-        )
+    seen = mesh.Boundaries(case.seen)
+    per_area = length / Integrate(weight, mesh, BND, definedon=seen)
+    pick = LinearForm(X)  # the displacement seen, by all unknowns
+    pick += weight * X.TestFunction()[0][case.axis] * ds(seen)
+    pick.Assemble()
+    residual, step_, sideways, rate = (w.vec.CreateVector() for _ in range(4))
+    factor, newton, spent = 0.0, 0, {"assembly_s": 0.0, "solve_s": 0.0}
+    potentials = slice(X.Range(potential).start, X.Range(potential).start + mesh.nv)
+    rate[:] = 0.0  # on the vertices; the bubbles of a constant are 0
+    rate.FV().NumPy()[potentials][held] = volts[held] / volt
+    for wanted, distance in case.held():
+        factor = factor if wanted is None else wanted
         for _ in range(40):
+            w.components[potential].vec.FV().NumPy()[: mesh.nv][held] = factor * volts[held] / volt
             start = time.perf_counter()
             a.Apply(w.vec, residual)
             a.AssembleLinearization(w.vec)
             now = time.perf_counter()
             spent["assembly_s"] += now - start
-            step_.data = a.mat.Inverse(free, inverse=INVERSE) * residual
+            inverse = a.mat.Inverse(free, inverse=INVERSE)
+            step_.data = inverse * residual
+            if distance is not None:  # and the factor that moves what is seen to its place
+                residual.data = a.mat * rate
+                sideways.data = rate - inverse * residual
+                missing = distance / per_area - InnerProduct(pick.vec, w.vec)
+                missing += InnerProduct(pick.vec, step_)
+                change = missing / InnerProduct(pick.vec, sideways)
+                factor += change
+                step_.data -= change * sideways
             spent["solve_s"] += time.perf_counter() - now
             w.vec.data -= step_
             newton += 1
             if step_.Norm() < 1e-9 * w.vec.Norm():
                 break
-    seen = mesh.Boundaries(case.seen)
-    area = Integrate(weight, mesh, BND, definedon=seen)
-    mean = Integrate(weight * w.components[0][case.axis], mesh, BND, definedon=seen) / area
+        else:
+            raise RuntimeError(f"no convergence, {wanted=}, {distance=}")
     return {
-        "value": float(mean) * length,
+        "value": float(InnerProduct(pick.vec, w.vec)) * per_area,
         "unknowns": sum(1 for f in free if f),
         "newton": newton, "krylov": 0, "factorisations": newton, **spent,
     }  # fmt: skip

@@ -22,27 +22,32 @@ def solve(case: Case, own_elements: bool = False) -> dict[str, Any]:
     """Solve a case; `own_elements` takes the package's default elements instead of the peers'."""
     device = dea.read_gmsh(case.geometry, MPI.COMM_WORLD)
     kinematics: Any = dea.PlaneStrain() if case.flat else dea.ThreeD()
-    axis: list[Any] = []
     if case.axisymmetric:
-        kinematics, axis = dea.Axisymmetric(), [dea.Fix("x_min", "r")]
+        kinematics = dea.Axisymmetric()
+    sliding = [dea.Fix(name, kinematics.axes[k]) for name, k in case.slides.items()]
     same = dea.Discretisation(pressure="continuous", augmentation=0.0)
     scene = dea.Scene(
         device,
         {name: material(m) for name, m in case.materials.items()},
         electrodes=[dea.Electrode(name, volts) if volts else dea.Ground(name)
                     for name, volts in case.electrodes.items()],
-        supports=[dea.Clamp(case.clamped), *axis],
+        supports=[*([dea.Clamp(case.clamped)] if case.clamped else []), *sliding],
         kinematics=kinematics,
         elements=dea.Discretisation() if own_elements else same,
     )  # fmt: skip
     along = scene.kinematics.axes[case.axis]
+    path: Any = dea.Ramp("voltage", steps=case.steps)
+    if case.reach is not None:
+        path = dea.Trace("voltage", at=(1.0,), until=("seen_m", case.reach))
     run = dea.solve(
-        scene, dea.Ramp("voltage", steps=case.steps),
-        {"seen": dea.MeanDisplacement(case.seen, along)}, quiet=True, stability="never",
+        scene, path, {"seen": dea.MeanDisplacement(case.seen, along)}, quiet=True, stability="never",
     )  # fmt: skip
+    last = run.history[-1]
+    if case.reach is not None:
+        last = [row for row in run.history if row["event"] == "landed"][-1]
     told = run.summary
     return {
-        "value": run["seen_m"],
+        "value": last["seen_m"],
         "unknowns": told["unknowns"],
         "newton": told["newton_iterations"],
         "krylov": told["krylov_iterations"],

@@ -59,19 +59,30 @@ def solve(case: Case) -> dict[str, Any]:
     tangent = dolfinx.fem.form(ufl.derivative(residual, w, ufl.TrialFunction(W)))
 
     fixed, volts = _fixed(case, device, W)
-    bound = dolfinx.fem.Function(W)
-    bcs = [dolfinx.fem.dirichletbc(bound, fixed)]
+    bound, rate = dolfinx.fem.Function(W), dolfinx.fem.Function(W)
+    rate.x.array[fixed] = volts / volt
+    bcs, rates = ([dolfinx.fem.dirichletbc(f, fixed)] for f in (bound, rate))
     A, b = dolfinx.fem.petsc.create_matrix(tangent), create_vector(form)
     ksp = PETSc.KSP().create(mesh.comm)
     ksp.setOperators(A)
     ksp.setType("preonly")
     ksp.getPC().setType("lu")
     ksp.getPC().setFactorSolverType("mumps")
-    step_ = b.duplicate()
-    newton, spent = 0, {"assembly_s": 0.0, "solve_s": 0.0}
-    for step in range(1, case.steps + 1):
-        bound.x.array[fixed] = step / case.steps * volts / volt
+    ds = ufl.Measure("ds", mesh, subdomain_data=[(0, _sides(device, case.seen))],
+                     metadata={"quadrature_degree": 4})  # fmt: skip
+    one = dolfinx.fem.Constant(mesh, 1.0)
+    moved, area = (dolfinx.fem.form(f * weight * ds(0)) for f in (u[case.axis], one))
+    per_area = length / dolfinx.fem.assemble_scalar(area)
+    pick = create_vector(form)  # the displacement seen, by all unknowns
+    dolfinx.fem.petsc.assemble_vector(
+        pick, dolfinx.fem.form(ufl.derivative(u[case.axis] * weight * ds(0), w, test))
+    )
+    step_, sideways = b.duplicate(), b.duplicate()
+    factor, newton, spent = 0.0, 0, {"assembly_s": 0.0, "solve_s": 0.0}
+    for wanted, distance in case.held():
+        factor = factor if wanted is None else wanted
         for _ in range(40):
+            bound.x.array[fixed] = factor * volts / volt
             start = time.perf_counter()
             A.zeroEntries()
             dolfinx.fem.petsc.assemble_matrix(A, tangent, bcs=bcs)
@@ -85,19 +96,26 @@ def solve(case: Case) -> dict[str, Any]:
             now = time.perf_counter()
             spent["assembly_s"] += now - start
             ksp.solve(b, step_)
+            if distance is not None:  # and the factor that moves what is seen to its place
+                with b.localForm() as local:
+                    local.set(0.0)
+                dolfinx.fem.petsc.apply_lifting(b, [tangent], bcs=[rates])
+                dolfinx.fem.petsc.set_bc(b, rates)
+                ksp.solve(b, sideways)
+                missing = distance / per_area - pick.dot(w.x.petsc_vec) + pick.dot(step_)
+                change = missing / pick.dot(sideways)
+                factor += change
+                step_.axpy(-change, sideways)
             spent["solve_s"] += time.perf_counter() - now
             w.x.petsc_vec.axpy(-1.0, step_)
             w.x.scatter_forward()
             newton += 1
             if step_.norm() < 1e-9 * w.x.petsc_vec.norm():
                 break
-    ds = ufl.Measure("ds", mesh, subdomain_data=[(0, _sides(device, case.seen))],
-                     metadata={"quadrature_degree": 4})  # fmt: skip
-    one = dolfinx.fem.Constant(mesh, 1.0)
-    total, area = (dolfinx.fem.assemble_scalar(dolfinx.fem.form(f * weight * ds(0)))
-                   for f in (u[case.axis], one))  # fmt: skip
+        else:
+            raise RuntimeError(f"no convergence, {wanted=}, {distance=}")
     return {
-        "value": float(total / area) * length,
+        "value": float(dolfinx.fem.assemble_scalar(moved) * per_area),
         "unknowns": W.dofmap.index_map.size_global - len(fixed),
         "newton": newton, "krylov": 0, "factorisations": newton, **spent,
     }  # fmt: skip
@@ -117,9 +135,10 @@ def _fixed(case: Case, device: Any, W: Any) -> tuple[np.ndarray, np.ndarray]:
         entities = device.cells_of(name) if whole else device.facets_of(name)
         values[locate(W.sub(2), dim if whole else dim - 1, entities)] = volts
     mesh.topology.create_connectivity(dim - 1, dim)
-    values[locate(W.sub(0), dim - 1, device.facets_of(case.clamped))] = 0.0
-    if case.axisymmetric:
-        values[locate(W.sub(0).sub(0), dim - 1, device.facets_of("x_min"))] = 0.0
+    if case.clamped:
+        values[locate(W.sub(0), dim - 1, device.facets_of(case.clamped))] = 0.0
+    for name, axis in case.slides.items():
+        values[locate(W.sub(0).sub(axis), dim - 1, device.facets_of(name))] = 0.0
     fixed = np.flatnonzero(~np.isnan(values)).astype(np.int32)
     return fixed, values[fixed]
 

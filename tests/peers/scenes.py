@@ -7,7 +7,7 @@ discrete problem and their answers can agree to eight digits.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from dea_fenicsx.geometry import HDEA, BoxStack, Layer
@@ -39,17 +39,37 @@ class Case:
     steps : equal steps of the voltage ramp
     alone : compared with no peer, which would take too long or too much memory
     axisymmetric : a flat mesh in (r, z) instead of plane strain; the axis is x_min
+    sliding : axis along which a facet group does not move, besides the clamp
+    reach : for a branch that is followed through its limit points, displacement in m beyond them;
+        the value is that of the last state on the way there that bears the voltages given
     """
 
     geometry: Any
     materials: dict[str, Rubber]
     electrodes: dict[str, float]
-    clamped: str
+    clamped: str | None
     seen: str
     axis: int
     steps: int = 1
     alone: bool = False
     axisymmetric: bool = False
+    sliding: dict[str, int] = field(default_factory=dict)
+    reach: float | None = None
+
+    def held(self) -> list[tuple[float | None, float | None]]:
+        """What a code without arc length holds, step by step: load factor, or displacement in m.
+
+        Displacement takes it over limit points; at rest no voltage moves anything, to first order.
+        """
+        n = self.steps
+        if self.reach is None:
+            return [(k / n, None) for k in range(1, n + 1)]
+        return [(0.3, None), *((None, k / n * self.reach) for k in range(1, n + 1)), (1.0, None)]
+
+    @property
+    def slides(self) -> dict[str, int]:
+        """Axes along which facet groups do not move, the axis of symmetry's among them."""
+        return {"x_min": 0} | self.sliding if self.axisymmetric else self.sliding
 
     @property
     def flat(self) -> bool:
@@ -62,7 +82,8 @@ class Case:
         if isinstance(self.geometry, BoxStack):
             layers = tuple(replace(layer, divisions=1) for layer in self.geometry.layers)
             coarse = {"divisions": 2 if self.flat else (2, 1), "layers": layers}
-        return replace(self, geometry=replace(self.geometry, **coarse), steps=1)
+        steps = 1 if self.reach is None else self.steps
+        return replace(self, geometry=replace(self.geometry, **coarse), steps=steps)
 
     @property
     def dielectrics(self) -> list[str]:
@@ -98,12 +119,19 @@ def helix(turns: int, mesh: dict[str, int], alone: bool = False) -> Case:
 
 
 BENDER = bilayer(BoxStack(20e-3, None, layers(8), 120, order=1), 8e3, 1, 8)
+FILM = Case(  # a quarter of a free film, 20 mm wide
+    BoxStack(10e-3, 10e-3, [Layer("film", 1e-3, 1)], (16, 16), order=1),
+    {"film": SILICONE},
+    {"top": 20e3, "bottom": 0.0},
+    None, "x_max", 0, steps=40, sliding={"x_min": 0, "y_min": 1, "bottom": 2}, reach=51e-3,
+)  # fmt: skip
 MIDDLE = {"angular": 16, "radial": 8, "rim": 2, "through": 2}
 
 CASES = {
     "strip in one step": bilayer(BoxStack(20e-3, 5e-3, layers(2), (40, 10), order=1), 6e3, 2, 1),
     "plane-strain bender": BENDER,
     "axisymmetric membrane": replace(BENDER, axisymmetric=True),  # a disc, held along its axis
+    "Gent snap-through": FILM,
     "helix, one turn": helix(1, MIDDLE),
     "helix, two turns": helix(2, MIDDLE),
     "helix, ten turns": helix(10, MIDDLE, alone=True),
