@@ -40,7 +40,8 @@ def solve(case: Case, own_elements: bool = False) -> dict[str, Any]:
     if case.reach is not None:
         path = dea.Trace("voltage", at=(1.0,), until=("seen_m", case.reach))
     run = dea.solve(
-        scene, path, {"seen": dea.MeanDisplacement(case.seen, along)}, quiet=True, stability="never",
+        scene, path, {"seen": dea.MeanDisplacement(case.seen, along)},
+        quiet=True, stability="never",
     )  # fmt: skip
     last = run.history[-1]
     if case.reach is not None:
