@@ -12,7 +12,7 @@ import os
 import platform
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import singledispatchmethod
+from functools import cache, singledispatchmethod
 from pathlib import Path
 from typing import Any
 
@@ -74,10 +74,16 @@ def _cache_dir() -> Path:
     kernel of another node's processor would end in an illegal instruction.
     """
     root = Path(os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache")))
+    return root / "dea_fenicsx" / _processor()
+
+
+@cache
+def _processor() -> str:
+    """A short name of this kind of processor."""
     cpu = platform.machine()
     with suppress(OSError), open("/proc/cpuinfo") as f:
         cpu += "".join(line for line in f if line.startswith(("flags", "model name")))[:4096]
-    return root / "dea_fenicsx" / hashlib.sha1(cpu.encode()).hexdigest()[:12]
+    return hashlib.sha1(cpu.encode()).hexdigest()[:12]
 
 
 def jit_options() -> dict[str, Any]:
@@ -104,12 +110,7 @@ def _compiling() -> Iterator[None]:
         with open(folder / "lock", "a") as lock:
             with suppress(OSError):
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                names = set(os.listdir(folder))  # thousands, and every form comes by here
-                for name in names:
-                    ready = name.endswith(".c.cached")
-                    other = name.removesuffix(".cached") if ready else f"{name}.cached"
-                    if (ready or name.endswith(".c")) and other not in names:
-                        (folder / name).unlink()
+                _sweep(folder)
             with suppress(OSError):  # some file systems have no locks
                 fcntl.flock(lock, fcntl.LOCK_SH)
             yield
@@ -125,6 +126,23 @@ def _compiling() -> Iterator[None]:
             "A form could not be compiled; `dea doctor` tells what the compiler lacks "
             f"({' '.join(str(error).split())[:160]})."
         ) from error
+
+
+_swept: dict[Path, int] = {}
+"""When each folder that was swept had last changed, in ns."""
+
+
+def _sweep(folder: Path) -> None:
+    """Remove the marks of killed compilations, and what they left half done."""
+    if folder.stat().st_mtime_ns == _swept.get(folder):
+        return  # thousands of files, and every form comes by here
+    names = set(os.listdir(folder))
+    for name in names:
+        ready = name.endswith(".c.cached")
+        other = name.removesuffix(".cached") if ready else f"{name}.cached"
+        if (ready or name.endswith(".c")) and other not in names:
+            (folder / name).unlink()
+    _swept[folder] = folder.stat().st_mtime_ns
 
 
 def _is_of_the_compiler(error: Exception) -> bool:
