@@ -109,6 +109,39 @@ def test_the_cheap_count_proves_a_stable_state_and_no_other(share, is_stable):
     assert (whole.excess == 0) is is_stable
 
 
+def test_the_count_lets_the_potential_follow_where_that_is_needed(monkeypatch):
+    """A film of one cell with a given charge is stable beyond pull-in, which u alone cannot tell.
+
+    phi^2 = lam^-2 - lam^-8 (anchors.md); the maximum of phi is at lam = 1.26.
+    """
+    T, A, lam = 1e-3, 1e-6, 1.27
+    volts = T * np.sqrt(MU / (EPS_R * EPSILON_0) * (lam**-2 - lam**-8))
+    charge = EPS_R * EPSILON_0 * A / T * lam**4 * volts
+    asked = []
+    count = SplitFactor._negative
+
+    def listen(self, tangent, names, inverse):
+        asked.append((names, count(self, tangent, names, inverse)))
+        return asked[-1][1]
+
+    monkeypatch.setattr(SplitFactor, "_negative", listen)
+    scene = dea.Scene(
+        dea.read_gmsh(BoxStack(T, T, [Layer("film", T)], divisions=(1, 1)), MPI.COMM_SELF),
+        {"film": RUBBER},
+        electrodes=[dea.ChargedElectrode("top", charge), dea.Ground("bottom")],
+        supports=[dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")],
+    )
+    run = dea.solve(
+        scene, dea.Ramp(steps=10), {"stretch": dea.MeanStretch(("x_min", "x_max"), "x")},
+        quiet=True, stability="last", options=dea.NewtonOptions(factor="split"),
+    )  # fmt: skip
+    assert run["stretch"] == pytest.approx(lam, rel=1e-8)
+    (first, alone), (second, both) = asked
+    assert (first, second) == (("u",), ("u", "phi"))
+    assert alone > 0 == both
+    assert run.summary["stable"] is True
+
+
 def test_an_aged_factor_is_renewed_when_its_age_has_cost_a_new_one():
     problem = Problem(helix())
     solver = NewtonSolver(problem)

@@ -9,7 +9,10 @@ import pytest
 from conftest import block
 
 import dea_fenicsx as dea
+from dea_fenicsx.arclength import Branch, Cubic
 from dea_fenicsx.materials import EPSILON_0
+from dea_fenicsx.solver import NewtonSolver
+from dea_fenicsx.weakform import Problem
 
 MU, EPS_R, T = 50e3, 4.7, 1e-3
 UNIT = T * np.sqrt(MU / (EPS_R * EPSILON_0))
@@ -53,6 +56,46 @@ def test_limit_points_under_dead_load(load, stretch, phi):
     assert top["voltage_V"] / UNIT == pytest.approx(
         np.sqrt(np.max((near - near**-5 - load) / near**3)), rel=1e-6
     )
+
+
+def test_the_cubic_between_two_points_is_of_fourth_order():
+    """Its load at half an arc, and where the load is largest, against the closed form.
+
+    phi^2 = lam^-2 - lam^-8 (anchors.md), largest at lam = 4^(1/6).
+    """
+    solver = NewtonSolver(Problem(film(dea.NeoHookean(MU))))
+    problem = solver.problem
+    problem.set_factors({"voltage": 0.68})
+    assert solver.solve(lift=True).converged
+    branch = Branch(solver, {"voltage": 1.0}, 0.05, 0.68)
+    here = branch.point(None, 1.0)
+    x = problem.displacement[0]
+    size = np.ptp(x.space.tabulate_dof_coordinates()[:, 0])
+
+    def miss():
+        lam = 1 + np.max(problem.w.x.array[x.dofs]) / size
+        return abs(np.sqrt(lam**-2 - lam**-8) / branch.factor - 1)
+
+    errors = []
+    for arc in (1.0, 0.5, 0.25):
+        attempt, there, reason = branch.advance(here, arc)
+        assert attempt.converged
+        assert not reason
+        cubic = Cubic.through(branch, here, there)
+        assert cubic.arc == pytest.approx(arc, rel=1e-9)
+        for s, point in ((0.0, here), (arc, there)):
+            cubic.put(s)
+            assert problem.get_state() == pytest.approx(point.state, rel=1e-12, abs=1e-14)
+            assert branch.factor == pytest.approx(point.factor, rel=1e-12)
+        cubic.put(arc / 2)
+        errors.append(miss())
+    assert errors[0] / errors[1] > 10
+    assert errors[1] / errors[2] > 10
+    attempt, there, _ = branch.advance(here, 3.0)
+    assert here.slope > 0 > there.slope
+    cubic = Cubic.through(branch, here, there)
+    cubic.put(cubic.stationary)
+    assert branch.factor == pytest.approx(np.sqrt(4 ** (-1 / 3) - 4 ** (-4 / 3)), rel=1e-3)
 
 
 def test_snap_through_and_stability():
