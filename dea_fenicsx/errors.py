@@ -6,11 +6,12 @@ all ranks together, so that no rank is left waiting; only rank 0 prints.
 
 from __future__ import annotations
 
+import atexit
 import sys
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import Any
+from typing import Any, NoReturn
 
 
 class DeaError(Exception):
@@ -75,6 +76,9 @@ class Interrupted(PathError):
 GRACE_S = 3.0
 """How long a rank that fails waits to hear whether the others fail with it."""
 
+EXIT_GRACE_S = 10.0
+"""The same for one that calls ``sys.exit``, which may be caught: then the others only are slow."""
+
 _TAG = 31_999
 
 
@@ -86,13 +90,14 @@ def install_hook() -> None:
     together, and the lowest one speaks.  A rank that fails alone waits for a moment, speaks, and
     ends the others, which would wait for it for ever.
     """
+    _watch_exit()
     previous = sys.excepthook
 
     def hook(
         kind: type[BaseException], error: BaseException, trace: TracebackType | None
     ) -> None:
         world = _world()
-        speaks, together = (True, True) if world is None else _agree(world)
+        speaks, together = (True, True) if world is None else _agree(world, GRACE_S)
         status = getattr(error, "exit_status", 130 if isinstance(error, KeyboardInterrupt) else 1)
         if speaks:
             alone = "" if world is None or together else f" on rank {world.rank} alone"
@@ -104,6 +109,40 @@ def install_hook() -> None:
         raise SystemExit(status)
 
     sys.excepthook = hook
+
+
+def _watch_exit() -> None:
+    """Make ``sys.exit`` with an error, on one rank alone, end all ranks with one message.
+
+    No hook of Python's is called for it, so the call itself is noted.
+    """
+    leave = sys.exit
+    if getattr(leave, "noted", False):
+        return
+    noted: list[object] = []
+
+    def exit_noted(status: Any = None, /) -> NoReturn:
+        noted[:] = [status]
+        leave(status)
+
+    exit_noted.noted = True  # type: ignore[attr-defined]
+    sys.exit = exit_noted
+
+    def last() -> None:
+        world = _world()
+        status = noted[0] if noted else None
+        if not status or world is None:
+            return
+        speaks, together = _agree(world, EXIT_GRACE_S)
+        if together:
+            return
+        if speaks:
+            print(f"Error on rank {world.rank} alone: the script has ended by sys.exit; all ranks "
+                  "are ended.", file=sys.stderr, flush=True)  # fmt: skip
+        time.sleep(0.5 if speaks else EXIT_GRACE_S + 0.5)
+        world.Abort(status if isinstance(status, int) else 1)
+
+    atexit.register(last)
 
 
 def _tell(
@@ -134,18 +173,18 @@ def _world() -> Any:
     return mpi.COMM_WORLD if mpi.COMM_WORLD.size > 1 else None
 
 
-def _agree(world: Any) -> tuple[bool, bool]:
+def _agree(world: Any, seconds: float) -> tuple[bool, bool]:
     """Whether this rank is to speak, and whether all ranks have failed.
 
-    Each rank that fails tells all others so, and listens for a moment; a rank that goes on working
-    says nothing.
+    Each rank that fails tells all others so, and listens for some seconds; a rank that goes on
+    working says nothing.
     """
     mpi = sys.modules["mpi4py.MPI"]
     others = [rank for rank in range(world.size) if rank != world.rank]
     sent = [world.isend(None, dest=rank, tag=_TAG) for rank in others]
     failed = {world.rank}
     status = mpi.Status()
-    end = time.monotonic() + GRACE_S
+    end = time.monotonic() + seconds
     while len(failed) < world.size and time.monotonic() < end:
         if world.iprobe(tag=_TAG, status=status):
             world.recv(source=status.Get_source(), tag=_TAG)

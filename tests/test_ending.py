@@ -11,7 +11,7 @@ import sys
 import dea_fenicsx as dea
 from dea_fenicsx import errors
 from mpi4py import MPI
-errors.GRACE_S = 0.5
+errors.GRACE_S = errors.EXIT_GRACE_S = 0.5
 rank, everyone = MPI.COMM_WORLD.rank, MPI.COMM_WORLD
 """
 RECORDED = """
@@ -59,6 +59,16 @@ SCRIPTS = {
     "interrupted on all ranks": ("raise KeyboardInterrupt", 2, 130, "Interrupted.", 0),
     "interrupted on one rank": (
         "if rank == 1: raise KeyboardInterrupt\neveryone.barrier()", 2, 130, "Interrupted.", 0),
+    "sys.exit on one rank": (
+        "if rank == 1: sys.exit(7)\neveryone.barrier()", 2, 7,
+        "Error on rank 1 alone: the script has ended by sys.exit; all ranks are ended.", 0),
+    "sys.exit on all ranks": ("sys.exit('Error: no more.')", 1, 1, "Error: no more.", 0),
+    "sys.exit on both ranks": (
+        "if rank == 0: print('Error: enough', file=sys.stderr)\nsys.exit(7)", 2, 7,
+        "Error: enough", 0),
+    "sys.exit without an error on one rank": (
+        "import time\nif rank == 1: sys.exit(0)\ntime.sleep(2)\n"
+        "print('Error: at the end', file=sys.stderr)", 2, 0, "Error: at the end", 0),
     "bad input, to be debugged": (
         "sys.argv.append('--debug')\nraise dea.InputError('Wrong.')", 2, 2,
         "dea_fenicsx.errors.InputError: Wrong.", 1),
