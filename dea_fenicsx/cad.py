@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import difflib
 import os
+import subprocess
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +21,7 @@ import numpy as np
 
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.geometry._gmsh import measure, start
+from dea_fenicsx.launch import environment
 from dea_fenicsx.units import si
 
 GEO = (".geo", ".geo_unrolled")
@@ -156,6 +159,8 @@ def _read(path: Path, is_step: bool) -> None:
     import gmsh
 
     if not is_step:
+        if _is_binary(path):
+            _try_apart(path)
         gmsh.merge(str(path))
         return
     occ = gmsh.model.occ
@@ -166,6 +171,40 @@ def _read(path: Path, is_step: bool) -> None:
         if len([p for p in pieces if p[0] == parts[0][0]]) != len(parts):
             raise InputError("two of its solids overlap")
     occ.synchronize()
+
+
+def _is_binary(path: Path) -> bool:
+    """Whether a file is a mesh in gmsh's binary format: its second line says so."""
+    with open(path, "rb") as file:
+        head = file.read(64).split()
+    return head[:1] == [b"$MeshFormat"] and head[2:3] == [b"1"]
+
+
+_TRIAL = """
+import sys, gmsh
+gmsh.initialize(interruptible=False)
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.merge(sys.argv[1])
+model = gmsh.model
+model.mesh.getNodes()
+for group in model.getPhysicalGroups():
+    model.getPhysicalName(*group)
+    model.mesh.getNodesForPhysicalGroup(*group)
+for entity in model.getEntities():
+    for tags in model.mesh.getElements(*entity)[1]:
+        model.mesh.getElementQualities(tags, "minSJ")
+gmsh.finalize()
+"""
+
+
+def _try_apart(path: Path) -> None:
+    """Read a binary mesh in a process of its own: gmsh may die of a damaged one."""
+    done = subprocess.run(
+        [sys.executable, "-c", _TRIAL, str(path)], env=environment(), stdin=subprocess.DEVNULL,
+        capture_output=True, check=False,
+    )  # fmt: skip
+    if done.returncode < 0:
+        raise InputError("it ends gmsh itself, so its binary data must be damaged")
 
 
 def _name_parts(path: Path, names: Names) -> None:

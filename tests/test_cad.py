@@ -204,3 +204,30 @@ def test_command(capsys, two_layers, folder):
     assert "x 0 to 0.001" in capsys.readouterr().out
     assert cli.main(["mesh", str(folder / "bad.geo")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_a_damaged_binary_mesh_does_not_end_the_program(tmp_path):
+    """gmsh dies of a wrong number of elements; other damage it reports, or does not notice."""
+    film = tmp_path / "film.msh"
+    start()
+    gmsh.model.add("film")
+    gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(3, [1], name="film")
+    gmsh.model.mesh.setSize(gmsh.model.getEntities(0), 1.0)
+    gmsh.model.mesh.generate(3)
+    gmsh.option.setNumber("Mesh.Binary", 1)
+    gmsh.write(str(film))
+    gmsh.option.setNumber("Mesh.Binary", 0)
+    gmsh.model.remove()
+    assert list(read(film)) == ["film"]
+    good, refused = film.read_bytes(), []
+    for section, byte in ((b"$Elements\n", 8), (b"$Nodes\n", 8), (b"$Entities\n", 24)):
+        at = good.index(section) + len(section) + byte
+        film.write_bytes(good[:at] + b"\x05" + good[at + 1 :])
+        try:
+            read(film)
+        except dea.InputError as error:
+            refused.append(str(error))
+    assert refused
+    assert all(text.startswith(f"gmsh cannot read {film} (") for text in refused)
