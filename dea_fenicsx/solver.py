@@ -383,12 +383,12 @@ class NewtonSolver:
 
     def _factorise(self, factor: WholeFactor | SplitFactor) -> bool:
         """Make a new factor of the tangent; False if MUMPS fails however much room it gets."""
+        self._factor.release()  # before the tangent needs the room
+        self._corotation.factor = None
         matrix = self._assemble()
         self.notify("factorising")
         start = time.perf_counter()
         self.counters.factorisations += 1
-        if factor is not self._factor:
-            self._factor.release()
         self._factor = factor
         ok = factor.make(matrix)
         self._corotation.start(factor if ok else None)

@@ -107,9 +107,8 @@ def main():
     say = print if comm.rank == 0 and not args.quiet else lambda *a, **k: None
     angle, volts = run.column("bending_angle_rad"), run.column("voltage_V")
     if angle[-1] >= wanted:
-        contraction = np.interp(wanted, angle, run.column("contraction"))
-        run.add(voltage_for_4_2_deg_V=float(np.interp(wanted, angle, volts)),
-                contraction_at_4_2_deg=float(contraction))  # fmt: skip
+        run.add(voltage_for_4_2_deg_V=float(np.sqrt(at(wanted, angle, volts**2))),
+                contraction_at_4_2_deg=float(at(wanted, angle, run.column("contraction"))))
     if args.reach:
         unstable = next((row for row in run.history if row["inertia"]), None)
         run.add(**reach(args, device, unit), lost=lost,
@@ -122,6 +121,11 @@ def main():
         picture = dea.pictures.deformed(args.out, warp=5.0, say=say)
         say(f"\nfields:  {run.out / 'fields.xdmf'}\nhistory: {run.out / 'history.csv'}")
         say(f"curve:   {curve}\npicture: {picture}")
+
+
+def at(wanted, angle, values):
+    """A column at an angle just passed: the cubic through the last four steps."""
+    return np.polyval(np.polyfit(angle[-4:], values[-4:], 3), wanted)
 
 
 def curvature(args, comm, run, kappa, young, say):
@@ -175,7 +179,7 @@ def reach(args, device, unit):
     found = {"given_pressure_angle_deg": float(np.degrees(angle[-1])),
              "given_pressure_Pa": float(p[-1])}  # fmt: skip
     if angle[-1] >= wanted:
-        p = float(np.interp(wanted, angle, p))
+        p = float(at(wanted, angle, p))
         found |= {"pressure_for_4_2_deg_Pa": p,
                   "given_pressure_voltage_for_4_2_deg_V": unit * float(np.sqrt(p))}  # fmt: skip
     return found

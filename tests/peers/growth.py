@@ -44,7 +44,7 @@ def thin(ratio: float) -> Case:
 
 
 SCENES: dict[str, tuple[Callable[[float], Case], tuple[float, ...]]] = {
-    "strip": (strip, (1.4, 2, 3, 4, 5, 6)),
+    "strip": (strip, (1.4, 2, 3, 4, 5, 5.4)),
     "stack": (stack, (1.5, 2, 3, 4, 5, 6, 7.8)),
     "thin": (thin, (10, 30, 100, 300, 1000)),
 }
