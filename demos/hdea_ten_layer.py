@@ -52,8 +52,8 @@ def parse():
     parser.number("--cap", None, "m", "flat ends with passive discs of this thickness")
     parser.add_argument("--no-cell", action="store_true", help="skip the helically periodic cell")
     parser.add_argument("--no-count", action="store_true", help="do not count negative eigenvalues "
-                        "at the end: at ten turns of mesh 3 that takes a quarter of the time, and 9 "
-                        "GB instead of 5")  # fmt: skip
+                        "at the end: at ten turns of mesh 3 that takes a quarter of the time, "
+                        "and 9 GB instead of 5")  # fmt: skip
     parser.add_argument("--no-pictures", action="store_true", help="draw nothing")
     parser.add_argument("--table", nargs="*", type=int, metavar="TURNS", help="run these turns "
                         "(1 2 5 10 if none is named), each by an mpirun of its own, and write "

@@ -9,11 +9,11 @@ With sides of 2.125 in the edges are then 2.011 in long, not the 2.75 in of the 
 those, panels meet on the axis at a height of 1.7455 in, and no storey that starts at 2.75 in or
 below has a stroke of 1.4 in.
 
-On mesh 4 the storey cannot be pushed beyond 0.730 in, at 20.7 N: there the stroke has a maximum along
-the branch, as the rubber folds at the free ends of the upper hinges.  Steps of Newton's method with a
-new factor each, with a kept one, and arc length all end at this place; mesh 2 is too coarse to see it
-and goes on to 0.96 in.  So the default stroke is 0.7 in, and the thesis's 1.4 in are out of reach.
-Contact of the panels is not modelled.
+On mesh 4 the storey cannot be pushed beyond 0.730 in, at 20.7 N: there the stroke has a maximum
+along the branch, as the rubber folds at the free ends of the upper hinges.  Newton's method with a
+new factor in each step, with a kept one, and arc length all end at this place; mesh 2 is too coarse
+to see it and goes on to 0.96 in.  So the default stroke is 0.7 in, and the thesis's 1.4 in are out
+of reach.  Contact of the panels is not modelled.
 
 Run it with `mpirun -n 2 python demos/kresling_cell.py`.
 """
