@@ -171,13 +171,12 @@ class Branch:
         else:
             Cubic.through(self, start, end).put(arc)
         iterations, previous = 0, np.inf
-        tolerance = solver.options.tolerance
         while True:
             if fault := problem.probe().fault:
                 return Attempt(fault, iterations, np.inf)
             residual = problem.residual()
             norm = solver.residual_of(residual)
-            if norm <= tolerance and (iterations > 0 or end is not None):
+            if norm <= solver.options.tolerance and (iterations > 0 or end is not None):
                 return Attempt("", iterations, norm, problem.probe())
             if iterations == solver.options.max_iterations:
                 return Attempt("slow", iterations, norm)

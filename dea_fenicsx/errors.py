@@ -103,9 +103,7 @@ def install_hook() -> None:
             alone = "" if world is None or together else f" on rank {world.rank} alone"
             _tell(previous, kind, error, trace, alone)
         if world is not None and not together:
-            # the speaker ends this rank too; and its launcher must pass on what it has said
-            time.sleep(0.5 if speaks else GRACE_S + 0.5)
-            world.Abort(status)
+            _end_all(world, speaks, GRACE_S, status)
         raise SystemExit(status)
 
     sys.excepthook = hook
@@ -139,8 +137,7 @@ def _watch_exit() -> None:
         if speaks:
             print(f"Error on rank {world.rank} alone: the script has ended by sys.exit; all ranks "
                   "are ended.", file=sys.stderr, flush=True)  # fmt: skip
-        time.sleep(0.5 if speaks else EXIT_GRACE_S + 0.5)
-        world.Abort(status if isinstance(status, int) else 1)
+        _end_all(world, speaks, EXIT_GRACE_S, status if isinstance(status, int) else 1)
 
     atexit.register(last)
 
@@ -163,6 +160,13 @@ def _tell(
     else:
         print(f"Error{alone}: {error}", file=sys.stderr)
     sys.stderr.flush()
+
+
+def _end_all(world: Any, speaks: bool, seconds: float, status: int) -> None:
+    """End all ranks from one that fails and has waited some seconds for the others."""
+    # the speaker ends this rank too; and its launcher must pass on what it has said
+    time.sleep(0.5 if speaks else seconds + 0.5)
+    world.Abort(status)
 
 
 def _world() -> Any:
