@@ -12,6 +12,7 @@ import difflib
 import os
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -149,7 +150,7 @@ def _options(values: Mapping[str, float | None]) -> Iterator[None]:
             gmsh.option.setNumber(key, value)
 
 
-def _told(error: Exception) -> str:
+def _told(error: Exception | str) -> str:
     """gmsh's message on one line."""
     return " ".join(str(error).split()).rstrip(".")
 
@@ -160,8 +161,9 @@ def _read(path: Path, is_step: bool) -> None:
 
     if not is_step:
         if _is_binary(path):
-            _try_apart(path)
-        gmsh.merge(str(path))
+            _merge_binary(path)
+        else:
+            gmsh.merge(str(path))
         return
     occ = gmsh.model.occ
     gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
@@ -180,31 +182,48 @@ def _is_binary(path: Path) -> bool:
     return head[:1] == [b"$MeshFormat"] and head[2:3] == [b"1"]
 
 
-_TRIAL = """
+_COPY = """
 import sys, gmsh
 gmsh.initialize(interruptible=False)
 gmsh.option.setNumber("General.Terminal", 0)
-gmsh.merge(sys.argv[1])
 model = gmsh.model
-model.mesh.getNodes()
-for group in model.getPhysicalGroups():
-    model.getPhysicalName(*group)
-    model.mesh.getNodesForPhysicalGroup(*group)
-for entity in model.getEntities():
-    for tags in model.mesh.getElements(*entity)[1]:
-        model.mesh.getElementQualities(tags, "minSJ")
-gmsh.finalize()
+try:
+    gmsh.merge(sys.argv[1])
+    model.mesh.getNodes()
+    for group in model.getPhysicalGroups():
+        model.getPhysicalName(*group)
+        model.mesh.getNodesForPhysicalGroup(*group)
+    for entity in model.getEntities():
+        for tags in model.mesh.getElements(*entity)[1]:
+            model.mesh.getElementQualities(tags, "minSJ")
+    gmsh.option.setNumber("Mesh.Binary", 1)
+    gmsh.option.setNumber("Mesh.SaveAll", 1)
+    gmsh.write(sys.argv[2])
+except Exception as error:
+    print(error, file=sys.stderr)
+    sys.exit(1)
 """
 
 
-def _try_apart(path: Path) -> None:
-    """Read a binary mesh in a process of its own: gmsh may die of a damaged one."""
-    done = subprocess.run(
-        [sys.executable, "-c", _TRIAL, str(path)], env=environment(), stdin=subprocess.DEVNULL,
-        capture_output=True, check=False,
-    )  # fmt: skip
-    if done.returncode < 0:
-        raise InputError("it ends gmsh itself, so its binary data must be damaged")
+def _merge_binary(path: Path) -> None:
+    """Merge a binary mesh by way of a copy that gmsh writes of it in a process of its own.
+
+    gmsh believes what a binary file says of its sizes: of damaged ones it dies at once, or it
+    reports an error and has spoilt the memory of the process, which then dies anywhere.
+    """
+    import gmsh
+
+    with tempfile.TemporaryDirectory(prefix="dea_mesh_") as folder:
+        copy = Path(folder) / "copy.msh"
+        done = subprocess.run(
+            [sys.executable, "-c", _COPY, str(path), str(copy)], env=environment(),
+            stdin=subprocess.DEVNULL, capture_output=True, check=False, text=True, errors="replace",
+        )  # fmt: skip
+        if done.returncode < 0:
+            raise InputError("it ends gmsh itself, so its binary data must be damaged")
+        if done.returncode:
+            raise InputError(_told(done.stderr) or "its binary data must be damaged")
+        gmsh.merge(str(copy))
 
 
 def _name_parts(path: Path, names: Names) -> None:
