@@ -237,13 +237,16 @@ def create_vector(form: Any) -> Any:
     return dolfinx.fem.petsc.create_vector(form)
 
 
-def single_precision(pc: Any) -> None:
-    """Let MUMPS keep this preconditioner's factor in single precision, where PETSc can (3.24)."""
-    if PETSc.Sys.getVersion() >= (3, 24):
-        prefix = "dea_single_"
+def set_precision(pc: Any, single: bool) -> None:
+    """Let MUMPS keep this factor in single precision, where PETSc can (3.24), or in double.
+
+    PETSc notes the prefix with the matrix, which two factors may share: so both kinds have one.
+    """
+    prefix = "dea_single_" if single else "dea_double_"
+    if single and PETSc.Sys.getVersion() >= (3, 24):
         PETSc.Options()[f"{prefix}pc_precision"] = "single"
-        pc.setOptionsPrefix(prefix)
-        pc.setFromOptions()
+    pc.setOptionsPrefix(prefix)
+    pc.setFromOptions()
 
 
 def coordinate_element(mesh: Any) -> Any:

@@ -383,7 +383,7 @@ class NewtonSolver:
 
     def _factorise(self, factor: WholeFactor | SplitFactor) -> bool:
         """Make a new factor of the tangent; False if MUMPS fails however much room it gets."""
-        self._factor.release()  # before the tangent needs the room
+        self._factor.make_room()
         self._corotation.factor = None
         matrix = self._assemble()
         self.notify("factorising")
@@ -419,7 +419,7 @@ class NewtonSolver:
             The kept factor is not needed any more, and makes room.
         """
         if last:
-            self._factor.release()
+            self._factor.make_room()
             self._corotation.factor = None
             self._stale = True
         if self._split and self._proves_stable(self._split):

@@ -17,6 +17,9 @@ from dea_fenicsx import compat
 from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.weakform import Problem, assembled
 
+SMALL = 60_000
+"""Unknowns up to which matrices and factors are kept to be filled anew: some hundred MB at most."""
+
 
 @dataclass
 class _Product:
@@ -65,6 +68,7 @@ class Tangent:
         )
         self.operator.setUp()
         self._loads: dict[str, np.ndarray] = {}
+        self._kept: tuple[Any, Any] = None, None
 
     def times(self, direction: np.ndarray) -> np.ndarray:
         """Product with a vector of the free unknowns; both owned.  Collective."""
@@ -99,14 +103,26 @@ class Tangent:
         return assembled(self._product, self._action)
 
     def matrix(self) -> Any:
-        """Assemble the block in the free unknowns.  For the caller to destroy.  Collective."""
-        problem = self.problem
-        whole = dolfinx.fem.petsc.create_matrix(self._matrix_form)
-        dolfinx.fem.petsc.assemble_matrix(whole, self._matrix_form)
+        """Assemble the block in the free unknowns.  Collective.
+
+        For the caller to destroy.  Of a problem of at most `SMALL` unknowns he may keep it: the
+        next call then fills the same matrix anew, whose pattern a factor knows.
+        """
+        problem, form = self.problem, self._matrix_form
+        whole, free = self._kept
+        if not free:  # there is none, or it was destroyed
+            if whole:
+                whole.destroy()
+            whole, free = dolfinx.fem.petsc.create_matrix(form), None
+        whole.zeroEntries()
+        dolfinx.fem.petsc.assemble_matrix(whole, form)
         whole.assemble()
         if problem.expansion is not None:
-            free = whole.ptap(problem.expansion)
+            free = whole.ptap(problem.expansion, result=free)
         else:
-            free = whole.createSubMatrix(self._columns, self._columns)
-        whole.destroy()
+            free = whole.createSubMatrix(self._columns, self._columns, submat=free)
+        if problem.unknowns <= SMALL:
+            self._kept = whole, free
+        else:
+            whole.destroy()
         return free

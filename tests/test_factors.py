@@ -164,3 +164,36 @@ def test_split_factors_need_a_discontinuous_pressure():
         ramp(scene, "split")
     with pytest.raises(dea.InputError, match="auto, whole, single, split"):
         ramp(helix(), "half")
+
+
+def test_kept_matrix_and_factors_are_filled_anew():
+    """Two factors that share a kept matrix each solve with what it held when they were made."""
+    device = dea.read_gmsh(BoxStack(2e-3, None, [Layer("film", 1e-3, 2)], 4), MPI.COMM_SELF)
+    scene = dea.Scene(
+        device, {"film": RUBBER}, [dea.Electrode("top", 1e3), dea.Ground("bottom")],
+        [dea.Clamp("x_min")], kinematics=dea.PlaneStrain(),
+    )  # fmt: skip
+    problem = Problem(scene)
+    tangent = Tangent(problem)
+    factors = WholeFactor(problem), WholeFactor(problem, single=True)
+    rng = np.random.default_rng(5)
+    x, y = tangent.operator.createVecs()
+    b = rng.standard_normal(len(problem.free))
+    kept, solved = [], []
+    for factor, exact in zip(factors, (1e-10, 1e-2), strict=True):
+        problem.add_free(0.005 * rng.standard_normal(len(problem.free)))
+        kept.append(tangent.matrix())
+        assert factor.make(kept[-1])
+        x.array[:] = b
+        factor.apply(None, x, y)
+        solved.append(y.array_r.copy())
+        assert tangent.times(solved[-1]) == pytest.approx(b, abs=exact)
+    assert kept[0] == kept[1]
+    factors[0].apply(None, x, y)
+    assert np.array_equal(y.array_r, solved[0])  # the matrix has changed, its first factor not
+    assert factors[0].make(tangent.matrix())
+    factors[0].apply(None, x, y)
+    assert y.array_r == pytest.approx(solved[1], abs=1e-3 * np.max(np.abs(solved[1])))
+    kept[0].destroy()
+    fresh = tangent.matrix()
+    assert fresh.getSize() == (problem.unknowns,) * 2 and fresh.norm() > 0
