@@ -55,16 +55,20 @@ Measured on a helix of five turns, iterations to equilibrium on a fresh factor: 
 factorisation grow by 4 % with each digit.
 """
 
+LOW_RANK_FROM = 60_000
+"""Displacements from which blocks at low rank pay: below, they take a third more time to find."""
+
 AMF, PORD = 2, 4
 """MUMPS's numbers of two orderings of the unknowns."""
 
 PORD_FROM = {2: 100_000, 3: 5_000}
-"""Unknowns from which PORD orders a whole tangent, by dimension; fewer are ordered by AMF.
+"""Unknowns from which PORD orders a matrix, by dimension; fewer are ordered by AMF.
 
 Measured, time and entries of a factor over those with METIS, which MUMPS would take: 0.6, 0.89 by
 AMF in a bender of 21 500 unknowns, 0.53 and 0.87 by PORD in one of 339 000; 0.8 and 0.93 by PORD in
-a strip in space of 53 000, 0.97 and 1.02 in one of 396 000.  PORD ends the process where all
-unknowns are alike, as in a single cell.
+a strip in space of 53 000, 0.97 and 1.02 in one of 396 000; 0.72 and 0.85 for the 289 000
+displacements of a helix of ten turns.  PORD ends the process where all unknowns are alike, as in a
+single cell.
 """
 
 FLOPS = 32
@@ -191,9 +195,9 @@ class WholeFactor:
         if not self._factor or self._factor.matrix != tangent:
             self.release()
             problem = self.problem
-            many = problem.unknowns >= PORD_FROM[problem.scene.kinematics.dim]
+            order = _order(problem.unknowns, problem.scene.kinematics.dim)
             # 24: null pivots are detected, which makes the inertia right
-            icntl = {24: 1, 7: PORD if many else AMF}
+            icntl = {24: 1, 7: order}
             self._factor = Mumps(tangent, icntl, {}, self.single, self._keep)
         return self._factor.make()
 
@@ -257,7 +261,7 @@ class SplitFactor:
         stiffness = _condensed(
             self._block(tangent, "u", "u"), blocks["Bt"], blocks["1/C"], blocks["B"]
         )
-        self._factors["u"] = _low_rank(stiffness, LOW_RANK, single=True)
+        self._factors["u"] = _definite(stiffness, LOW_RANK, single=True)
         if "phi" in self._rows:
             blocks["G"] = self._block(tangent, "phi", "u")
             blocks["Gt"] = self._block(tangent, "u", "phi")
@@ -300,7 +304,7 @@ class SplitFactor:
         from_p.destroy()
         to_p.destroy()
         # a body that is held at points has eigenvalues far below its cells', not to be lost
-        factor = _low_rank(matrix, 0.1 * LOW_RANK, single=False)
+        factor = _definite(matrix, 0.1 * LOW_RANK, single=False)
         made = factor.make()
         expected = self.problem.counts["phi"] if "phi" in names else 0
         found = factor.negative - expected if made else None
@@ -393,10 +397,20 @@ def _condensed(block: Any, from_p: Any, inverse: Any, to_p: Any) -> Any:
     return block
 
 
-def _low_rank(matrix: Any, dropped: float, single: bool) -> Mumps:
+def _order(unknowns: int, dim: int) -> int:
+    """MUMPS's number of an ordering."""
+    return PORD if unknowns >= PORD_FROM[dim] else AMF
+
+
+def _definite(matrix: Any, dropped: float, single: bool) -> Mumps:
+    """For u with p condensed, in space: at low rank where the matrix is large."""
+    size = matrix.getSize()[0]
+    icntl = {7: _order(size, 3)}
+    if size < LOW_RANK_FROM:
+        return Mumps(matrix, icntl, {}, single)
     # 35: blocks of low rank in factorisation and solve; 36: compressed before they are
     # updated; 37: and so are those that wait to be eliminated
-    return Mumps(matrix, {35: 2, 36: 1, 37: 1}, {7: dropped}, single)
+    return Mumps(matrix, icntl | {35: 2, 36: 1, 37: 1}, {7: dropped}, single)
 
 
 def _pressure_cells(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
