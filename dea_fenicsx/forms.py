@@ -6,7 +6,7 @@ Stationary point of
 
 with E = -Grad phi, all dimensionless: lengths in L, stresses in mu, potentials in
 L sqrt(mu/eps), where mu and eps are the scales of `Scales`.  In incompressible regions the
-augmentation gamma/2 s(F) (J - 1)^2 is added, s the mean stress of `_mean_stress`; it vanishes in
+augmentation gamma/2 s(F) (J - 1)^2 is added, s the stress of `_stress_of_strain`; it vanishes in
 the exact state.
 
 Regions whose kernels have the same shape (same elastic model, dielectric or not, incompressible or
@@ -237,7 +237,7 @@ def state(
         )
         # zero where J = 1: it takes nothing from the exact state, see Discretisation
         extra = dolfinx.fem.Constant(scene.device.mesh, float(scene.elements.augmentation))
-        stiffness = unit * extra * _mean_stress(kernel.elastic, strain)
+        stiffness = unit * extra * _stress_of_strain(kernel.elastic, strain, J)
         energy += p * (J - 1) + stiffness / 2 * (J - 1) ** 2
     else:
         strain = StrainOf(F, scale=J ** (-2 / 3))
@@ -253,13 +253,14 @@ def state(
                  rates)  # fmt: skip
 
 
-def _mean_stress(elastic: Elastic, strain: StrainOf) -> Any:
-    """How strained the material is: a third of tr(F dW/dF), in neo-Hookean and Gent rubber exactly.
+def _stress_of_strain(elastic: Elastic, strain: StrainOf, J: Any) -> Any:
+    """A stress that keeps in step with the strain: mu (I1 - 3 - 2 ln J) over the chain margin.
 
-    For other models the size is right, which is all that the augmentation needs; their own energy
-    would drag third derivatives of it into the tangent.
+    It is 0 at rest and nowhere negative, and grows without limit towards J = 0.  For models other
+    than neo-Hookean and Gent the size is right, which is all that the augmentation needs; their own
+    energy would drag third derivatives of it into the tangent.
     """
-    stress = elastic.spherical_slope() * strain.I1 / 3
+    stress = elastic.spherical_slope() * (strain.I1 - 3 - 2 * ufl.ln(J))
     margin = elastic.chain_margin(strain)
     return stress if margin is None else stress / margin
 

@@ -10,8 +10,8 @@ from dea_fenicsx.weakform import Problem
 SMALL = 1e-2
 """Share of the softest dielectric's modulus that counts as a small stress."""
 
-ROUNDING = 1e-4
-"""The same for a region's own modulus with its augmentation, for the sake of rounding there."""
+ROUNDING = 1e-3
+"""The same for a region's own modulus, for the sake of rounding there."""
 
 
 class References:
@@ -118,8 +118,7 @@ class References:
         scene, part = problem.scene, problem.pressure
         moduli = np.zeros(len(part.dofs))
         for name, material in scene.materials.items():
-            stiff = 1.0 + (scene.elements.augmentation if material.bulk_modulus is None else 0.0)
-            value = stiff * material.elastic.shear_modulus() / problem.scales.stress
+            value = material.elastic.shear_modulus() / problem.scales.stress
             on = part.space.dofmap.list[scene.device.cells_of(name)].ravel()
             moduli[on] = np.maximum(moduli[on], value)
         keep, sizes = problem.get_state(), []

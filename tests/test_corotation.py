@@ -80,7 +80,7 @@ def turn_all(problem: Problem, R: np.ndarray) -> None:
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_bent_strip_keeps_its_factor(dim):
     """Bent by its voltage, it takes half the iterations with the factor from rest turned along."""
-    run = dea.solve(bender(dim, 3000.0), dea.Ramp(steps=4), {}, quiet=True)
+    run = dea.solve(bender(dim, 6000.0), dea.Ramp(steps=4), {}, quiet=True)
     problem, bent = run.problem, run.problem.get_state()
     rhs = problem.unbalanced(np.random.default_rng(1).normal(size=problem.owned))
     solver = NewtonSolver(problem, dea.NewtonOptions(factor="whole", krylov_limit=100))

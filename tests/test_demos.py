@@ -110,7 +110,7 @@ def check_cell(out, printed):
     assert s["misfit_of_springs"] < 0.01
     history = dea.read_history(out)
     assert np.all(history["inertia"] == 0)
-    assert -history["stroke_m"][-1] == pytest.approx(0.02, rel=1e-9)
+    assert -history["stroke_m"][-1] == pytest.approx(0.011, rel=1e-9)
     assert s["twist_at_stroke_deg"] == pytest.approx(s["linkage_twist_at_stroke_deg"], rel=0.2)
     assert (out / "force_stroke.png").exists()
     assert (out / "held" / "fields.xdmf").exists()
@@ -215,7 +215,7 @@ def check_ten_layer(out, printed):
     assert {"twist_rad", "unknowns", "ranks", "wall_s", "peak_memory_GB"} <= set(s)
     # three turns are all ends: the upper two shorten nearly as the endless helix, but twist more
     middle, endless = s["middle_turn"], s["helical_cell"]
-    assert middle["contraction"] / endless["contraction"] == pytest.approx(0.992, abs=2e-3)
+    assert middle["contraction"] / endless["contraction"] == pytest.approx(0.989, abs=2e-3)
     assert middle["twist_rad"] / endless["twist_rad"] == pytest.approx(1.387, abs=5e-3)
     assert s["helical_cell"]["unknowns"] < 0.05 * s["unknowns"]
     assert s["stable"] is True
@@ -332,7 +332,7 @@ def check_bending(out, printed):
     s = summary(out)
     assert s["exact_curvature"] == pytest.approx(93.4, abs=0.05)
     assert s["curvature"][-1] == pytest.approx(s["exact_curvature"], rel=0.01)
-    assert s["bending_angle_deg"] == pytest.approx(0.1063, abs=2e-4)  # own value, mesh 1, 2026-11
+    assert s["bending_angle_deg"] == pytest.approx(0.1060, abs=2e-4)  # own value, mesh 1, 2026-11
     assert s["contraction"] == pytest.approx(0.003944, abs=2e-6)
     # digest: 44.8 kV for 1.406 MPa over 3.3 mm; here 3 x 73.7 kPa over the driven 1.65 mm
     expected = 44.8e3 * (221.1e3 / 1.406e6 * 3.3 / 1.65) ** 0.5
@@ -360,7 +360,7 @@ def check_first_actuator(out, printed):
     s = summary(out)
     assert s["small_tip_m"] == pytest.approx(s["beam_tip_m"], rel=0.025)
     assert s["beam_tip_m"] == pytest.approx(-14.875e-6, rel=1e-4)  # 3/8 eps V^2 L^2/(4 mu h^3)
-    assert s["tip_m"] == pytest.approx(-6.009e-3, rel=1e-3)  # own value, 2026-11
+    assert s["tip_m"] == pytest.approx(-6.061e-3, rel=1e-3)  # own value, 2026-11
     assert s["stable"] is True
     assert (out / "tip_voltage.png").exists()
 
@@ -431,7 +431,7 @@ CHECKS = {
     "hdea_ten_layer.py": (check_ten_layer, ["--turns", 3, "--mesh", 1, "--steps", 3]),
     "hdea_two_turn.py": (check_hdea, ["--mesh", 1, "--steps", 4, "--trend"]),
     "kresling_box.py": (check_box, []),
-    "kresling_cell.py": (check_cell, ["--mesh", 2, "--steps", 8, "--stroke", 0.02,
+    "kresling_cell.py": (check_cell, ["--mesh", 2, "--steps", 8, "--stroke", 0.011,
                                       "--held-stroke", 0.0002]),
     "kresling_kinematics.py": (check_kresling, []),
     "membrane_disc.py": (check_disc, ["--mesh", 1]),

@@ -293,7 +293,7 @@ def layer(elastomer, voltage):
                         cells=(4, 1), steps=2)
     return {"voltage_V": voltage, **found}
 
-front = optimise(layer, {"elastomer": (1e-4, 3e-4), "voltage": (500.0, 9000.0)},
+front = optimise(layer, {"elastomer": (1e-4, 3e-4), "voltage": (500.0, 12000.0)},
                  {"voltage_V": "min", "stroke_m": "max"}, population=8, generations=3, seed=2,
                  out=out, resume=resume)
 if front and __import__("mpi4py.MPI").MPI.COMM_WORLD.rank == 0:
