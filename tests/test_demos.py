@@ -216,7 +216,7 @@ def check_ten_layer(out, printed):
     # three turns are all ends: the upper two shorten nearly as the endless helix, but twist more
     middle, endless = s["middle_turn"], s["helical_cell"]
     assert middle["contraction"] / endless["contraction"] == pytest.approx(0.989, abs=2e-3)
-    assert middle["twist_rad"] / endless["twist_rad"] == pytest.approx(1.387, abs=5e-3)
+    assert middle["twist_rad"] / endless["twist_rad"] == pytest.approx(1.396, abs=5e-3)
     assert s["helical_cell"]["unknowns"] < 0.05 * s["unknowns"]
     assert s["stable"] is True
     assert "contradict each other" in printed
