@@ -240,7 +240,7 @@ def draw(path, args, run, held, linkage):
     drop.legend(fontsize=6, frameon=False)
     force.set(xlabel="Stroke (mm)", ylabel="Force (N)", ylim=(0, 1.6 * s["largest_force_N"]))
     turn.set(xlabel="Stroke (mm)", ylabel="Turn (degrees)")
-    drop.set(xlabel="Modulus of the hinges (MPa)", ylabel="Stiffness over that at 100 MPa")
+    drop.set(xlabel="Hinge modulus (MPa)", ylabel="Stiffness over that at 100 MPa")
     figure.legend(*force.get_legend_handles_labels(), fontsize=7, frameon=False, ncols=3,
                   loc="outside upper center")  # fmt: skip
     figure.savefig(path, dpi=200)
