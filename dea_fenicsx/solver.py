@@ -85,7 +85,7 @@ class NewtonOptions:
 LARGE = 20_000
 """Unknowns above which the kept factor is a cheaper one than the whole, unless told otherwise."""
 
-ASSEMBLY = 15
+ASSEMBLY = 30
 """Krylov iterations that take as long as assembling the tangent, in a small problem."""
 
 FORCING = 3e-4
