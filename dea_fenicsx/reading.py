@@ -135,7 +135,7 @@ def field_names(folder: str | os.PathLike) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def read_frame(folder: Path, step: int = -1) -> Frame:
+def read_frame(folder: str | os.PathLike, step: int = -1) -> Frame:
     """Read a step of a run from fields.xdmf and the HDF5 files it names, without VTK's readers.
 
     Parameters
@@ -153,6 +153,7 @@ def read_frame(folder: Path, step: int = -1) -> Frame:
     import h5py
     import pyvista
 
+    folder = Path(folder)
     xml = _grid(folder, step)
 
     def data(element: ET.Element | None) -> np.ndarray:

@@ -6,6 +6,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -135,7 +136,7 @@ class _Session:
     settings: Mapping[str, Any] | None
     history: list[dict[str, Any]] = field(default_factory=list)
     earlier_s: float = 0.0
-    ramp: int = 0
+    ends: dict[int, tuple[Measurement, float]] = field(default_factory=dict)
     counts: tuple[int, int, int] = (0, 0, 0)
     found: list[dict[str, Any]] = field(default_factory=list)
     lost: PathError | None = None
@@ -153,6 +154,7 @@ class _Session:
         }
         self.solver = NewtonSolver(self.problem, self.options)
         self.gauges = [Gauge(failure, self.problem) for failure in self.failures]
+        self.ends = self._ends()
         self.folder = folder
         self.writer = FieldWriter(self.problem) if folder else None
         cursor = self._load() if self.resume and folder else None
@@ -188,7 +190,7 @@ class _Session:
             self.solver.notify = notify
             with interruption:
                 for step in follow(
-                    self.solver, self.path, cursor, self.progress.say, self._enough, sentinel
+                    self.solver, self.path, cursor, self.progress.say, self._gap, sentinel
                 ):
                     self._accept(step)
         except PathError as error:
@@ -218,19 +220,50 @@ class _Session:
             "run can be resumed from there"
         )
 
-    def _enough(self) -> bool:
-        """Whether the present trace has crossed the value it was to go to."""
-        until = getattr(self.path[self.ramp], "until", None)
-        if until is None or len(self.history) < 2:
-            return False
-        column, value = until
-        before, now = (row.get(column) for row in self.history[-2:])
-        if now is None or before is None:
-            raise InputError(
-                f"The trace is to end by {column!r}, but the history has no such column; it has: "
-                f"{', '.join(self.history[-1])}."
-            )
-        return (before - value) * (now - value) <= 0
+    def _columns(self) -> dict[str, Measurement]:
+        """What can end a trace: columns of the history that the present state alone determines."""
+        problem = self.problem
+        known: dict[str, Measurement] = {}
+
+        def load(name: str, unit: float) -> float:
+            return float(problem.factors[name] * unit)
+
+        def value(gauge: Gauge) -> float:
+            return gauge.measure()[0].value
+
+        for name in self.scene.ramps:
+            key, unit = self._load_column(name)
+            known[key] = partial(load, name, unit)
+        if problem.potential is not None:
+            known["max_field_V_per_m"] = lambda: problem.probe().max_field * problem.scales.field
+        known |= {gauge.failure.column: partial(value, gauge) for gauge in self.gauges}
+        return known | self.measurements
+
+    def _ends(self) -> dict[int, tuple[Measurement, float]]:
+        """For each trace of the path that ends at a value: how to measure it, and the value."""
+        columns, found = self._columns(), {}
+        for k, item in enumerate(self.path):
+            column, value = getattr(item, "until", None) or ("", 0.0)
+            if column and column not in columns:
+                raise InputError(
+                    f"The trace is to end by {column!r}, but there is no such column that could "
+                    f"end it; there are: {', '.join(columns)}."
+                )
+            if column:
+                found[k] = columns[column], value
+        return found
+
+    def _gap(self, item: int) -> float | None:
+        """How far the state is from the value at which an item of the path ends."""
+        if item not in self.ends:
+            return None
+        measure, value = self.ends[item]
+        return measure() - value
+
+    def _load_column(self, ramp: str) -> tuple[str, float]:
+        """The column of a ramp and the unit of its factor: volts for electrodes, or bare."""
+        volts = self.scene.reference_voltage(ramp)
+        return (f"{ramp}_V", volts) if volts else (f"{ramp}_factor", 1.0)
 
     # ------------------------------------------------------------------- steps
 
@@ -253,11 +286,9 @@ class _Session:
             "ramp": step.label,
             "event": step.event,
         }
-        self.ramp = cursor.ramp
         for name in self.scene.ramps:
-            volts = self.scene.reference_voltage(name)
-            key = f"{name}_V" if volts else f"{name}_factor"
-            row[key] = cursor.factors[name] * (volts or 1.0)
+            key, unit = self._load_column(name)
+            row[key] = cursor.factors[name] * unit
         measured = {name: measure() for name, measure in self.measurements.items()}
         row |= measured
         checked = check_step(solver, cursor.step, self._must_be_finite(measured))
@@ -379,7 +410,6 @@ class _Session:
         self.writer.scatter_state(state)
         self.solver.references.sizes |= told.get("references", {})
         cursor = Cursor(**told["cursor"])
-        self.ramp = cursor.ramp
         self.problem.set_factors(cursor.factors)
         try:
             check_step(self.solver, cursor.step, {})

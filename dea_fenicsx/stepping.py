@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -146,7 +147,7 @@ def follow(
     path: Sequence[Ramp | Trace],
     resume: Cursor | None = None,
     log: Callable[[str], None] = lambda line: None,
-    enough: Callable[[], bool] = lambda: False,
+    gap: Callable[[int], float | None] = lambda item: None,
     sentinel: Sentinel | None = None,
 ) -> Iterator[Step]:
     """Follow a path and yield each accepted step, the undeformed state first.
@@ -161,8 +162,9 @@ def follow(
         Where to carry on; the problem must hold the state that belongs to it.
     log
         Called with a line of text for every retry.
-    enough
-        Asked after each step of a trace; True ends the trace.
+    gap
+        How far the present state is from the value at which an item of the path ends; None if
+        it ends at none.
     sentinel
         Watches for events; without one, only limit points of traces are noticed.
 
@@ -189,7 +191,7 @@ def follow(
     while cursor.ramp < len(path):
         item = path[cursor.ramp]
         steps = (
-            _follow_trace(solver, path, item, cursor, log, enough, sentinel)
+            _follow_trace(solver, path, item, cursor, log, gap, sentinel)
             if isinstance(item, Trace)
             else _follow_ramp(solver, path, item, cursor, log, sentinel)
         )
@@ -208,22 +210,23 @@ def _follow_trace(
     item: Trace,
     cursor: Cursor,
     log: Callable[[str], None],
-    enough: Callable[[], bool],
+    gap: Callable[[int], float | None],
     sentinel: Sentinel,
 ) -> Iterator[Step]:
-    """Follow one trace from a cursor until it has enough or its steps are used up."""
+    """Follow one trace from a cursor to its end or until its steps are used up."""
     scene = solver.problem.scene
     done = round(cursor.position * item.steps)
-    if done >= item.steps or (done and enough()):
+    if done >= item.steps:
         return  # resumed after its last step
     sign = cursor.direction or float(np.sign(item.first))
     factors = dict(cursor.factors)
     arc = cursor.size or 1.0
-    for found in trace(solver, item, arc, sign, log, sentinel, not cursor.switched):
+    for found in trace(solver, item, arc, sign, log, sentinel, partial(gap, cursor.ramp),
+                       not cursor.switched):  # fmt: skip
         if isinstance(found, str):
             names, lost = (item.what,), factors | {item.what: factors[item.what]}
             raise _verdict(scene, names, item.what, factors, lost, Attempt(found, 0, np.inf))
-        done += 1
+        done = item.steps if found.last else done + 1
         factors = cursor.factors | {item.what: found.factor}
         switched = cursor.switched or (bool(item.switch) and found.event == "bifurcation")
         cursor = Cursor(
@@ -234,7 +237,7 @@ def _follow_trace(
         yield Step(
             cursor, item.what, found.attempt, found.retries, last, found.event, found.mode
         )
-        if done >= item.steps or (not found.event and enough()):
+        if done >= item.steps:
             return
 
 

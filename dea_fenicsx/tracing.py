@@ -14,6 +14,9 @@ from dea_fenicsx.events import Sentinel
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import Attempt, NewtonSolver
 
+CLOSE = 1e-7
+"""How close a trace comes to the value at which it ends, of the change over the last step."""
+
 
 @dataclass(frozen=True)
 class Trace:
@@ -28,7 +31,7 @@ class Trace:
     steps
         Most steps that are taken, events included.
     until
-        A column of the history and a value: the trace ends when the column crosses the value.
+        A column of the history and a value: the trace ends where the column takes the value.
     longest
         Longest step in units of arc, of 5 % stretch each.
     at
@@ -65,6 +68,7 @@ class Traced:
     retries: int
     event: str = ""
     mode: np.ndarray | None = None
+    last: bool = False
 
 
 def trace(
@@ -74,6 +78,7 @@ def trace(
     sign: float,
     log: Callable[[str], None],
     sentinel: Sentinel,
+    gap: Callable[[], float | None],
     may_switch: bool = True,
 ) -> Iterator[Traced | str]:
     """Follow a branch from the problem's state; yields accepted points, then a reason if lost.
@@ -88,6 +93,8 @@ def trace(
         Called with a line for every retry and every event.
     sentinel
         Watches for bifurcations and alarms.
+    gap
+        How far the problem's present state is from the end, of either sign; None for no end.
     may_switch
         False once the trace has left its first branch.
     """
@@ -98,7 +105,7 @@ def trace(
         yield solver.trouble
         return
     before: Point | None = None
-    retries = 0
+    retries, left = 0, gap()
     while True:
         attempt, there, reason = branch.advance(here, arc, before)
         count = None
@@ -117,7 +124,9 @@ def trace(
                 return
             continue
         spots = list(_spots(branch, item, here, there, arc, turns, sentinel))
-        if spots:
+        branch.restore(there)
+        if end := _end(branch, here, there, arc, left, gap, log):
+            spots.append(end)
             branch.restore(there)
         events = sentinel.passed(branch.place(here, there, arc), branch.rates, count, int(turns))
         for event in events:
@@ -128,8 +137,11 @@ def trace(
         for _, state, traced in sorted(spots, key=lambda spot: spot[0]):
             branch.set_factor(traced.factor)
             problem.set_state(state)
-            log(f"{item.what}: {traced.event} at factor {traced.factor:.8g}")
+            if traced.event:
+                log(f"{item.what}: {traced.event} at factor {traced.factor:.8g}")
             yield replace(traced, retries=retries)
+            if traced.last:
+                return
             retries = 0
             if traced.event == "bifurcation" and item.switch and may_switch:
                 may_switch = False
@@ -137,9 +149,11 @@ def trace(
                 before = None
                 here = branch.aside(state, traced.factor, np.sign(item.switch) * traced.mode)
                 arc = abs(item.switch)
+                left = gap()
                 break
         else:
             branch.restore(there)
+            left = gap()
             grown = 1.5 if attempt.iterations <= 3 else 1.0 if attempt.iterations <= 6 else 0.7
             arc = min(arc * grown, item.longest)
             before, here = here, there
@@ -183,6 +197,44 @@ def _spots(
                     share = (wanted - start.factor) / (end.factor - start.factor)
                     yield (low + share * (high - low), branch.problem.get_state(),
                            Traced(wanted, arc, sign, attempt, 0, "landed"))  # fmt: skip
+
+
+def _end(
+    branch: Branch,
+    here: Point,
+    there: Point,
+    arc: float,
+    left: float | None,
+    gap: Callable[[], float | None],
+    log: Callable[[str], None],
+) -> tuple[float, np.ndarray, Traced] | None:
+    """Where the trace ends, if that is in this step: arc, state and what to report.
+
+    `left` is the gap at the step's start; the problem is at its end.
+    """
+    beyond = gap()
+    if left is None or beyond is None or left == 0 or left * beyond > 0:
+        return None
+    whole = Attempt("", 0, branch.solver.residual_of(branch.problem.residual()),
+                    branch.problem.probe())  # fmt: skip
+    s, attempt = arc, whole
+    low, high, close = (0.0, left), (arc, beyond), CLOSE * max(abs(left), abs(beyond))
+    for _ in range(20):
+        if abs(high[1]) <= close:
+            break
+        s = (low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1])
+        attempt = branch.step(here, s, there)
+        now = gap() if attempt.converged else None
+        if now is None:  # the step's own end is an equilibrium, a little behind the value
+            log("no equilibrium was found at the very end of the trace; it ends behind")
+            branch.restore(there)
+            s, attempt = arc, whole
+            break
+        # Illinois rule, as for a limit point
+        low = high if now * high[1] < 0 else (low[0], low[1] / 2)
+        high = (s, now)
+    sign = np.sign(there.slope)
+    return s, branch.problem.get_state(), Traced(branch.factor, arc, sign, attempt, 0, last=True)
 
 
 def over_the_limit(

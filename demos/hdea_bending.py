@@ -105,10 +105,8 @@ def main():
         angle_at_largest_voltage_deg=float(np.degrees(top["bending_angle_rad"])),
     )
     say = print if comm.rank == 0 and not args.quiet else lambda *a, **k: None
-    angle, volts = run.column("bending_angle_rad"), run.column("voltage_V")
-    if angle[-1] >= wanted:
-        run.add(voltage_for_4_2_deg_V=float(np.sqrt(at(wanted, angle, volts**2))),
-                contraction_at_4_2_deg=float(at(wanted, angle, run.column("contraction"))))
+    if args.reach and np.isclose(run["bending_angle_rad"], wanted):
+        run.add(voltage_for_4_2_deg_V=run["voltage_V"], contraction_at_4_2_deg=run["contraction"])
     if args.reach:
         unstable = next((row for row in run.history if row["inertia"]), None)
         run.add(**reach(args, device, unit), lost=lost,
@@ -121,11 +119,6 @@ def main():
         picture = dea.pictures.deformed(args.out, warp=5.0, say=say)
         say(f"\nfields:  {run.out / 'fields.xdmf'}\nhistory: {run.out / 'history.csv'}")
         say(f"curve:   {curve}\npicture: {picture}")
-
-
-def at(wanted, angle, values):
-    """A column at an angle just passed: the cubic through the last four steps."""
-    return np.polyval(np.polyfit(angle[-4:], values[-4:], 3), wanted)
 
 
 def curvature(args, comm, run, kappa, young, say):
@@ -172,14 +165,13 @@ def reach(args, device, unit):
     )
     path = dea.Trace("load", first=0.2, steps=60, until=("bending_angle_rad", wanted))
     try:
-        run = dea.solve(scene, path, record(), quiet=True, stability="never")
+        run = dea.solve(scene, path, record(), quiet=args.quiet, stability="never")
     except dea.EquilibriumLost as error:
         run = error.run
-    angle, p = run.column("bending_angle_rad"), args.mu * run.column("load_factor")
-    found = {"given_pressure_angle_deg": float(np.degrees(angle[-1])),
-             "given_pressure_Pa": float(p[-1])}  # fmt: skip
-    if angle[-1] >= wanted:
-        p = float(at(wanted, angle, p))
+    p = args.mu * run["load_factor"]
+    found = {"given_pressure_angle_deg": float(np.degrees(run["bending_angle_rad"])),
+             "given_pressure_Pa": p}  # fmt: skip
+    if np.isclose(run["bending_angle_rad"], wanted):
         found |= {"pressure_for_4_2_deg_Pa": p,
                   "given_pressure_voltage_for_4_2_deg_V": unit * float(np.sqrt(p))}  # fmt: skip
     return found

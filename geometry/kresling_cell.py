@@ -13,6 +13,7 @@ from dea_fenicsx.units import in_si
 from . import _check
 from ._structured import Floats, Ints, StructuredMesh, block, joined_ends, lattice_points, sweep
 from .base import Geometry
+from .grading import graded
 
 ORDER = 2
 """Degree of the cells' geometry: folds are curved."""
@@ -57,6 +58,9 @@ class KreslingCell(Geometry):
         Cells across half a hinge.
     through
         Cells through the thickness.
+    grading
+        Largest over smallest cell along half a hinge and beside the cut; the small ones lie at the
+        ends of the hinges, where the stress is singular.
 
     Notes
     -----
@@ -81,6 +85,7 @@ class KreslingCell(Geometry):
     tip: int = 1
     strip: int = 1
     through: int = 1
+    grading: float = 1.0
 
     def __post_init__(self) -> None:
         for name in ("side", "height", "thickness", "hinge"):
@@ -89,6 +94,7 @@ class KreslingCell(Geometry):
         _check.count("KreslingCell", "sides", self.sides, least=3)
         for name in ("along", "tip", "strip", "through"):
             _check.count("KreslingCell", name, getattr(self, name))
+        _check.ratio("KreslingCell", "grading", self.grading)
         if not 0 < _check.number("KreslingCell", "relief", self.relief) < 0.5:
             raise InputError(
                 f"KreslingCell: relief is {self.relief:g}; it must be a share of a crease above 0 "
@@ -308,11 +314,11 @@ class KreslingCell(Geometry):
         def half_rim(k: int, j: int, s: Floats) -> Floats:
             """From the tip k of a panel to the hinge of side j, and along half of it."""
             hinge = beside(j, s)
-            tip = np.linspace(0, 1, self.tip + 1)[:, None]
+            tip = graded(self.tip, self.grading, "both")[:, None]
             ends = np.vstack([(1 - tip) * tips[k] + tip * hinge[0], hinge[1:]])
             return np.column_stack([lattice_points(x, ORDER) for x in ends.T])
 
-        hinge = np.linspace(self.relief, 0.5, self.along + 1)
+        hinge = self.relief + (0.5 - self.relief) * graded(self.along, self.grading, "start")
         line = lattice_points(joined_ends(hinge, 1 - hinge[::-1]), ORDER)
         across = lattice_points(np.linspace(1, 0, self.strip + 1), ORDER)
         grids = []  # barycentric coordinates, bend, side
@@ -320,8 +326,13 @@ class KreslingCell(Geometry):
             place = np.broadcast_to(beside(j, line), (len(across), len(line), 3))
             b = np.broadcast_to(across[:, None, None], (*place.shape[:2], 1))
             grids.append(np.concatenate([place, b, np.where(b > 0, j, 0)], axis=2))
-        share = lattice_points(np.linspace(0, 1, self.tip + self.along + 1), ORDER)[:, None]
         centre = tips.mean(axis=0)
+        # towards the centre as along the rims, on the average of them
+        panels = self._panels[0]
+        rims_ = [half_rim(k, j, h) @ panels for k in range(3)
+                 for j, h in ((k, hinge), (k - 1, 1 - hinge))]  # fmt: skip
+        runs = [np.linalg.norm(x - x[0], axis=1) for x in rims_]
+        share = np.mean([x / x[-1] for x in runs], axis=0)[:, None]
         for k in range(3):  # a patch from a tip to the middles of two rims and the centre
             low, left = half_rim(k, k, hinge), half_rim(k, k - 1, 1 - hinge)
             high, right = ((1 - share) * x[-1] + share * centre for x in (left, low))
@@ -376,6 +387,7 @@ def main(arguments: list[str] | None = None) -> int:
             "tip": "cells along the panel's side beside the cut",
             "strip": "cells across half a hinge",
             "through": "cells through the thickness",
+            "grading": "largest over smallest cell along a hinge",
         },
     )
     return run(parser, KreslingCell, arguments)

@@ -182,9 +182,24 @@ def test_free_film_limit_point(tmp_path):
     scene = film(dea.NeoHookean(MU))
     first = dea.solve(scene, dea.Trace("voltage", steps=40, until=("stretch", 1.5)), STRETCH,
                       tmp_path, quiet=True, stability="never")  # fmt: skip
-    assert first["stretch"] > 1.5
+    assert first["stretch"] == pytest.approx(1.5, rel=1e-7)
+    assert first["inertia_is_of_this_step"] == 0  # never asked
     assert events(first)["maximum"]["stretch"] == pytest.approx(2 ** (1 / 3), abs=1e-5)
     assert events(first)["maximum"]["voltage_V"] / UNIT == pytest.approx(0.68736, abs=5e-6)
+
+
+@pytest.mark.parametrize("until", [("stretch", 1.2), ("voltage_V", 0.5 * UNIT)])
+def test_a_trace_ends_on_its_value(until, tmp_path):
+    """No later event of the same step is kept; the last step's eigenvalues are counted."""
+    scene = film(dea.NeoHookean(MU))
+    path = [dea.Trace("voltage", first=0.3, longest=8.0, until=until)]
+    run = dea.solve(scene, path, STRETCH, tmp_path, quiet=True)
+    assert run[until[0]] == pytest.approx(until[1], rel=1e-7)
+    assert not events(run)
+    assert run["inertia_is_of_this_step"] == 1
+    steps = len(run.history)
+    again = dea.solve(scene, path, STRETCH, tmp_path, resume=True, quiet=True)
+    assert len(again.history) == steps
 
 
 @pytest.mark.parametrize(
