@@ -85,8 +85,8 @@ class NewtonOptions:
 LARGE = 20_000
 """Unknowns above which the kept factor is a cheaper one than the whole, unless told otherwise."""
 
-ASSEMBLY = 30
-"""Krylov iterations that take as long as assembling the tangent, in a small problem."""
+ASSEMBLY = {2: 15, 3: 30}
+"""Krylov iterations as long as assembling the tangent of a small problem, by dimension."""
 
 FORCING = 3e-4
 """Relative tolerance of each linear solve.
@@ -378,7 +378,8 @@ class NewtonSolver:
         self._best_rate = min(self._best_rate, rate)
         self._wasted += (rate - self._best_rate) * digits
         self._stale = (
-            iterations > self.options.krylov_limit or self._wasted > ASSEMBLY + self._factor.worth
+            iterations > self.options.krylov_limit
+            or self._wasted > ASSEMBLY[self.problem.mesh.topology.dim] + self._factor.worth
         )
 
     def _factorise(self, factor: WholeFactor | SplitFactor) -> bool:

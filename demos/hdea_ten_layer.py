@@ -53,7 +53,7 @@ def parse():
     parser.add_argument("--no-cell", action="store_true", help="skip the helically periodic cell")
     parser.add_argument("--no-count", action="store_true", help="do not count negative eigenvalues "
                         "at the end: at ten turns of mesh 3 that takes a quarter of the time, "
-                        "and 9 GB instead of 5")  # fmt: skip
+                        "and 8 GB instead of 5")  # fmt: skip
     parser.add_argument("--no-pictures", action="store_true", help="draw nothing")
     parser.add_argument("--table", nargs="*", type=int, metavar="TURNS", help="run these turns "
                         "(1 2 5 10 if none is named), each by an mpirun of its own, and write "
@@ -253,8 +253,9 @@ def cell(args, comm, run, geometry, say):
     say(f"{'unknowns':22}{s['unknowns']:12d}{alone.summary['unknowns']:16d}")
     say(f"{'wall time, s':22}{s['wall_s']:12.1f}{spent:16.1f}{spent / s['wall_s']:12.2%}")
     say("The effect of the ends fades over about the radius, 7 mm or six turns, from either side: "
-        "the middle of\nten turns still feels them (1.8 %; 0.7 % at twenty).  The peak is that at "
-        "the middles of cells,\nnear a sharp edge, where it depends on the mesh.")  # fmt: skip
+        "the middle of\nten turns still feels them (1.9 % of contraction; 0.7 % at twenty, with "
+        "twist and peak field within\n0.1 %).  The peak is that at the middles of cells, near a "
+        "sharp edge: it depends on the mesh, which both share.")  # fmt: skip
 
 
 COLUMNS = ("turns", "ranks", "unknowns", "wall_s", "assembly_s", "factor_s", "krylov_s",

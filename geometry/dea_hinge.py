@@ -46,7 +46,8 @@ class DEAHinge(Geometry):
     through
         Cells through each film; all other layers have one.
     grading
-        Largest over smallest cell of the thick regions; the small ones lie at the fold.
+        Largest over smallest cell of the thick regions; the small ones lie at their ends, where a
+        voltage may fall off and the fold begins.
 
     Notes
     -----
@@ -71,7 +72,7 @@ class DEAHinge(Geometry):
     cover: float = 15e-6
     sheet_thin: float = 10e-6
     sheet_thick: float = 15e-6
-    cells: tuple[int, int] = (4, 3)
+    cells: tuple[int, int] = (8, 3)
     across: int = 4
     through: int = 1
     grading: float = 4.0
@@ -155,8 +156,8 @@ class DEAHinge(Geometry):
         thin = self.thick + self.thin * np.linspace(0, 1, 4 * quarter + 1)
         pieces = [thin]
         if self.thick:
-            left = self.thick * graded(outer, self.grading, "end")
-            right = self.length - self.thick * graded(outer, self.grading, "end")[::-1]
+            left = self.thick * graded(outer, self.grading, "both")
+            right = self.length - self.thick * graded(outer, self.grading, "both")[::-1]
             pieces = [left, thin, right]
         else:
             outer = 0
@@ -223,8 +224,8 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("--width", type=value, help="in m; without it a flat section")
     parser.add_argument(
-        "--cells", type=values, default=(4, 3),
-        help="cells along a thick region and along a quarter of the thin one, as 4,3",
+        "--cells", type=values, default=(8, 3),
+        help="cells along a thick region and along a quarter of the thin one, as 8,3",
     )  # fmt: skip
     return run(parser, DEAHinge, arguments)
 

@@ -58,9 +58,10 @@ class KreslingCell(Geometry):
         Cells across half a hinge.
     through
         Cells through the thickness.
-    grading
-        Largest over smallest cell along half a hinge and beside the cut; the small ones lie at the
-        ends of the hinges, where the stress is singular.
+    grading, grading_strip, grading_through
+        Largest over smallest cell along half a hinge and beside the cut, across half a hinge, and
+        through the thickness.  The small ones lie where the stress is singular: at the ends of the
+        hinges, where these meet the panels or what holds them, and at the faces.
 
     Notes
     -----
@@ -86,6 +87,8 @@ class KreslingCell(Geometry):
     strip: int = 1
     through: int = 1
     grading: float = 1.0
+    grading_strip: float = 1.0
+    grading_through: float = 1.0
 
     def __post_init__(self) -> None:
         for name in ("side", "height", "thickness", "hinge"):
@@ -94,7 +97,8 @@ class KreslingCell(Geometry):
         _check.count("KreslingCell", "sides", self.sides, least=3)
         for name in ("along", "tip", "strip", "through"):
             _check.count("KreslingCell", name, getattr(self, name))
-        _check.ratio("KreslingCell", "grading", self.grading)
+        for name in ("grading", "grading_strip", "grading_through"):
+            _check.ratio("KreslingCell", name, getattr(self, name))
         if not 0 < _check.number("KreslingCell", "relief", self.relief) < 0.5:
             raise InputError(
                 f"KreslingCell: relief is {self.relief:g}; it must be a share of a crease above 0 "
@@ -242,7 +246,7 @@ class KreslingCell(Geometry):
         """Nodes, cells and named parts as plain arrays."""
         quads, weights, bend, of, rims = self._triangle_mesh()
         numbers, count = self._number(len(weights), rims)
-        z = self.thickness * (lattice_points(np.linspace(0, 1, self.through + 1), ORDER) - 0.5)
+        z = self.thickness * (lattice_points(graded(self.through, self.grading_through), ORDER) - 0.5)
         points = np.zeros((count, len(z), 3))
         shapes = (numbers, self._panels, self._normals, self._half_folds())
         for own, p, normal, half in zip(*shapes, strict=True):
@@ -320,7 +324,7 @@ class KreslingCell(Geometry):
 
         hinge = self.relief + (0.5 - self.relief) * graded(self.along, self.grading, "start")
         line = lattice_points(joined_ends(hinge, 1 - hinge[::-1]), ORDER)
-        across = lattice_points(np.linspace(1, 0, self.strip + 1), ORDER)
+        across = lattice_points(1 - graded(self.strip, self.grading_strip), ORDER)
         grids = []  # barycentric coordinates, bend, side
         for j in range(3):
             place = np.broadcast_to(beside(j, line), (len(across), len(line), 3))
@@ -328,11 +332,10 @@ class KreslingCell(Geometry):
             grids.append(np.concatenate([place, b, np.where(b > 0, j, 0)], axis=2))
         centre = tips.mean(axis=0)
         # towards the centre as along the rims, on the average of them
-        panels = self._panels[0]
-        rims_ = [half_rim(k, j, h) @ panels for k in range(3)
-                 for j, h in ((k, hinge), (k - 1, 1 - hinge))]  # fmt: skip
-        runs = [np.linalg.norm(x - x[0], axis=1) for x in rims_]
-        share = np.mean([x / x[-1] for x in runs], axis=0)[:, None]
+        lines = [half_rim(k, j, s) @ self._panels[0] for k in range(3)
+                 for j, s in ((k, hinge), (k - 1, 1 - hinge))]  # fmt: skip
+        away = np.array([np.linalg.norm(x - x[0], axis=1) for x in lines])
+        share = np.mean(away / away[:, -1:], axis=0)[:, None]
         for k in range(3):  # a patch from a tip to the middles of two rims and the centre
             low, left = half_rim(k, k, hinge), half_rim(k, k - 1, 1 - hinge)
             high, right = ((1 - share) * x[-1] + share * centre for x in (left, low))
@@ -387,7 +390,9 @@ def main(arguments: list[str] | None = None) -> int:
             "tip": "cells along the panel's side beside the cut",
             "strip": "cells across half a hinge",
             "through": "cells through the thickness",
-            "grading": "largest over smallest cell along a hinge",
+            "grading": "largest over smallest cell along half a hinge",
+            "grading_strip": "the same across half a hinge",
+            "grading_through": "the same through the thickness",
         },
     )
     return run(parser, KreslingCell, arguments)

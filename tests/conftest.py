@@ -49,6 +49,13 @@ def pytest_configure(config):
         Corotation.update = lambda self: None
 
 
+def pytest_collection_modifyitems(config, items):
+    if config.getoption("--engine"):
+        for item in items:
+            if item.get_closest_marker("engine"):
+                item.add_marker(pytest.mark.skip(reason="counts what the usual settings cost"))
+
+
 def needed_mpirun() -> str:
     """mpirun; without one the test is skipped, for nothing runs on several ranks there."""
     return launch.mpirun() or pytest.skip("there is no mpirun")

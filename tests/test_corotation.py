@@ -42,6 +42,7 @@ def bender(dim: int, volts: float = 2000.0, comm: MPI.Comm = MPI.COMM_SELF) -> d
     )  # fmt: skip
 
 
+@pytest.mark.engine
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_rigid_turn_costs_nothing(dim):
     """Turned as a whole by 40 degrees, a body goes on with its old factor as with a new one.
@@ -77,6 +78,7 @@ def turn_all(problem: Problem, R: np.ndarray) -> None:
         problem.w.x.array[part.dofs] = values
 
 
+@pytest.mark.engine
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_bent_strip_keeps_its_factor(dim):
     """Bent by its voltage, it takes half the iterations with the factor from rest turned along."""

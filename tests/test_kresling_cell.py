@@ -21,6 +21,8 @@ CELL = KreslingCell(SIDE, HEIGHT, TWIST, T, hinge=2e-3, along=2, strip=2)
 SHAPES = {
     "square": CELL,
     "tube": KreslingCell(SIDE, 2.75 * INCH, 0.0, T, 2e-3, through=2),
+    "graded": KreslingCell(SIDE, HEIGHT, TWIST, T, 2e-3, along=3, tip=3, strip=3, through=2,
+                           grading=4.0, grading_strip=3.0, grading_through=2.0),
     "hexagon": KreslingCell(0.1, 0.08, 0.9, 1e-3, 6e-3, relief=0.2, sides=6, tip=2),
 }
 

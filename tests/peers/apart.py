@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import resource
 import subprocess
 import sys
@@ -35,8 +36,10 @@ def ask(module: str, *child: object, limit: float | None = None) -> dict[str, An
     Ends the program if it fails.
     """
     command = [sys.executable, "-m", module, "--child", *map(str, child)]
+    # NGSolve starts threads of its own, which wait for work by spinning
+    alone = os.environ | {"NGS_NUM_THREADS": "1"}
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=limit)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit, env=alone)
     except subprocess.TimeoutExpired:
         return None
     line = next((x for x in done.stdout.splitlines() if x.startswith(MARK)), None)
