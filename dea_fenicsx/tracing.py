@@ -153,9 +153,9 @@ def trace(
                 break
         else:
             branch.restore(there)
-            left = gap()
+            was, left = left, gap()
             grown = 1.5 if attempt.iterations <= 3 else 1.0 if attempt.iterations <= 6 else 0.7
-            arc = min(arc * grown, item.longest)
+            arc = min(arc * grown, item.longest, _just_beyond(arc, was, left))
             before, here = here, there
             yield Traced(there.factor, arc, np.sign(there.slope), attempt, retries)
             retries = 0
@@ -197,6 +197,13 @@ def _spots(
                     share = (wanted - start.factor) / (end.factor - start.factor)
                     yield (low + share * (high - low), branch.problem.get_state(),
                            Traced(wanted, arc, sign, attempt, 0, "landed"))  # fmt: skip
+
+
+def _just_beyond(arc: float, was: float | None, left: float | None) -> float:
+    """An arc a little longer than to the end of the trace, by what the last arc has closed."""
+    if was is None or left is None or left * (was - left) <= 0:
+        return np.inf
+    return arc * max(1.1 * left / (was - left), 0.05)
 
 
 def _end(
