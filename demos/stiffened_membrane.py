@@ -115,11 +115,25 @@ STRAINS = {"stretch_x": dea.MeanStretch(("x_min", "x_max"), "x"),
 # ------------------------------------------------------------------ 1. without stiffener
 
 
+def rests(branch, stretches):
+    """Whether the film's stable state under its loads is the pre-stretch it was given.
+
+    Under two dead loads a Mooney-Rivlin film may rest at quite unequal stretches instead (Treloar;
+    Kearsley 1986).
+    """
+    return np.allclose(branch.at(0.0).stretches[:2], stretches, rtol=1e-6)
+
+
 def bare(args, model, case, width):
-    """Largest relative error of the voltage against the exact curve; strain at loss of tension."""
+    """Largest relative error of the voltage against the exact curve; strain at loss of tension.
+
+    Both None where the film does not rest at its pre-stretch.
+    """
     stretches, _ = CASES[case]
     film = film_of(args, model, case, width)
     branch = trace(film, max_stretch=12.0)
+    if not rests(branch, stretches):
+        return None, None
     # up to 20 % strain, or close to the limit point
     peak = branch.event("pull-in")
     volts = branch.at_stretch(stretches[0] * 1.2)[0].voltage
@@ -138,7 +152,7 @@ def bare(args, model, case, width):
         state, _ = branch.states_at(row["voltage_V"])[0]
         error = max(error, abs(stretches[0] * row["stretch_x"] / state.stretches[0] - 1))
     slack = [row["stretch_x"] - 1 for row in rows if row["event"] == "loss of tension"]
-    return float(error), (float(slack[0]) if slack else None), run
+    return float(error), (float(slack[0]) if slack else None)
 
 
 # --------------------------------------------------------------------- 2. with stiffener
@@ -285,13 +299,19 @@ def main():
             raise dea.InputError(
                 f"--{name.replace('_', '-')} is {getattr(args, name):g}, but must be above 0."
             )
+    stretches, _ = CASES[args.case]
+    if not rests(trace(film_of(args, args.model, args.case, args.width)), stretches):
+        raise dea.InputError(
+            f"A {args.model} film does not rest at the stretches {stretches[0]:g} and "
+            f"{stretches[1]:g} under dead loads; take --width held."
+        )
     readings = [(m, c, w) for m in args.models for c in CASES for w in ("held", "loaded")
                 if w == "held" or c in ("cell", "3.5")]  # fmt: skip
-    checked = {key: bare(args, *key)[:2] for key in readings}
+    checked = {key: bare(args, *key) for key in readings}
     run, found = stiffened(args, out, parser.settings(args))
     bent, shape = bending(args, out)
     run.add(
-        max_relative_error=max(error for error, _ in checked.values()),
+        max_relative_error=max(error for error, _ in checked.values() if error is not None),
         loss_of_tension_strain={f"{m}, {c}": s for (m, c, w), (_, s) in checked.items()
                                 if (m, c) in SLACK and w == "held"},
         **found, **bent,
@@ -314,7 +334,8 @@ def report(s, checked):
     print(f"\n{'model':15}{'case':8}{'width':8}{'error':>9}{'slack at strain':>17}{'digest':>8}")
     for (model, case, width), (error, slack) in checked.items():
         known = SLACK.get((model, case)) if width == "held" else None
-        print(f"{model:15}{case:8}{width:8}{error:9.1e}"
+        print(f"{model:15}{case:8}{width:8}"
+              f"{'unstable' if error is None else format(error, '.1e'):>9}"
               f"{'-' if slack is None else f'{100 * slack:.2f} %':>17}"
               f"{'' if known is None else f'{100 * known:.1f} %':>8}")  # fmt: skip
     print(f"\nat {100 * s['strain_x'][-1]:.3f} % strain: bare film "

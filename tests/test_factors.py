@@ -38,6 +38,7 @@ def ramp(scene, factor, stability="last", **options):
 
 
 @pytest.mark.slow
+@pytest.mark.engine
 @pytest.mark.parametrize("electrodes", [{}, {"stiffness": 1e3}, {"stiffness": 100, "kappa": 2e8}])
 def test_all_factors_give_the_same_state(electrodes):
     # stiff electrodes bear most of what a residual is relative to: 1e-10 of it is 2e-9 of the

@@ -14,6 +14,7 @@ from dea_fenicsx.geometry import BoxStack, Layer
 
 CUBE = ROOT / "demos" / "cube.py"
 HDEA = ROOT / "demos" / "hdea_two_turn.py"
+FILM = ROOT / "demos" / "stiffened_membrane.py"
 RUBBER = dea.Material(dea.NeoHookean(50e3), dea.IdealDielectric(3.0))
 HELD = (dea.Clamp("bottom"),)
 DRIVEN = (dea.Electrode("top", 100.0), dea.Ground("bottom"))
@@ -197,6 +198,7 @@ COMMANDS = {
     "unknown option": (HDEA, ["--volts", "3"]),
     "no such mesh": (HDEA, ["--mesh", "9"]),
     "zero turns": (HDEA, ["--turns", "0"]),
+    "weights that hold no film": (FILM, ["--width", "loaded", "--model", "mooney-rivlin"]),
 }
 
 
