@@ -246,7 +246,8 @@ class KreslingCell(Geometry):
         """Nodes, cells and named parts as plain arrays."""
         quads, weights, bend, of, rims = self._triangle_mesh()
         numbers, count = self._number(len(weights), rims)
-        z = self.thickness * (lattice_points(graded(self.through, self.grading_through), ORDER) - 0.5)
+        levels = graded(self.through, self.grading_through)
+        z = self.thickness * (lattice_points(levels, ORDER) - 0.5)
         points = np.zeros((count, len(z), 3))
         shapes = (numbers, self._panels, self._normals, self._half_folds())
         for own, p, normal, half in zip(*shapes, strict=True):
