@@ -87,7 +87,9 @@ def main():
     )  # fmt: skip
     found = next(r for r in run.history if r["event"] == "bifurcation")
     landed = [r for r in run.history if r["event"] == "landed"][-1]
-    beyond = [r["inertia"] for r in flat.history if r["voltage_V"] > found["voltage_V"]]
+    # its own bifurcation may lie above this one by rounding
+    beyond = [r["inertia"] for r in flat.history
+              if r["voltage_V"] > found["voltage_V"] and not r["event"]]  # fmt: skip
     run.add(
         critical_voltage_V=found["voltage_V"],
         closed_form_voltage_V=euler,
