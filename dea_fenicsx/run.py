@@ -359,7 +359,7 @@ class _Session:
 
     def _loads(self, row: dict[str, Any]) -> dict[str, float]:
         """Columns of a row that hold the loads."""
-        names = (f"{r}{end}" for r in self.scene.ramps for end in ("_V", "_factor"))
+        names = (self._load_column(ramp)[0] for ramp in self.scene.ramps)
         return {name: row[name] for name in names if name in row}
 
     def _note_failure(self, mode: str, row: dict[str, Any], worst: Worst | None) -> None:

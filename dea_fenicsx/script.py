@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from typing import Any, NoReturn
 
 from dea_fenicsx import progress
@@ -32,9 +33,11 @@ class Parser(argparse.ArgumentParser):
         """Add an option that takes a number; `unit` goes into its help ("-" for none)."""
         self.add_argument(flag, type=float, default=default, metavar=unit, help=what)
 
-    def count(self, flag: str, default: int, what: str) -> None:
-        """Add an option that takes a whole number."""
-        self.add_argument(flag, type=int, default=default, metavar="N", help=what)
+    def count(
+        self, flag: str, default: int, what: str, choices: Iterable[int] | None = None
+    ) -> None:
+        """Add an option that takes a whole number, of some `choices` if they are given."""
+        self.add_argument(flag, type=int, default=default, metavar="N", help=what, choices=choices)
 
     def parse_args(self, *arguments: Any, **options: Any) -> Any:
         found = super().parse_args(*arguments, **options)

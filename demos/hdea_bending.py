@@ -32,15 +32,13 @@ def parse():
     parser.number("--mu", 73.7e3, "Pa", "shear modulus (thesis Table 5.2, G)")
     parser.number("--bulk", None, "Pa", "bulk modulus; default: incompressible")
     parser.number("--eps-r", 4.7, "-", "relative permittivity (thesis Table 5.2)")
-    parser.count("--mesh", 1, f"mesh density, {min(MESHES)} (coarse) to {max(MESHES)} (fine)")
+    parser.count("--mesh", 1, f"mesh density, {min(MESHES)} (coarse) to {max(MESHES)} (fine)",
+                 MESHES)  # fmt: skip
     parser.count("--curvature", 0, "turns (3 or more) on which the curvature under a given "
                  "pressure is compared with the closed form")  # fmt: skip
     parser.add_argument("--reach", action="store_true", help="on to 4.2 degrees or to pull-in, and "
                         "to 4.2 degrees by given pressure")  # fmt: skip
     args = parser.parse_args()
-    if args.mesh not in MESHES:
-        known = ", ".join(map(str, MESHES))
-        raise dea.InputError(f"--mesh is {args.mesh}, but must be one of {known}.")
     if args.curvature and args.curvature < 3:
         raise dea.InputError(f"--curvature is {args.curvature}, but must be 3 turns or more.")
     return parser, args

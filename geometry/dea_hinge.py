@@ -156,8 +156,8 @@ class DEAHinge(Geometry):
         thin = self.thick + self.thin * np.linspace(0, 1, 4 * quarter + 1)
         pieces = [thin]
         if self.thick:
-            left = self.thick * graded(outer, self.grading, "both")
-            right = self.length - self.thick * graded(outer, self.grading, "both")[::-1]
+            left = self.thick * graded(outer, self.grading)
+            right = self.length - left[::-1]
             pieces = [left, thin, right]
         else:
             outer = 0
