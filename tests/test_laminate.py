@@ -225,7 +225,7 @@ def test_blocked_hinge_pushes_with_the_maxwell_stress():
     run = dea.solve(hinge(volts, supports=ends), dea.Ramp(steps=1),
                     {"push": dea.Reaction("x_max", "x")}, quiet=True,
                     # with a factor in single precision Newton leaves 1e-8 of the force at 1e-10
-                    options=dea.NewtonOptions(tolerance=1e-11))  # fmt: skip
+                    options=dea.NewtonOptions(tolerance=1e-12))  # fmt: skip
     exact = EPS_R * EPSILON_0 * (volts / T) ** 2 * 3 * T * 1e-2
     assert -run["push_N"] == pytest.approx(exact, rel=1e-9)
 
