@@ -41,6 +41,7 @@ if TYPE_CHECKING:
         InputError,
         Interrupted,
         MachineError,
+        NotReached,
         SolverError,
     )
     from dea_fenicsx.failures import ElectricalBreakdown, LossOfTension, StretchLimit
@@ -101,7 +102,8 @@ _HOME = {
         "Ground", "PreStretch", "Stretch", "Taper", "ThinFilm", "Torque", "Twist",
     ),
     "errors": (
-        "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "SolverError",
+        "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
+        "SolverError",
     ),
     "failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
     "kinematics": (

@@ -48,11 +48,20 @@ class EquilibriumLost(PathError):
     reached, failed
         Ramp factors of the last accepted state and of the last trial: the critical load lies
         between them.
+    ramps
+        Names of the ramps that moved; empty where a trace was lost, which is no limit point.
     """
 
     exit_status = 3
     reached: dict[str, float]
     failed: dict[str, float]
+    ramps: tuple[str, ...] = ()
+
+
+class NotReached(PathError):
+    """A trace used up its steps before the value at which it was to end."""
+
+    exit_status = 6
 
 
 class SolverError(PathError):

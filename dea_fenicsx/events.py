@@ -71,9 +71,17 @@ class Sentinel:
     alarms
         Margins to watch.
     stability
-        Whether to count negative eigenvalues at every accepted step.
+        Whether to count negative eigenvalues at every accepted step, and to locate each change.
     fired
         Alarms that an earlier part of the run has already given; each is given once.
+    counting
+        Whether to count negative eigenvalues at every accepted step without locating changes; with
+        `stability` they are counted in any case.
+
+    Attributes
+    ----------
+    excess
+        Negative eigenvalues of the last accepted state beyond those of a stable one, or None.
     """
 
     def __init__(
@@ -82,10 +90,12 @@ class Sentinel:
         alarms: Iterable[Alarm] = (),
         stability: bool = False,
         fired: Iterable[str] = (),
+        counting: bool = False,
     ) -> None:
         self.solver, self.problem = solver, solver.problem
         self.alarms = list(alarms)
         self.stability = stability
+        self.counting = stability or counting
         self.fired = set(fired)
         self.excess: int | None = None
         self._margins: dict[str, float] = {}
@@ -94,15 +104,15 @@ class Sentinel:
     def start(self) -> None:
         """Take the problem's present state as the one before the next step."""
         self._margins = {a.name: a.margin() for a in self._armed()}
-        if self.stability:
+        if self.counting:
             self.excess = self._spectrum.count()
 
     def _armed(self) -> list[Alarm]:
         return [a for a in self.alarms if a.name not in self.fired]
 
     def count(self) -> int | None:
-        """Inertia of the present state, if stability is watched."""
-        return self._spectrum.count() if self.stability else None
+        """Negative eigenvalues of the present state beyond those of a stable one, or None."""
+        return self._spectrum.count() if self.counting else None
 
     def mode_of(self, vector: np.ndarray) -> np.ndarray:
         """A direction in the free unknowns laid out like a state."""
@@ -141,7 +151,8 @@ class Sentinel:
                 found += [event] if event else []
                 self.fired.add(alarm.name)
         self._margins = margins
-        if before is not None and count is not None and abs(count - before) > limits:
+        changed = before is not None and count is not None and abs(count - before) > limits
+        if self.stability and changed:
             found += self._bifurcations(place, before, count, rates)
         if found:
             problem.set_factors(factors)

@@ -305,12 +305,12 @@ def default_failures(scene: Scene) -> tuple[Failure, ...]:
 
 
 def pull_in(scene: Scene, error: EquilibriumLost, last: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The voltages between which equilibrium was lost, if the last step's ramp is electric."""
-    label = str(last["ramp"])
-    if not scene.is_electric(label):
+    """The voltages between which equilibrium was lost, if electric ramps alone were moved."""
+    if not error.ramps or not all(scene.is_electric(name) for name in error.ramps):
         return []
-    volts = scene.reference_voltage(label) or 1.0
-    low, high = (f[label] * volts for f in (error.reached, error.failed))
-    return [
-        {"mode": "pull-in", "step": last["step"], f"{label}_V": low, f"{label}_above_V": high}
-    ]
+    entry: dict[str, Any] = {"mode": "pull-in", "step": last["step"]}
+    for name in error.ramps:
+        volts = scene.reference_voltage(name) or 1.0
+        entry[f"{name}_V"] = error.reached[name] * volts
+        entry[f"{name}_above_V"] = error.failed[name] * volts
+    return [entry]

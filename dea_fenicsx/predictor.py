@@ -1,26 +1,35 @@
-"""Where each step of a ramp starts from, and whether its result still lies on the path."""
+"""Where each step of a ramp starts from: the polynomial through the states before it."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.solver import AT_REST, Attempt, NewtonSolver
+from dea_fenicsx.solver import Attempt, NewtonSolver
 from dea_fenicsx.stability import Place
 
-FASTER = 4.0
-"""How much faster than in the step before the state may move with the load."""
 
-WANDERING = 8
-"""Newton iterations of a ramp's first step after which its result is looked into.
+@dataclass(frozen=True)
+class Known:
+    """An equilibrium: the factors of all ramps, and all local values of the mixed function."""
 
-A state half-way that took more than that belongs as little to those on its two sides.
+    factors: dict[str, float]
+    state: np.ndarray
+
+
+Judge = Callable[[dict[str, float], Attempt, np.ndarray | None], Attempt]
+"""Accepts or refuses a solution, given its factors, the attempt, and the extrapolation to it.
+
+The extrapolation is None where only one state is known.
 """
 
-ROUGH = 1e-3
-"""Tolerance of the state half-way to such a result: it tells a path from a jump, no more."""
+
+def trusting(factors: dict[str, float], attempt: Attempt, guess: np.ndarray | None) -> Attempt:
+    """A judge that accepts everything that has converged."""
+    return attempt
 
 
 class Predictor:
@@ -29,103 +38,88 @@ class Predictor:
     Displacement and pressure are even in a voltage or charge, so for such a ramp they are
     extrapolated in its square; the potential is extrapolated in the voltage or charge itself.
     What lies between two states is interpolated alike.
+
+    Parameters
+    ----------
+    solver
+        The nonlinear solver with its problem.
+    names
+        The ramps that move.
+    lead
+        The one of them whose factor is the coordinate of the extrapolation: it must move.  The
+        first one unless given.
     """
 
-    def __init__(self, solver: NewtonSolver, names: tuple[str, ...]) -> None:
+    def __init__(
+        self, solver: NewtonSolver, names: tuple[str, ...], lead: str | None = None
+    ) -> None:
         self.solver = solver
         self.problem = solver.problem
         scene = self.problem.scene
-        self.name = names[0]
+        self.name = names[0] if lead is None else lead
         self.even = all(scene.is_electric(n) for n in names)
-        self.known: list[tuple[float, np.ndarray]] = []
-        self._factors: dict[str, float] = {}  # of the last one
+        self.known: list[Known] = []
         self._phi = np.zeros(self.problem.size, dtype=bool)
         if self.problem.potential is not None:
             self._phi[self.problem.potential.dofs] = True
 
     def add(self, factors: dict[str, float]) -> None:
-        """Remember the problem's state as that of a ramp's factors."""
-        self._factors, factor = factors, factors[self.name]
-        # a ramp to the present value comes by the same factor twice: no polynomial takes both
-        others = [known for known in self.known if known[0] != factor]
-        self.known = [*others[-2:], (factor, self.problem.get_state())]
+        """Remember the problem's state as that of the ramps' factors."""
+        new = Known(dict(factors), self.problem.get_state())
+        # A ramp to the present value meets the same factor twice, which no polynomial can.
+        others = [old for old in self.known if old.factors[self.name] != factors[self.name]]
+        self.known = [*others[-2:], new]
 
-    def _moved(self, since: np.ndarray, now: np.ndarray) -> float:
-        """Largest change of displacement between two states.  Collective."""
+    def coordinate(self, factors: dict[str, float]) -> float:
+        """The load coordinate in which displacements are smooth: the factor or its square."""
+        factor = factors[self.name]
+        return factor**2 if self.even else factor
+
+    def moved(self, since: np.ndarray, now: np.ndarray) -> float:
+        """Largest change of displacement between two states, dimensionless.  Collective."""
         dofs = self.problem.fields["u"]
         move = float(np.max(np.abs(now[dofs] - since[dofs]), initial=0.0))
         return self.problem.comm.allreduce(move, op=MPI.MAX)
 
-    def _speed(self, factor: float, since: tuple[float, np.ndarray], now: np.ndarray) -> float:
-        """Largest change of displacement since a state, per change of the load's coordinate."""
-        span = abs(factor**2 - since[0] ** 2) if self.even else abs(factor - since[0])
-        return self._moved(since[1], now) / span if span else 0.0
+    def speed(self, first: Known, second: Known) -> float:
+        """Largest change of displacement between two states per change of the load coordinate."""
+        span = abs(self.coordinate(second.factors) - self.coordinate(first.factors))
+        return self.moved(first.state, second.state) / span if span else 0.0
 
-    def _judge(self, factors: dict[str, float], attempt: Attempt) -> Attempt:
-        """Refuse a converged state that does not continue the path but lies on another branch.
-
-        Towards a limit point the speed of a smooth path grows like an inverse square root, by a
-        factor of at most 2.4 when a step lands right on it.  A device that is held everywhere does
-        not move but for rounding, and that jumps as it likes.
-        """
-        if not attempt.converged:
-            return attempt
-        factor, now = factors[self.name], self.problem.get_state()
-        if self._moved(self.known[-1][1], now) < AT_REST:
-            return attempt
-        if len(self.known) == 1:
-            far = attempt.iterations > WANDERING and not self._led_to(factors, now)
-        else:
-            usual = self._speed(self.known[-1][0], self.known[-2], self.known[-1][1])
-            far = self._speed(factor, self.known[-1], now) > FASTER * usual > 0
-        return replace(attempt, reason="jumped") if far else attempt
-
-    def _led_to(self, factors: dict[str, float], end: np.ndarray) -> bool:
-        """Whether a state half-way shows that a path leads to `end` from the only known state.
-
-        Newton, started between the two, must find it at once, and the second half may not be passed
-        much faster than the first.  That costs less than what it spares: two steps of half the
-        length.
-        """
-        problem, before = self.problem, self.known[-1]
-        low, high = before[0], factors[self.name]
-        middle = ((low**2 + high**2) / 2) ** 0.5 if self.even else (low + high) / 2
-        share = (middle - low) / (high - low) if high != low else 0.5
-        attempt = self.between(self._factors, factors, ROUGH, patient=True)(share)
-        found = problem.get_state()
-        problem.set_factors(factors)
-        problem.set_state(end)
-        if not attempt.converged or attempt.iterations > WANDERING:
-            return False
-        halves = self._speed(middle, before, found), self._speed(high, (middle, found), end)
-        return halves[1] <= FASTER * halves[0]
+    def middle(self, first: Known, second: Known) -> float:
+        """Share of the way at which the load coordinate is half-way between two states."""
+        low, high = first.factors[self.name], second.factors[self.name]
+        between = ((low**2 + high**2) / 2) ** 0.5 if self.even else (low + high) / 2
+        if self.even and low + high < 0:
+            between = -between
+        share = (between - low) / (high - low) if high != low else 0.5
+        return share if 0 < share < 1 else 0.5  # a voltage may pass through zero on the way
 
     def between(
         self,
-        low: dict[str, float],
-        high: dict[str, float],
+        low: Known,
+        high: Known,
         tolerance: float | None = None,
         patient: bool = False,
     ) -> Place:
-        """How to find equilibria between the last accepted state and the present one.
+        """How to find equilibria between two known ones.
 
         Parameters
         ----------
         low, high
-            Factors of the two.
+            The two.
         tolerance, patient
             As of `NewtonSolver.solve`.
         """
         problem = self.problem
-        a, b = self.known[-1][1], problem.get_state()
-        start, end = low[self.name], high[self.name]
+        start, end = low.factors[self.name], high.factors[self.name]
 
         def place(share: float) -> Attempt:
-            mixed = {n: (1 - share) * low[n] + share * high[n] for n in low}
+            mixed = {n: (1 - share) * f + share * high.factors[n] for n, f in low.factors.items()}
             problem.set_factors(mixed)
-            guess = (1 - share) * a + share * b
+            guess = (1 - share) * low.state + share * high.state
             if start != end:
-                guess = self._through([(start, a), (end, b)], mixed[self.name])
+                guess = self.through([low, high], mixed)
             problem.set_state(guess)
             problem.insert_fixed()
             return self.solver.solve(lift=False, tolerance=tolerance, patient=patient)
@@ -134,26 +128,44 @@ class Predictor:
 
     def restore(self) -> None:
         """Put the last accepted state back."""
-        self.problem.set_state(self.known[-1][1])
+        self.problem.set_state(self.known[-1].state)
 
-    def solve(self, factors: dict[str, float]) -> Attempt:
-        """Solve at new factors: from the extrapolation, else by a tangent step."""
+    def solve(self, factors: dict[str, float], judge: Judge = trusting) -> Attempt:
+        """Solve at new factors: from the extrapolation, else by a tangent step.
+
+        Parameters
+        ----------
+        factors
+            The new factors.
+        judge
+            Accepts or refuses a solution; one that is refused from the extrapolation is tried
+            again by a tangent step.
+        """
         problem = self.problem
         problem.set_factors(factors)
-        if len(self.known) > 1:
-            problem.set_state(self._through(self.known, factors[self.name]))
+        guess = self.extrapolated(factors)
+        if guess is not None:
+            problem.set_state(guess)
             problem.insert_fixed()
             if problem.probe().admissible:
-                attempt = self._judge(factors, self.solver.solve(lift=False))
+                attempt = judge(factors, self.solver.solve(lift=False), guess)
                 if attempt.converged:
                     return attempt
+            problem.set_factors(factors)
             self.restore()
-        return self._judge(factors, self.solver.solve(lift=True))
+        return judge(factors, self.solver.solve(lift=True), guess)
 
-    def _through(self, known: list[tuple[float, np.ndarray]], factor: float) -> np.ndarray:
-        """The polynomial through states at different factors, at a factor."""
-        at = np.array([f for f, _ in known])
-        states = [s for _, s in known]
+    def extrapolated(self, factors: dict[str, float]) -> np.ndarray | None:
+        """The states before extrapolated to other factors; None where there is one state only."""
+        if len(self.known) < 2:
+            return None
+        return self.through(self.known, factors)
+
+    def through(self, known: list[Known], factors: dict[str, float]) -> np.ndarray:
+        """The polynomial through states at different factors, at other factors."""
+        factor = factors[self.name]
+        at = np.array([k.factors[self.name] for k in known])
+        states = [k.state for k in known]
         by_factor = _lagrange(at, factor)
         guess = sum(c * s for c, s in zip(by_factor, states, strict=True))
         if self.even:

@@ -19,6 +19,7 @@ from dea_fenicsx.errors import (
     InputError,
     Interrupted,
     MachineError,
+    NotReached,
     PathError,
     SolverError,
 )
@@ -32,15 +33,17 @@ from dea_fenicsx.results import Folder, Run
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import LINEARISING, NewtonOptions, NewtonSolver, silent
 from dea_fenicsx.stepping import Cursor, Ramp, Step, follow
-from dea_fenicsx.summary import fingerprint, settings, versions, work
+from dea_fenicsx.summary import (
+    UNSTABLE, count_changes, ending, fingerprint, settings, versions, work,
+)  # fmt: skip
 from dea_fenicsx.tracing import Trace
 from dea_fenicsx.weakform import Problem
 
 STATUS = {
     EquilibriumLost: "equilibrium lost", SolverError: "solver failed",
-    MachineError: "machine failed", Interrupted: "interrupted",
+    MachineError: "machine failed", Interrupted: "interrupted", NotReached: "not reached",
 }  # fmt: skip
-"""What summary.json calls the end of a run, besides "running" and "completed"."""
+"""What summary.json calls the end of a run by an error; see `summary.ending` for the others."""
 
 
 def solve(
@@ -78,9 +81,9 @@ def solve(
         Print each Newton iteration, too; None does as the command line's ``--verbose`` says.
     stability
         When to factorise the tangent of an accepted state to count its negative eigenvalues:
-        at the ``"last"`` step, at ``"every"`` step, or ``"never"`` on purpose.  With ``"every"`` a
-        change between two steps is located: a bifurcation gets a step of its own, and its null
-        vector a file in ``modes/``.
+        at the ``"last"`` step (in small models at all steps, which costs little), at ``"every"``
+        step, or ``"never"`` on purpose.  With ``"every"`` a change between two steps is located:
+        a bifurcation gets a step of its own, and its null vector a file in ``modes/``.
     failures
         What to watch: `ElectricalBreakdown`, `LossOfTension`, `StretchLimit`.  The first state at
         which one occurs gets a step of its own and an entry in the summary; the path goes on.
@@ -100,6 +103,8 @@ def solve(
         Before anything is solved or written.
     EquilibriumLost, SolverError
         If the path cannot be followed to its end.
+    NotReached
+        If a trace uses up its steps before the value at which it was to end.
     Interrupted
         By Ctrl-C or SIGTERM, before the next Newton iteration; a second signal ends at once.
     MachineError
@@ -177,6 +182,7 @@ class _Session:
             [Alarm(gauge.failure.name, gauge.margin) for gauge in self.gauges],
             stability=self.stability == "every",
             fired=[row["event"] for row in self.history],
+            counting=self.stability != "never" and self.solver.counts_cheaply,
         )
         self.progress.begin(self._share(cursor) if cursor else 0.0)
         interruption = Interruption(self.comm, self.progress.say)
@@ -202,8 +208,12 @@ class _Session:
             raise
         finally:
             self.solver.notify = silent  # it holds this session, which holds the solver
-        self._finish(result, "completed")
+        self._finish(result, *ending(self.history, isinstance(self.path[-1], Trace)))
         return result
+
+    def _is_electric(self, item: Ramp | Trace) -> bool:
+        """Whether an item of the path moves voltages or charges and nothing else."""
+        return all(self.scene.is_electric(name) for name in item.names(self.scene))
 
     def _share(self, cursor: Cursor) -> float:
         """Share of the path that is behind, each of its items taken alike."""
@@ -317,7 +327,7 @@ class _Session:
         self.history.append(row)
         if step.event in worst:
             self._note_failure(step.event, row, worst[step.event])
-        elif step.event == "maximum" and self.scene.is_electric(step.label):
+        elif step.event == "maximum" and self._is_electric(self.path[step.cursor.ramp]):
             self._note_failure("pull-in", row, None)
         if self.folder and self.writer:
             self._write(step, row, {f.column: values for f, _, values in read})
@@ -438,7 +448,9 @@ class _Session:
                 error.run = result
                 raise
         steps = len(self.history) - 1
-        self.progress.end(f"{status}: {max(steps, 0)} steps, {result.summary['wall_s']:.1f} s")
+        told = f"; {message}" if status == UNSTABLE else ""
+        wall_s = result.summary["wall_s"]
+        self.progress.end(f"{status}: {max(steps, 0)} steps, {wall_s:.1f} s{told}")
 
     def _summarise(self, result: Run, status: str, message: str = "") -> None:
         """Fill the run's summary and write it.  Collective."""
@@ -457,6 +469,7 @@ class _Session:
                 for row in self.history if row["event"]
             ],
             "failures": self.found + self._lost_by_pull_in(),
+            "count_changes": count_changes(self.history),
             "steps": len(self.history) - 1 if self.history else 0,
             **work(solver, self.history),
             "wall_s": self.earlier_s + time.perf_counter() - self.started,

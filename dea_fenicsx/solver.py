@@ -85,6 +85,12 @@ class NewtonOptions:
 LARGE = 20_000
 """Unknowns above which the kept factor is a cheaper one than the whole, unless told otherwise."""
 
+CHEAP_COUNT = {2: 20_000, 3: 5_000}
+"""Unknowns up to which negative eigenvalues are counted at each step, by dimension.
+
+The count needs a factor of the tangent at the accepted state, which then serves the next step, too.
+"""
+
 ASSEMBLY = {2: 15, 3: 30}
 """Krylov iterations as long as assembling the tangent of a small problem, by dimension."""
 
@@ -208,6 +214,12 @@ class NewtonSolver:
         self._corotation = Corotation(problem)
         self._ksp = self._gmres()
         self._stale, self._wasted, self._best_rate = True, 0.0, np.inf
+
+    @property
+    def counts_cheaply(self) -> bool:
+        """Whether negative eigenvalues can be counted at each step for little."""
+        problem = self.problem
+        return problem.unknowns <= CHEAP_COUNT[problem.mesh.topology.dim]
 
     def _splits(self) -> bool:
         """Whether the kept factor is a split one."""

@@ -11,10 +11,12 @@ import numpy as np
 from dea_fenicsx.declared import check_declared, shown
 from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
 from dea_fenicsx.events import Sentinel
-from dea_fenicsx.predictor import Predictor
+from dea_fenicsx.evidence import Evidence
+from dea_fenicsx.predictor import Known, Predictor
 from dea_fenicsx.scene import Scene, finite, known
 from dea_fenicsx.solver import REASONS, Attempt, NewtonSolver
 from dea_fenicsx.tracing import Trace, over_the_limit, trace
+from dea_fenicsx.verdicts import describe, is_near_limit, ramp_lost, trace_lost, trace_short
 
 
 @dataclass(frozen=True)
@@ -122,24 +124,45 @@ def check_path(scene: Scene, path: Sequence[Ramp | Trace]) -> None:
             "Nothing in the scene can be ramped; give an Electrode a voltage, or add a Stretch or "
             "a load."
         )
-    for ramp in path:
-        for name in ramp.names(scene):
+    reached: dict[str, float | None] = dict.fromkeys(scene.ramps, 0.0)
+    for item in path:
+        for name in item.names(scene):
             known(name, scene.ramps, "ramp in the scene")
-        if isinstance(ramp, Trace):
-            finite(ramp.first, f"The first step of the trace in {ramp.what}")
-            if not 0 < abs(ramp.first) <= 1e6 or ramp.steps < 1 or not ramp.longest > 0:
-                raise InputError(
-                    f"The trace in {ramp.what} needs a first step other than 0 (at most a million "
-                    "times the load), at least one step and a longest step > 0."
-                )
-            continue
-        if not 1 <= ramp.steps <= MOST_STEPS:
+        if isinstance(item, Trace):
+            _check_trace(item)
+            reached[item.what] = None  # where a trace ends is not known before
+        else:
+            _check_ramp(item, scene, reached)
+            reached |= dict.fromkeys(item.names(scene), float(item.to))
+
+
+def _check_trace(trace: Trace) -> None:
+    finite(trace.first, f"The first step of the trace in {trace.what}")
+    if not 0 < abs(trace.first) <= 1e6 or trace.steps < 1 or not trace.longest > 0:
+        raise InputError(
+            f"The trace in {trace.what} needs a first step other than 0 (at most a million "
+            "times the load), at least one step and a longest step > 0."
+        )
+
+
+def _check_ramp(ramp: Ramp, scene: Scene, reached: dict[str, float | None]) -> None:
+    """Check a ramp; `reached` holds the factors where it starts, None where they are not known."""
+    label = ramp.label(scene)
+    if not 1 <= ramp.steps <= MOST_STEPS:
+        raise InputError(
+            f"The ramp of {label} has {ramp.steps} steps, but needs a whole number from 1 to "
+            f"{MOST_STEPS}."
+        )
+    landings = () if ramp.at is None else ramp.at
+    for value in (ramp.to, *landings):
+        finite(value, f"A target of the ramp of {label}")
+    start = reached[ramp.names(scene)[0]]
+    for value in landings:
+        if start is not None and not min(start, ramp.to) <= value <= max(start, ramp.to):
             raise InputError(
-                f"The ramp of {ramp.label(scene)} has {ramp.steps} steps, but needs a whole number "
-                f"from 1 to {MOST_STEPS}."
+                f"The ramp of {label} is to land on {value:g}, but it goes from {start:g} to "
+                f"{ramp.to:g}; name values between the two in at=, or change to=."
             )
-        for value in (ramp.to, *(ramp.at or ())):
-            finite(value, f"A target of the ramp of {ramp.label(scene)}")
 
 
 def follow(
@@ -224,8 +247,7 @@ def _follow_trace(
     for found in trace(solver, item, arc, sign, log, sentinel, partial(gap, cursor.ramp),
                        not cursor.switched):  # fmt: skip
         if isinstance(found, str):
-            names, lost = (item.what,), factors | {item.what: factors[item.what]}
-            raise _verdict(scene, names, item.what, factors, lost, Attempt(found, 0, np.inf))
+            raise trace_lost(scene, item.what, factors, found)
         done = item.steps if found.last else done + 1
         factors = cursor.factors | {item.what: found.factor}
         switched = cursor.switched or (bool(item.switch) and found.event == "bifurcation")
@@ -238,6 +260,9 @@ def _follow_trace(
             cursor, item.what, found.attempt, found.retries, last, found.event, found.mode
         )
         if done >= item.steps:
+            left = None if found.last else gap(cursor.ramp)
+            if left is not None and item.until is not None:
+                raise trace_short(item.what, *item.until, left, item.steps)
             return
 
 
@@ -261,20 +286,24 @@ def _follow_ramp(
     def factors_at(position: float) -> dict[str, float]:
         return _factors_at(ramp, names, cursor, position)
 
-    predictor = Predictor(solver, names)
+    lead = max(names, key=lambda name: abs(ramp.to - start[name]))
+    predictor = Predictor(solver, names, lead)
     predictor.add(cursor.factors)
+    evidence = Evidence(solver, predictor, sentinel)
+    origin = problem.get_state()
     retries = 0
     while cursor.position < 1.0:
         position = cursor.position
         landing = min(s for s in landings if s > position)
         # no crumb is left before a landing
         target = landing if landing - position < 1.25 * size else position + size
-        attempt = predictor.solve(factors_at(target))
+        attempt = predictor.solve(factors_at(target), evidence.judge)
         if attempt.converged:
             rates = {n: (target - position) * (ramp.to - start[n]) for n in names}
-            place = predictor.between(factors_at(position), factors_at(target))
             accepted = problem.get_state()
-            for event in sentinel.passed(place, rates, sentinel.count()):
+            place = predictor.between(predictor.known[-1], Known(factors_at(target), accepted))
+            _tell_change(label, sentinel.excess, evidence.count, log)
+            for event in sentinel.passed(place, rates, evidence.count):
                 problem.set_factors(event.factors)
                 problem.set_state(event.state)
                 at = position + event.share * (target - position)
@@ -308,17 +337,29 @@ def _follow_ramp(
         )
         if size >= SMALLEST * first:
             continue
-        lost = _verdict(scene, names, label, cursor.factors, factors_at(target), attempt)
-        if not ramp.snap or isinstance(lost, SolverError):
+        near_limit = is_near_limit(solver, start, cursor.factors, origin)
+        lost = ramp_lost(
+            scene, names, label, cursor.factors, factors_at(target), attempt, near_limit
+        )
+        if not ramp.snap or not isinstance(lost, EquilibriumLost):
             raise lost
-        for step in _snap(solver, ramp, cursor, log, lost):
+        for step in _snap(solver, ramp, lead, cursor, log, lost):
             cursor = step.cursor
             yield replace(step, retries=retries)
             retries = 0
         sentinel.start()
         size = first
-        predictor = Predictor(solver, names)
+        predictor = Predictor(solver, names, lead)
         predictor.add(cursor.factors)
+        evidence = Evidence(solver, predictor, sentinel)
+
+
+def _tell_change(
+    label: str, before: int | None, after: int | None, log: Callable[[str], None]
+) -> None:
+    """Say so if the number of negative eigenvalues has changed within an accepted step."""
+    if before is not None and after is not None and before != after:
+        log(f"{label}: the number of negative eigenvalues changes from {before} to {after} here")
 
 
 def _factors_at(
@@ -332,6 +373,7 @@ def _factors_at(
 def _snap(
     solver: NewtonSolver,
     ramp: Ramp,
+    lead: str,
     cursor: Cursor,
     log: Callable[[str], None],
     lost: EquilibriumLost,
@@ -352,7 +394,7 @@ def _snap(
     )
     problem.set_factors(factors)
     problem.set_state(limit.state)
-    kind = "maximum" if abs(ramp.to) > abs(cursor.start[names[0]]) else "minimum"
+    kind = "maximum" if abs(ramp.to) > abs(cursor.start[lead]) else "minimum"
     at = Attempt("", 0, solver.residual_of(problem.residual()), problem.probe())
     yield Step(cursor, label, at, 0, False, kind)
     if landing is None:
@@ -373,43 +415,3 @@ def _landings(ramp: Ramp, start: float) -> list[float]:
     span = ramp.to - start
     inside = [(value - start) / span for value in ramp.at] if span else []
     return sorted({s for s in inside if 0 < s < 1} | {1.0})
-
-
-def describe(scene: Scene, factors: dict[str, float], names: Sequence[str]) -> str:
-    """The load of a state in words: volts for electrodes, the bare factor for all else."""
-    words = []
-    for name in names:
-        volts = scene.reference_voltage(name)
-        value = factors[name]
-        words.append(f"{value * volts:.6g} V" if volts else f"{name} factor {value:.6g}")
-    return ", ".join(words)
-
-
-def _verdict(
-    scene: Scene,
-    names: Sequence[str],
-    label: str,
-    reached: dict[str, float],
-    failed: dict[str, float],
-    attempt: Attempt,
-) -> EquilibriumLost | SolverError:
-    """The error that ends a path that cannot be followed any further."""
-    low, high = describe(scene, reached, names), describe(scene, failed, names)
-    if attempt.reason in ("factorisation", "stagnation"):
-        return SolverError(
-            f"The linear solver failed between {low} and {high} of the {label} ramp "
-            f"({REASONS[attempt.reason]}); check supports and material constants."
-        )
-    if attempt.reason == "rounding":
-        return SolverError(
-            f"Newton's residual came to rest at {attempt.residual:.2g} between {low} and {high} of "
-            f"the {label} ramp, just above its tolerance; it is rounding, so loosen "
-            "NewtonOptions(tolerance=...) or use cells that are less thin."
-        )
-    error = EquilibriumLost(
-        f"Equilibrium was lost between {low} and {high} of the {label} ramp "
-        f"(last trial: {REASONS.get(attempt.reason, attempt.reason)}); a pull-in or another limit "
-        "point lies there, and all steps before it are kept."
-    )
-    error.reached, error.failed = dict(reached), dict(failed)
-    return error

@@ -35,6 +35,71 @@ def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str
     }
 
 
+UNSTABLE = "completed, unstable"
+"""Status of a run whose last ramp ends at an equilibrium that is not stable."""
+
+EXPLAINING = ("maximum", "minimum", "bifurcation", "snap")
+"""Events that change the number of negative eigenvalues."""
+
+
+def count_changes(history: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Where the number of negative eigenvalues changes along a history.
+
+    Returns
+    -------
+    list of dict
+        For each change between two steps at which it was counted: ``from`` and ``to``, the two
+        numbers; ``after_step`` and ``step``, the two steps; ``located``, whether an event between
+        them (a limit point, a bifurcation, a snap) explains it.
+    """
+    found: list[dict[str, Any]] = []
+    before, located = None, False
+    for row in history:
+        located = located or row["event"] in EXPLAINING
+        if not row["inertia_is_of_this_step"] or row["inertia"] is None:
+            continue
+        if row["event"] in EXPLAINING:  # the tangent is singular there
+            continue
+        if before is not None and before["inertia"] != row["inertia"]:
+            found.append({
+                "from": before["inertia"], "to": row["inertia"], "after_step": before["step"],
+                "step": row["step"], "located": located,
+            })  # fmt: skip
+        before, located = row, False
+    return found
+
+
+def ending(history: Sequence[Mapping[str, Any]], is_trace: bool) -> tuple[str, str]:
+    """Status and message of a path that was followed to its end.
+
+    Parameters
+    ----------
+    history
+        The accepted steps.
+    is_trace
+        Whether the path ends with a trace.  A trace is followed for the sake of states that are
+        not stable, a ramp is not.
+    """
+    last = history[-1]
+    negative = last["inertia"] if last["inertia_is_of_this_step"] else None
+    if negative and not is_trace:
+        many = f"{negative} negative eigenvalue{'s' * (negative > 1)}"
+        return UNSTABLE, (
+            f"The tangent of the last state has {many}: this equilibrium is not stable, and a real "
+            "device does not rest there."
+        )
+    passed = [change for change in count_changes(history) if not change["located"]]
+    if not passed:
+        return "completed", ""
+    first, others = passed[0], len(passed) - 1
+    also = f" (and at {others} other places)" if others else ""
+    return "completed", (
+        f"The number of negative eigenvalues changes from {first['from']} to {first['to']} between "
+        f"steps {first['after_step']} and {first['step']}{also}, where nothing was located; "
+        'stability="every" looks for the bifurcation.'
+    )
+
+
 def settings(
     solver: NewtonSolver, path: Sequence[Any], script: Mapping[str, Any]
 ) -> dict[str, Any]:

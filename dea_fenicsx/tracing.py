@@ -123,6 +123,9 @@ def trace(
                 yield reason
                 return
             continue
+        if not sentinel.stability and _unexplained(sentinel.excess, count, turns):
+            log(f"{item.what}: the number of negative eigenvalues changes from {sentinel.excess} "
+                f"to {count} within this step, and no limit point explains it")  # fmt: skip
         spots = list(_spots(branch, item, here, there, arc, turns, sentinel))
         branch.restore(there)
         if end := _end(branch, here, there, arc, left, gap, log):
@@ -161,6 +164,11 @@ def trace(
             retries = 0
             continue
         sentinel.excess = None  # the new branch's own count is taken at its first state
+
+
+def _unexplained(before: int | None, after: int | None, turns: bool) -> bool:
+    """Whether the count of negative eigenvalues changes by something else than a limit point."""
+    return before is not None and after is not None and abs(after - before) != int(turns)
 
 
 def _mixed(before: int | None, after: int | None) -> bool:

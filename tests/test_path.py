@@ -16,9 +16,11 @@ from conftest import ROOT, block, clean_environment, needed_mpirun
 from mpi4py import MPI
 
 import dea_fenicsx as dea
+from dea_fenicsx.events import Sentinel
+from dea_fenicsx.evidence import WANDERING, Evidence
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0
-from dea_fenicsx.predictor import WANDERING, Predictor
+from dea_fenicsx.predictor import Known, Predictor
 
 MU, EPS_R, T = 50e3, 2.86, 1e-3
 LIMIT = 0.68736 * T * np.sqrt(MU / (EPS_R * EPSILON_0))  # free neo-Hookean film, anchors.md
@@ -111,7 +113,8 @@ def test_no_path_leads_over_a_snap(monkeypatch):
             add(from_rest, {"voltage": 0.0})
             problem.set_factors(factors)
             problem.set_state(end)
-            led.append(from_rest._led_to(factors, end))
+            evidence = Evidence(self.solver, from_rest, Sentinel(self.solver))
+            led.append(evidence.leads_to(Known(dict(factors), end)))
             assert np.all(problem.get_state() == end)
         add(self, factors)
 
