@@ -34,7 +34,13 @@ from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import LINEARISING, NewtonOptions, NewtonSolver, silent
 from dea_fenicsx.stepping import Cursor, Ramp, Step, follow
 from dea_fenicsx.summary import (
-    UNSTABLE, count_changes, ending, fingerprint, settings, versions, work,
+    UNSTABLE,
+    count_changes,
+    ending,
+    fingerprint,
+    settings,
+    versions,
+    work,
 )  # fmt: skip
 from dea_fenicsx.tracing import Trace
 from dea_fenicsx.weakform import Problem
