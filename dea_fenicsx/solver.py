@@ -217,9 +217,13 @@ class NewtonSolver:
 
     @property
     def counts_cheaply(self) -> bool:
-        """Whether negative eigenvalues can be counted at each step for little."""
+        """Whether negative eigenvalues can be counted at each step for little.
+
+        The factor that tells them must be the one that serves the next step, too.
+        """
         problem = self.problem
-        return problem.unknowns <= CHEAP_COUNT[problem.mesh.topology.dim]
+        small = problem.unknowns <= CHEAP_COUNT[problem.mesh.topology.dim]
+        return small and self._preferred is self._whole
 
     def _splits(self) -> bool:
         """Whether the kept factor is a split one."""

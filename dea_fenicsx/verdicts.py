@@ -25,8 +25,8 @@ UNCERTAIN = ("slow", "diverged", "jumped")
 A chain past its lock-up and a cell turned inside out tell of the material.
 """
 
-SLOPE_TOLERANCE = 1e-2
-"""Relative tolerance of the linear solve for that speed."""
+SLOPE_TOLERANCE = 1e-7
+"""Relative tolerance of the linear solve for that speed, as in `evidence`."""
 
 
 def describe(scene: Scene, factors: dict[str, float], names: Sequence[str]) -> str:
