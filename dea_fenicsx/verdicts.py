@@ -61,6 +61,8 @@ def is_near_limit(
     """
     problem = solver.problem
     rates = {name: now[name] - factor for name, factor in start.items()}
+    if not any(rates.values()):  # no step of this ramp was accepted: the way from rest counts
+        rates, origin = dict(now), np.zeros_like(origin)
     if not any(rates.values()):
         return False
     slope = solver.linear_solve(-load_derivative(solver.tangent, rates), SLOPE_TOLERANCE)
