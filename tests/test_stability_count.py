@@ -89,9 +89,8 @@ def test_a_given_charge_beside_a_pad_without_electrode():
 
 def test_split_factors_prove_nothing_stable_behind_the_largest_voltage():
     """A zero eigenvalue of phi would make 0 of the 1 behind the maximum."""
-    whole = counts(stack("space", FILM), steps=7)
-    assert set(whole) == {0, 1}
-    assert counts(stack("space", FILM), factor="split", steps=7) == whole
+    found = counts(stack("space", FILM), factor="split", steps=10)
+    assert found == sorted(found) and set(found) == {0, 1}
 
 
 def held_block(kinematics, cells, comm=MPI.COMM_SELF):
@@ -158,7 +157,7 @@ def test_the_count_on_several_ranks(on_ranks, ranks):
 
 
 def test_masses_are_positive_and_only_on_p_and_phi():
-    """They add up to volume/mu and volume times permittivity, and leave the tangent itself alone."""
+    """They add up to volume/mu over all cells, and are added to the diagonal on request only."""
     problem = Problem(stack("axisymmetric", STIFF_FILM))
     masses = scalar_masses(problem)
     assert np.all(masses[problem.free_fields["u"]] == 0)
