@@ -145,15 +145,26 @@ def test_cells_whose_faces_are_clamped(cell, open_sides):
 def counts_on_ranks(comm):
     """Counts of a stack whose pads float, and of a block of one cell, which leaves ranks empty."""
     run = dea.solve(held_block(dea.PlaneStrain(), (1, 1), comm), dea.Ramp(steps=1), quiet=True)
-    return [*counts(stack("axisymmetric", FILM, comm)), run.history[-1]["inertia"]]
+    floating = count_now(stack("axisymmetric", FILM, comm, volts=1e3), {"voltage": 1.0})
+    return [floating, run.history[-1]["inertia"]]
+
+
+def trace_on_ranks(comm):
+    """Counts along a trace of the stack."""
+    return counts(stack("axisymmetric", FILM, comm))
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_the_count_on_several_ranks(on_ranks, ranks):
-    here = counts_on_ranks(MPI.COMM_SELF)
+    assert on_ranks("test_stability_count", "counts_on_ranks", ranks) == [0, 0]
+
+
+@pytest.mark.mpi
+def test_the_count_along_a_trace_on_two_ranks(on_ranks):
+    here = trace_on_ranks(MPI.COMM_SELF)
     assert set(here) == {0, 1}
-    assert on_ranks("test_stability_count", "counts_on_ranks", ranks) == here
+    assert on_ranks("test_stability_count", "trace_on_ranks", 2) == here
 
 
 def test_masses_are_positive_and_only_on_p_and_phi():
