@@ -254,13 +254,15 @@ def state(
 
 
 def _stress_of_strain(elastic: Elastic, strain: StrainOf, J: Any) -> Any:
-    """A stress that keeps in step with the strain: mu (I1 - 3 - 2 ln J) over the chain margin.
+    """A stress that keeps in step with the material's own, for the augmentation.
 
-    It is 0 at rest and nowhere negative, and grows without limit towards J = 0.  For models other
-    than neo-Hookean and Gent the size is right, which is all that the augmentation needs; their own
-    energy would drag third derivatives of it into the tangent.
+    It is 0 at rest and nowhere negative, and grows without limit towards J = 0.  A model may bring
+    its own, `stress_size`; for any other it is mu (I1 - 3 - 2 ln J) over the chain margin, with the
+    initial shear modulus mu, which is positive however the constants are written.
     """
-    stress = elastic.spherical_slope() * (strain.I1 - 3 - 2 * ufl.ln(J))
+    if hasattr(elastic, "stress_size"):
+        return elastic.stress_size(strain, ufl.ln(J))
+    stress = elastic.shear_modulus() * (strain.I1 - 3 - 2 * ufl.ln(J))
     margin = elastic.chain_margin(strain)
     return stress if margin is None else stress / margin
 

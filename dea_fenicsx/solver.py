@@ -21,7 +21,7 @@ from dea_fenicsx.declared import check_declared
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.factors import SplitFactor, WholeFactor
 from dea_fenicsx.references import References
-from dea_fenicsx.tangent import Tangent
+from dea_fenicsx.tangent import MASS, Tangent
 from dea_fenicsx.weakform import Probe, Problem
 
 FACTORS = ("auto", "whole", "single", "split")
@@ -421,7 +421,7 @@ class NewtonSolver:
         """The tangent as a matrix, which the caller destroys."""
         self.notify("assembling")
         start = time.perf_counter()
-        matrix = self.tangent.matrix()
+        matrix = self.tangent.matrix(MASS)
         self.counters.assembly_s += time.perf_counter() - start
         return matrix
 

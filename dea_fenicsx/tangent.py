@@ -2,6 +2,12 @@
 
 Krylov's method only needs products, and the product with one vector costs twice a residual, where
 the matrix costs a hundred.  So the matrix is assembled only to be factorised.
+
+The pressure or the potential may hold modes that nothing determines: a constant pressure in a block
+that is held along every normal, the pressures of a cell whose faces are all clamped, a constant
+potential in a dielectric that no electrode touches.  The tangent is singular in such a mode, and
+its number of negative eigenvalues is one too small.  So the matrix for a factor gets a tiny
+negative mass on p and phi, see `Tangent.matrix`.
 """
 
 from __future__ import annotations
@@ -15,7 +21,16 @@ import ufl
 
 from dea_fenicsx import compat
 from dea_fenicsx.compat import PETSc, dolfinx
+from dea_fenicsx.constraints import Component
+from dea_fenicsx.materials import IdealDielectric
 from dea_fenicsx.weakform import Problem, assembled
+
+MASS = 1e-8
+"""The mass on p and phi in a matrix that is factorised: as a compressibility, mu/kappa.
+
+It must be small, because a state whose lowest eigenvalue is below it may be counted wrongly, and
+large beside the rounding of a factorisation, some 1e-13.  The counts are the same at 1e-10.
+"""
 
 SMALL = 60_000
 """Unknowns up to which matrices and factors are kept to be filled anew: some hundred MB at most."""
@@ -68,6 +83,7 @@ class Tangent:
         )
         self.operator.setUp()
         self._loads: dict[str, np.ndarray] = {}
+        self._masses = scalar_masses(problem)
         self._kept: tuple[Any, Any] = None, None
 
     def times(self, direction: np.ndarray) -> np.ndarray:
@@ -102,11 +118,18 @@ class Tangent:
     def _along_times(self) -> np.ndarray:
         return assembled(self._product, self._action)
 
-    def matrix(self) -> Any:
+    def matrix(self, mass: float = 0.0) -> Any:
         """Assemble the block in the free unknowns.  Collective.
 
         For the caller to destroy.  Of a problem of at most `SMALL` unknowns he may keep it: the
         next call then fills the same matrix anew, whose pattern a factor knows.
+
+        Parameters
+        ----------
+        mass
+            This multiple of `scalar_masses` is taken from the diagonal of p and phi.  Then each p
+            and each phi gives one negative eigenvalue, whether the tangent determines it or not.
+            With 0 the matrix is the tangent itself.
         """
         problem, form = self.problem, self._matrix_form
         whole, free = self._kept
@@ -121,8 +144,39 @@ class Tangent:
             free = whole.ptap(problem.expansion, result=free)
         else:
             free = whole.createSubMatrix(self._columns, self._columns, submat=free)
+        if mass:
+            diagonal = free.createVecLeft()
+            diagonal.array[:] = -mass * self._masses
+            free.setDiagonal(diagonal, PETSc.InsertMode.ADD)
+            diagonal.destroy()
         if problem.unknowns <= SMALL:
             self._kept = whole, free
         else:
             whole.destroy()
         return free
+
+
+def scalar_masses(problem: Problem) -> np.ndarray:
+    """A positive mass of each free p and phi (owned), 0 for u.  Collective.
+
+    Each cell shares out its volume, over its shear modulus, to its nodes of p, and its volume times
+    its permittivity, if a field lives there, to its nodes of phi; all dimensionless.  What is tied
+    adds up.
+    """
+    device, scales = problem.scene.device, problem.scales
+    shares: list[tuple[Component, str, float]] = []
+    for name, material in problem.scene.materials.items():
+        softness = scales.stress / material.elastic.shear_modulus()
+        shares.append((problem.pressure, name, softness))
+        if problem.potential is not None and isinstance(material.electric, IdealDielectric):
+            permittivity = material.electric.permittivity() / scales.permittivity
+            shares.append((problem.potential, name, permittivity))
+    lumped = dolfinx.fem.Function(problem.W)
+    for part, name, weight in shares:
+        cells = device.cells_of(name)
+        cells = cells[cells < device.owned_cells()]
+        dofs = part.dofs[part.space.dofmap.list[cells]]
+        share = weight * problem.cell_volumes[cells] / dofs.shape[1]
+        np.add.at(lumped.x.array, dofs, share[:, None])
+    lumped.x.scatter_reverse(dolfinx.la.InsertMode.add)
+    return problem.restrict(lumped.x.array[: problem.owned])

@@ -38,7 +38,14 @@ class Strain(Protocol):
 
 @runtime_checkable
 class Elastic(Protocol):
-    """An incompressible hyperelastic energy W in J/m^3, zero in the undeformed state."""
+    """An incompressible hyperelastic energy W in J/m^3, zero in the undeformed state.
+
+    A model may also have a method ``stress_size(s, lnJ)``: a stress in Pa that keeps in step with
+    its own at any strain ``s``, is 0 in the undeformed state and negative for no F, with lnJ the
+    logarithm of det F.  The augmentation is relative to it.  Without the method it is
+    mu (I1 - 3 - 2 ln J) over the chain margin, with the initial shear modulus mu, which is the
+    right size for energies of I1.
+    """
 
     def energy(self, s: Strain) -> Any:
         """Energy density W in Pa."""

@@ -47,6 +47,10 @@ class Material:
     def faults(self) -> list[str]:
         """What is wrong with this material, as a list of clauses."""
         found = list(self.elastic.faults())
+        if not found and not self.elastic.shear_modulus() > 0:
+            found = [
+                f"the initial shear modulus is {self.elastic.shear_modulus()!r} Pa, but must be > 0"
+            ]
         if self.electric is not None:
             found += self.electric.faults()
         if self.bulk_modulus is not None and not found:

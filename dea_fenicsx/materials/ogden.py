@@ -65,6 +65,18 @@ class Ogden:
     def spherical_slope(self) -> float:
         return sum(self.mu)
 
+    def stress_size(self, s: Strain, lnJ: Any) -> Any:
+        """A stress in Pa in step with that of the strain, nowhere negative; see `Elastic`.
+
+        sum |mu_k| (lam1^alpha_k + lam2^alpha_k + lam3^alpha_k - 3 - alpha_k ln J).  Each term is
+        >= 0, since e^x >= 1 + x.  I1 would not do: the stress of a negative exponent grows as a
+        power of the smallest stretch.
+        """
+        return sum(
+            abs(m) * (s.power_sum(a) - 3 - a * lnJ)
+            for m, a in zip(self.mu, self.alpha, strict=True)
+        )
+
     def chain_margin(self, s: Strain) -> None:
         return None
 

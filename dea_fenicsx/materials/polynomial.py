@@ -69,6 +69,14 @@ class MooneyRivlin:
     def spherical_slope(self) -> float:
         return 2 * self.C10 + 4 * self.C01
 
+    def stress_size(self, s: Strain, lnJ: Any) -> Any:
+        """A stress in Pa in step with that of the strain, nowhere negative; see `Elastic`.
+
+        2 |C10| (I1 - 3 - 2 ln J) + 2 |C01| (I2 - 3 - 4 ln J): I1 >= 3 J^(2/3) and I2 >= 3 J^(4/3).
+        """
+        first, second = s.I1 - 3 - 2 * lnJ, s.I2 - 3 - 4 * lnJ
+        return 2 * abs(self.C10) * first + 2 * abs(self.C01) * second
+
     def chain_margin(self, s: Strain) -> None:
         return None
 
