@@ -94,6 +94,8 @@ class Problem:
         others, or None.
     overall
         The overall unknowns by name; empty unless the kinematics has some.
+    helix
+        The overall unknowns, symbolic, or None.
     incompressible_cells
         Owned cells of exactly incompressible regions, sorted.
     """
@@ -244,6 +246,7 @@ class Problem:
         x = ufl.SpatialCoordinate(self.mesh)
         weight = scene.kinematics.weight(x)
         u, p, phi, helix = self._split(self.w)
+        self.helix = helix
         self.states = [state(scene, k, scales, u, p, phi, helix) for k in self.kernels]
         dx = measure(scene.device, [k.cells for k in self.kernels], degree)
         energy = sum(s.energy * weight * dx(k) for k, s in enumerate(self.states))

@@ -11,13 +11,14 @@ PACKAGE = ROOT / "dea_fenicsx"
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
     "errors", "launch", "declared", "units", "geometry", "cad", "compat", "mesh", "cells",
-    "materials", "kinematics", "conditions", "scene",
+    "materials", "kinematics", "conditions", "validation", "neighbours", "potentials",
+    "electrode_checks", "scene",
     "exact", "origami",
     "forms", "loads", "constraints", "rigid", "ties", "weakform",
     "tangent", "factors", "corotation", "references", "solver",
     "stability", "events", "arclength", "tracing", "predictor", "stepping",
-    "checks", "observables", "overall", "rotation", "failures", "fields", "reading", "turns",
-    "provenance", "summary", "xdmf", "results", "interruption", "progress", "arguments", "run",
+    "checks", "charges", "observables", "overall", "rotation", "failures", "fields", "reading",
+    "turns", "provenance", "summary", "xdmf", "results", "interruption", "progress", "arguments", "run",
     "ladder", "script",
     "pictures_curves", "pictures_ladder", "pictures_fields", "pictures_movie",
     "pictures_paraview", "pictures",
