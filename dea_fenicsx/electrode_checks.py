@@ -78,6 +78,20 @@ def check_electrodes(
             _check_reach(device, electrode, kinematics)
 
 
+def without_field(electrodes: Sequence[Electrode | ChargedElectrode]) -> bool:
+    """Whether electrodes with a voltage are all at one potential at all times, so no field arises.
+
+    Electrodes on one ramp at one voltage, or one alone, without a ground.
+    """
+    if any(isinstance(e, ThinFilm) for e in electrodes):
+        return False
+    given = [e for e in electrodes if isinstance(e, Electrode)]
+    if any(isinstance(e, ChargedElectrode) and e.coulombs for e in electrodes):
+        return False
+    potentials = {(e.ramp, e.volts) for e in given}
+    return len(potentials) == 1 and all(e.volts and not e.tapers for e in given)
+
+
 def _check_values(electrode: Electrode | ChargedElectrode, kinematics: Kinematics) -> None:
     """Numbers and axes of an electrode, whatever the mesh."""
     label = electrode.label

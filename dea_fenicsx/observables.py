@@ -171,7 +171,12 @@ class Reaction:
 
     def bind(self, problem: Problem) -> Measurement:
         dofs = _displacement_dofs(problem, self.where, self.axis)
-        dofs = dofs[(dofs < problem.owned) & problem.constraints.fixed[dofs]]
+        dofs = dofs[dofs < problem.owned]
+        if problem.pairs is not None:  # both ends of a helical cell are one place
+            member = np.zeros(problem.owned, dtype=bool)
+            member[dofs] = True
+            dofs = np.flatnonzero(problem.pairs.join(member))
+        dofs = dofs[problem.constraints.fixed[dofs]]
         if problem.comm.allreduce(len(dofs), op=MPI.SUM) == 0:
             raise InputError(
                 f"{label_of(self.where)!r} is not held along {self.axis}, so it has no reaction; "

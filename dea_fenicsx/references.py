@@ -30,10 +30,12 @@ class References:
     For u the largest of: reactions; loads; the forces of pressure and field, which is what balances
     in a film that is free all around; and those of small stresses, since a small load is not
     resolved below what rounding leaves of stresses of the modulus's size.  For phi the charges, for
-    p a volume.  Where no charges flow, because all electrodes are at one potential, there is nothing
-    to compare with: what rounding leaves of the potential counts as 0.  What accepted states held is remembered, so that a small step is not held to a
-    stricter test than a large one; the huge reactions of a failed trial are not, which would loosen
-    the test of all later steps.
+    p a volume.  Where all electrodes are at one potential no charges flow, and there is nothing to
+    compare with: so what rounding leaves of the potential counts as 0.
+
+    What accepted states held is remembered, so that a small step is not held to a stricter test
+    than a large one; the huge reactions of a failed trial are not, which would loosen the test of
+    all later steps.
 
     Parameters
     ----------

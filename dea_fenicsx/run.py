@@ -14,6 +14,7 @@ import numpy as np
 
 from dea_fenicsx.arguments import check_arguments
 from dea_fenicsx.checks import check_step
+from dea_fenicsx.electrode_checks import without_field
 from dea_fenicsx.errors import (
     EquilibriumLost,
     InputError,
@@ -169,6 +170,8 @@ class _Session:
             f"{self.comm.size} rank{'s' * (self.comm.size > 1)}"
             + (f", resumed after step {cursor.step}" if cursor else "")
         )
+        if without_field(self.scene.electrodes):
+            self.progress.say("All electrodes are at one potential, so there is no field.")
         result = Run(self.history, {}, self.problem, folder)
         self._summarise(result, "running")
         self._step_started = time.perf_counter()

@@ -96,6 +96,8 @@ class Problem:
         The overall unknowns by name; empty unless the kinematics has some.
     helix
         The overall unknowns, symbolic, or None.
+    pairs
+        What ties the two ends of a helical cell, or None.
     incompressible_cells
         Owned cells of exactly incompressible regions, sorted.
     """
@@ -173,7 +175,7 @@ class Problem:
             )
         for ramp in self.factors:
             self.constraints.base.setdefault(ramp, np.zeros(self.size))
-        pairs = self._tie_ends()
+        self.pairs = pairs = self._tie_ends()
         self.groups = self._tie_groups()
         fixed = self.constraints.fixed[: self.owned]
         follower = followers(self.groups, pairs, fixed)
