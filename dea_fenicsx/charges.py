@@ -89,9 +89,11 @@ def potential_of_unit_load(
     """
     part = problem.potential
     assert part is not None
-    source = _unit_source(problem, electrode)
     given = dolfinx.fem.Function(part.space)
-    if isinstance(electrode, Electrode):
+    if isinstance(electrode, ChargedElectrode) and not electrode.coulombs:
+        source = _unit_charge(problem, electrode)
+    else:
+        source = _charges_of_ramp(problem, electrode.ramp)
         given.x.array[:] = problem.constraints.base[electrode.ramp][part.dofs]
     owned = part.space.dofmap.index_map.size_local
     K = _stiffness(problem)
@@ -112,16 +114,20 @@ def potential_of_unit_load(
     return given.x.array.copy()
 
 
-def _unit_source(problem: Problem, electrode: Electrode | ChargedElectrode) -> np.ndarray:
-    """Charges at factor 1 of the electrode's ramp, in the free rows of the potential."""
+def _charges_of_ramp(problem: Problem, ramp: str) -> np.ndarray:
+    """Charges of a ramp at factor 1, in the free rows of the potential."""
     rows = np.zeros(len(problem.free))
-    if isinstance(electrode, ChargedElectrode) and not electrode.coulombs:
-        floating = [e for e in problem.scene.electrodes if isinstance(e, ChargedElectrode)]
-        master = problem.groups[floating.index(electrode)].master
-        if master >= 0:
-            rows[np.searchsorted(problem.free, master)] = 1.0
-    else:
-        problem.add_sources(rows, electrode.ramp, 1.0)
+    problem.add_sources(rows, ramp, 1.0)
+    return rows[problem.free_fields["phi"]]
+
+
+def _unit_charge(problem: Problem, electrode: ChargedElectrode) -> np.ndarray:
+    """A unit of charge on a floating electrode, in the free rows of the potential."""
+    rows = np.zeros(len(problem.free))
+    floating = [e for e in problem.scene.electrodes if isinstance(e, ChargedElectrode)]
+    master = problem.groups[floating.index(electrode)].master
+    if master >= 0:
+        rows[np.searchsorted(problem.free, master)] = 1.0
     return rows[problem.free_fields["phi"]]
 
 

@@ -76,6 +76,7 @@ def check_electrodes(
             _check_touch(device, materials, electrode, kinematics)
         if isinstance(electrode, Electrode) and electrode.tapers:
             _check_reach(device, electrode, kinematics)
+    _check_floating(device, materials, electrodes, kinematics)
 
 
 def without_field(electrodes: Sequence[Electrode | ChargedElectrode]) -> bool:
@@ -158,6 +159,43 @@ def _check_touch(
         f"lies {around}; name a group on a dielectric ({', '.join(dielectrics)}), or give its "
         "neighbour Material(..., electric=IdealDielectric(eps_r))."
     )
+
+
+def _check_floating(
+    device: Device,
+    materials: Mapping[str, Material],
+    electrodes: Sequence[Electrode | ChargedElectrode],
+    kinematics: Kinematics,
+) -> None:
+    """A floating potential is one against an electrode of given potential on the same dielectrics.
+
+    Dielectrics belong together where they have a facet or an electrode in common.
+    """
+    floating = [e for e in electrodes if isinstance(e, ChargedElectrode)]
+    if not floating:
+        return
+
+    def dielectrics_beside(names: Sequence[str]) -> set[str]:
+        beside = regions_beside(device, with_far_ends(device, names, kinematics))
+        return {name for name in beside if materials[name].is_dielectric}
+
+    links = [dielectrics_beside(e.names) for e in electrodes]
+    links += [
+        {name} | dielectrics_beside([name]) for name, m in materials.items() if m.is_dielectric
+    ]
+    reached = set().union(*(
+        set(e.names) if isinstance(e, ThinFilm) else link
+        for e, link in zip(electrodes, links, strict=False) if isinstance(e, Electrode)
+    ))  # fmt: skip
+    while more := set().union(*(link for link in links if link & reached)) - reached:
+        reached |= more
+    for electrode in floating:
+        if not dielectrics_beside(electrode.names) & reached:
+            raise InputError(
+                f"ChargedElectrode {electrode.label!r} lies on dielectrics that no electrode of "
+                "given potential touches, so that its potential is not defined; add a Ground(...) "
+                "there."
+            )
 
 
 def with_far_ends(

@@ -98,6 +98,20 @@ def test_edge_of_a_dielectric_is_no_place_for_an_electrode(three):
     scene(three, materials, [dea.Electrode("x_max", 1e3), dea.Ground("x_min")])
 
 
+def test_charge_without_a_potential_to_compare_with(three):
+    """A floating electrode needs a given potential on the dielectrics that it can reach."""
+    apart = {"low": FILM, "film": SOFT, "high": FILM}
+    live = [dea.ChargedElectrode("top", 1e-12), dea.Ground("bottom")]
+    refuse(lambda: scene(three, apart, live), "'top'", "not defined", "Ground")
+    scene(three, apart, [*live, dea.Ground("interface_2")])
+    # through a dielectric, a conductor that floats or an electrode on both sides it is reached
+    scene(three, dict.fromkeys(apart, FILM), live)
+    floating = dea.ChargedElectrode("film", 0.0)
+    scene(three, apart | {"film": CONDUCTOR}, [*live, floating])
+    joined = dea.ChargedElectrode(("interface_1", "interface_2"), 0.0)
+    scene(three, apart, [*live, joined])
+
+
 @pytest.mark.parametrize(
     ("name", "start", "end"),
     [("a", 0.0, 1.0), ("a", 0.0, 2e-3), ("b", 0.0, 1e-3), ("b", 1e-3, 2.00001e-3),
