@@ -23,6 +23,7 @@ SOFT = dea.Material(RUBBER)
 CONDUCTOR = dea.Material(RUBBER, dea.Conductor())
 EPS = 3.0 * EPSILON_0
 PLANE = dea.PlaneStrain(1e-3)
+SAME = [dea.Electrode("top", 5e3), dea.Electrode("bottom", 5e3)]
 ROUND = [dea.Fix("bottom", "z"), dea.Fix("x_min", "r")]
 
 
@@ -320,10 +321,27 @@ def test_capacitance_at_zero_volts():
     check_film_capacitance(film_capacitance(MPI.COMM_SELF))
 
 
+def on_few_cells(comm):
+    """What else is measured by all ranks, some of which may have no cell."""
+    device = box("a", "b", divisions=(1,), comm=comm)
+    films = [dea.ThinFilm("a", 5e3, start=0.0, end=1e-3, along="y"),
+             dea.ThinFilm("b", 5e3, start=2e-3, end=1e-3, along="y")]  # fmt: skip
+    shared = solve(scene(device, {"a": STIFF, "b": STIFF}, films), {"q": dea.Charge("a")})
+    taper = dea.Taper(2e-4, 8e-4, "x")
+    live = [dea.Electrode("top", 5e3, taper=taper), dea.Ground(("interface_1", "bottom"))]
+    tapered = solve(scene(device, {"a": STIFF, "b": STIFF}, live), {"V": dea.Potential("top")})
+    quiet = solve(scene(device, {"a": STIFF, "b": STIFF}, SAME), {"q": dea.Charge("top")})
+    return film_capacitance(comm), [float(shared["q_C"]), tapered["V_V"], float(quiet["q_C"])]
+
+
 @pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [2, 3])
-def test_capacitance_on_ranks(on_ranks, ranks):
-    check_film_capacitance(on_ranks("test_electrodes", "film_capacitance", ranks))
+def test_on_ranks(on_ranks, ranks):
+    capacitances, (shared, volts, quiet) = on_ranks("test_electrodes", "on_few_cells", ranks)
+    check_film_capacitance(capacitances)
+    assert shared == pytest.approx(EPS * 5e3 * 1e-3, rel=1e-6)
+    assert volts == 5e3
+    assert abs(quiet) < 1e-20
 
 
 def test_capacitance_goes_on_from_zero(two):
@@ -364,7 +382,6 @@ def test_a_ground_has_no_capacitance(two):
 # ---------------------------------------------------------------------------- without any field
 
 
-SAME = [dea.Electrode("top", 5e3), dea.Electrode("bottom", 5e3)]
 NO_FIELD = {
     "two of one": SAME,
     "one alone": SAME[:1],
