@@ -37,7 +37,8 @@ class Taper:
     Parameters
     ----------
     start, end
-        Undeformed coordinates in m between which it falls; it is 1 before and 0 behind.
+        Undeformed coordinates in m between which it falls; it is 1 before and 0 behind.  Some of
+        the electrode must lie between them.
     along
         ``"x"``, ``"y"``, ``"z"``, or ``"r"``, the distance from the z axis (in an axisymmetric
         section its first coordinate).
@@ -56,7 +57,8 @@ class Electrode(_Conducting):
     Parameters
     ----------
     where
-        Name of a facet group or of a region whose material is a conductor, or several names.
+        Name of a facet group or of a region whose material is a conductor, or several names.  A
+        part of it must lie on a dielectric.
     volts
         Potential in V at ramp factor 1.
     ramp
@@ -83,7 +85,7 @@ class ThinFilm(Electrode):
     """The field of a film that is thin against all else: V/T through a dielectric region.
 
     The potential in the region is linear along one axis; it is no unknown, and there is no fringe.
-    Regions beside it should be no dielectrics.
+    Regions beside it should be no dielectrics.  The film is flat and of one permittivity.
 
     Parameters
     ----------
@@ -92,7 +94,8 @@ class ThinFilm(Electrode):
     volts
         Potential in V at ramp factor 1, at `end`.
     start, end
-        Undeformed coordinates in m of the faces at zero and at full potential.
+        Undeformed coordinates in m of the faces at zero and at full potential: those at which the
+        region begins and ends.
     along
         The axis through the film.
     """

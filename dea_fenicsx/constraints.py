@@ -25,11 +25,11 @@ from dea_fenicsx.conditions import (
     FreeBody,
     PreStretch,
     Stretch,
-    ThinFilm,
     Twist,
 )
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.mesh import Device
+from dea_fenicsx.potentials import driven_alike, given_volts, profile
 from dea_fenicsx.scene import Scene
 
 
@@ -181,11 +181,8 @@ def apply_electrodes(
         for j in range(k):
             other = scene.electrodes[j]
             shared = on & (owner == j)
-            small = 1e-9 * abs(_volts(electrode)) + 1e-300
-            same = _driven_alike(electrode, other) and np.allclose(
-                mine[shared], values[shared], rtol=0, atol=small
-            )
-            touch = bool(np.any(shared)) and not same
+            small = 1e-9 * max(abs(given_volts(electrode)), abs(given_volts(other)))
+            touch = not _agree(electrode, other, mine[shared], values[shared], small)
             if device.comm.allreduce(touch, op=MPI.LOR):
                 raise InputError(
                     f"Electrodes {other.label!r} and {electrode.label!r} touch, but have different "
@@ -203,39 +200,28 @@ def apply_electrodes(
     return found
 
 
+def _agree(
+    a: Electrode | ChargedElectrode, b: Electrode | ChargedElectrode,
+    here: np.ndarray, there: np.ndarray, small: float,
+) -> bool:  # fmt: skip
+    """Whether two electrodes give the nodes that they share the same potential at all times.
+
+    They do where both give 0, whatever drives them.
+    """
+    if len(here) == 0:
+        return True
+    if isinstance(a, ChargedElectrode) or isinstance(b, ChargedElectrode):
+        return False
+    if not driven_alike(a, b) and np.max(np.abs([here, there])) > small:
+        return False
+    return bool(np.max(np.abs(here - there)) <= small)
+
+
 def potential_at(
     scene: Scene, electrode: Electrode | ChargedElectrode, X: np.ndarray
 ) -> np.ndarray:
     """Given potential in V at undeformed positions X in m, shape (n, 3); 0 where it floats."""
-    values = np.full(len(X), _volts(electrode), dtype=float)
-    if isinstance(electrode, ThinFilm):
-        share = (coordinate(scene, electrode.along, X) - electrode.start) / (
-            electrode.end - electrode.start
-        )
-        values *= share
-    for taper in electrode.tapers if isinstance(electrode, Electrode) else ():
-        t = (coordinate(scene, taper.along, X) - taper.start) / (taper.end - taper.start)
-        values *= (1 + np.cos(np.pi * np.clip(t, 0, 1))) / 2
-    return values
-
-
-def coordinate(scene: Scene, name: str, X: np.ndarray) -> np.ndarray:
-    """An undeformed coordinate, or ``"r"``, the distance from the z axis in space."""
-    names = scene.kinematics.coordinates
-    if name in tuple(names):
-        return X[:, names.index(name)]
-    return np.hypot(X[:, 0], X[:, 1])
-
-
-def _volts(electrode: Electrode | ChargedElectrode) -> float:
-    return electrode.volts if isinstance(electrode, Electrode) else 0.0
-
-
-def _driven_alike(a: Electrode | ChargedElectrode, b: Electrode | ChargedElectrode) -> bool:
-    """Whether two electrodes are given potentials by the same ramp, or by none."""
-    if isinstance(a, ChargedElectrode) or isinstance(b, ChargedElectrode):
-        return False
-    return a.ramp == b.ramp or not (a.volts or b.volts)
+    return given_volts(electrode) * profile(scene.kinematics, electrode, X)
 
 
 def _hold_rigid_motions(device: Device, parts: list[Component], constraints: Constraints) -> None:

@@ -15,13 +15,14 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx import compat
+from dea_fenicsx.charges import ElectrodeCharge, potential_of_unit_load
 from dea_fenicsx.compat import dolfinx
-from dea_fenicsx.conditions import Ground, ThinFilm
+from dea_fenicsx.conditions import ChargedElectrode, Electrode
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import measure
 from dea_fenicsx.kinematics import cofactor
-from dea_fenicsx.mesh import one_sided
-from dea_fenicsx.scene import known
+from dea_fenicsx.mesh import Device, one_sided
+from dea_fenicsx.validation import known
 from dea_fenicsx.weakform import Problem
 
 Measurement = Callable[[], float]
@@ -39,9 +40,12 @@ class Observable(Protocol):
 
 @dataclass(frozen=True)
 class MeanDisplacement:
-    """Mean displacement of a facet group along an axis, in m: int u_a dA / int dA, undeformed."""
+    """Mean displacement along an axis, in m: int u_a dA / int dA, undeformed.
 
-    where: str
+    `where` is a facet group, or several that are taken as one.
+    """
+
+    where: str | tuple[str, ...]
     axis: str
     unit = "m"
 
@@ -52,9 +56,12 @@ class MeanDisplacement:
 
 @dataclass(frozen=True)
 class LargestDisplacement:
-    """Displacement of largest size along an axis among the nodes of a facet group, in m, signed."""
+    """Displacement of largest size along an axis among the nodes of a facet group, in m, signed.
 
-    where: str
+    `where` is a facet group, or several that are taken as one.
+    """
+
+    where: str | tuple[str, ...]
     axis: str
     unit = "m"
 
@@ -113,20 +120,20 @@ class Contraction:
 
 @dataclass(frozen=True)
 class Area:
-    """Deformed area of a facet group in m^2: int |cof(F) N| dA.
+    """Deformed area of a facet group, or of several together, in m^2: int |cof(F) N| dA.
 
     In plane strain for the kinematics' depth.
     """
 
-    where: str
+    where: str | tuple[str, ...]
     unit = "m2"
 
     def bind(self, problem: Problem) -> Measurement:
         device, kin = problem.scene.device, problem.scene.kinematics
-        known(self.where, device.surfaces, "facet group")
+        facets = facets_once(device, self.where)
         if kin.overall:
             raise InputError("Area is not measured in helical cells or generalised plane strain.")
-        ds = measure(device, [one_sided(device, self.where)], 4, "ds")(0)
+        ds = measure(device, [facets], 4, "ds")(0)
         x = ufl.SpatialCoordinate(problem.mesh)
         u = ufl.split(problem.w)[0]
         F = ufl.Identity(3) + kin.displacement_gradient(u, x)
@@ -146,19 +153,34 @@ class Reaction:
     """Force in N that holds a facet group along an axis, from the residual at its fixed nodes.
 
     Positive along the axis.  In plane strain it is the force on the kinematics' depth.
+
+    Parameters
+    ----------
+    where
+        A facet group, or several that are taken as one, with each node counted once.  Groups that
+        meet share the nodes of their common edge, and the force at these is part of the reaction
+        of each: so single reactions do not add up to the load, but that of all groups together is
+        it.
+    axis
+        The axis.
     """
 
-    where: str
+    where: str | tuple[str, ...]
     axis: str
     unit = "N"
 
     def bind(self, problem: Problem) -> Measurement:
         dofs = _displacement_dofs(problem, self.where, self.axis)
-        dofs = dofs[(dofs < problem.owned) & problem.constraints.fixed[dofs]]
+        dofs = dofs[dofs < problem.owned]
+        if problem.pairs is not None:  # both ends of a helical cell are one place
+            member = np.zeros(problem.owned, dtype=bool)
+            member[dofs] = True
+            dofs = np.flatnonzero(problem.pairs.join(member))
+        dofs = dofs[problem.constraints.fixed[dofs]]
         if problem.comm.allreduce(len(dofs), op=MPI.SUM) == 0:
             raise InputError(
-                f"{self.where!r} is not held along {self.axis}, so it has no reaction; name a "
-                "group that a support or a prescribed displacement holds."
+                f"{label_of(self.where)!r} is not held along {self.axis}, so it has no reaction; "
+                "name a group that a support or a prescribed displacement holds."
             )
 
         def value() -> float:
@@ -170,89 +192,121 @@ class Reaction:
 
 @dataclass(frozen=True)
 class Charge:
-    """Charge on an electrode in C, from the residual of the potential at its nodes.
+    """Charge on an electrode in C: what does work with its voltage, -dPi/dV.
+
+    On an ordinary electrode it is the whole charge, so that over all electrodes and grounds charges
+    add up to 0.  On a tapered electrode each place counts by its share of the voltage.  A thin film
+    has the charge of its own region alone, on its face at `end`; an electrode or a ground on one of
+    its faces is the same conductor, and shows that face's charge again.  Where electrodes touch,
+    each has an equal share of what lies on their common nodes.
 
     Parameters
     ----------
     electrode
-        A name used in the scene's electrodes.
+        A name used in the scene's electrodes, or several, whose electrodes are then added up.
     """
 
-    electrode: str
+    electrode: str | tuple[str, ...]
     unit = "C"
 
     def bind(self, problem: Problem) -> Measurement:
-        dofs = _electrode(problem, self.electrode)
-        weights: np.ndarray | float = 1.0
-        named = [e for e in problem.scene.electrodes if self.electrode in (e.label, *e.names)]
-        if isinstance(named[0], ThinFilm) and named[0].volts:
-            # work-conjugate to the voltage: -dPi/dV
-            volt = named[0].volts / problem.scales.potential
-            weights = problem.constraints.base[named[0].ramp][dofs] / volt
-
-        def value() -> float:
-            total = -float((weights * problem.residual()[dofs]).sum())
-            return problem.comm.allreduce(total, op=MPI.SUM) * problem.scales.charge
-
-        return value
+        named = [_electrode(problem, name) for name in group_names(self.electrode)]
+        charges = [ElectrodeCharge(problem, e) for e in {e.label: e for e in named}.values()]
+        return lambda: sum(charge.of_state() for charge in charges)
 
 
 @dataclass(frozen=True)
 class Potential:
-    """Potential of an electrode in V, given or floating."""
+    """Potential of an electrode in V: its voltage if one is given, or what it floats at.
+
+    Of a thin film it is that of the face at `end`, of a tapered electrode that before the taper.
+    """
 
     electrode: str
     unit = "V"
 
     def bind(self, problem: Problem) -> Measurement:
-        dofs = _electrode(problem, self.electrode)
-        count = problem.comm.allreduce(len(dofs), op=MPI.SUM)
-
-        def value() -> float:
-            total = float(problem.w.x.array[dofs].sum())
-            return problem.comm.allreduce(total, op=MPI.SUM) / count * problem.scales.potential
-
-        return value
+        electrode = _electrode(problem, self.electrode)
+        if isinstance(electrode, Electrode):
+            return lambda: 0.0 + problem.factors.get(electrode.ramp, 0.0) * electrode.volts
+        dofs = problem.electrode_dofs[electrode.label]
+        volt = problem.scales.potential
+        return lambda: _common(problem, problem.w.x.array[dofs]) * volt
 
 
 @dataclass(frozen=True)
 class Capacitance:
-    """Charge of an electrode over its potential in F; NaN at zero voltage.
+    """Charge of an electrode over its potential in F.
 
     The other electrodes are taken as they are: with all of them grounded this is the capacitance.
+    Where the electrode's ramp is at 0, or its potential is, it is dQ/dV along that ramp while
+    nothing moves: the limit of Q/V on the way there, if no other ramp has brought charge.
     """
 
     electrode: str
     unit = "F"
-    may_be_undefined = True
 
     def bind(self, problem: Problem) -> Measurement:
-        charge = Charge(self.electrode).bind(problem)
-        named = [e for e in problem.scene.electrodes if self.electrode in (e.label, *e.names)]
-        electrode = named[0]
-        if electrode == Ground(electrode.where):
+        electrode = _electrode(problem, self.electrode)
+        if isinstance(electrode, Electrode) and not electrode.volts:
             raise InputError(
                 f"Electrode {self.electrode!r} is grounded; name a driven electrode for its "
                 "capacitance."
             )
-
+        charge = ElectrodeCharge(problem, electrode)
         potential = Potential(self.electrode).bind(problem)
+
+        def at_rest() -> float:
+            psi = potential_of_unit_load(problem, electrode)
+            if isinstance(electrode, Electrode):
+                return charge.of(psi) / electrode.volts
+            assert problem.potential is not None
+            whole = np.zeros(problem.size)
+            whole[problem.potential.dofs] = psi
+            rise = _common(problem, whole[problem.electrode_dofs[electrode.label]])
+            return charge.of(psi) / (rise * problem.scales.potential)
 
         def value() -> float:
             volts = potential()
-            return charge() / volts if volts else float("nan")
+            live = problem.factors[electrode.ramp] and volts
+            return charge.of_state() / volts if live else at_rest()
 
         return value
 
 
-def _electrode(problem: Problem, name: str) -> np.ndarray:
-    """Owned degrees of freedom of an electrode, by its label or one of its names."""
+def _common(problem: Problem, values: np.ndarray) -> float:
+    """The value that all have in common, of which some ranks hold none.  Collective."""
+    return next(float(v[0]) for v in problem.comm.allgather(values[:1]) if len(v))
+
+
+def _electrode(problem: Problem, name: str) -> Electrode | ChargedElectrode:
+    """An electrode of the scene by its label or one of its names."""
     for electrode in problem.scene.electrodes:
         if name in (electrode.label, *electrode.names):
-            dofs = problem.electrode_dofs[electrode.label]
-            return dofs[dofs < problem.owned]
+            return electrode
     known(name, [e.label for e in problem.scene.electrodes], "electrode")
     raise AssertionError
+
+
+def group_names(where: str | tuple[str, ...]) -> tuple[str, ...]:
+    """The names of one group or several, each once."""
+    names = (where,) if isinstance(where, str) else tuple(dict.fromkeys(where))
+    if not names:
+        raise InputError("An observable names no group; give it at least one name.")
+    return names
+
+
+def label_of(where: str | tuple[str, ...]) -> str:
+    """One group or several, for messages."""
+    return "+".join(group_names(where))
+
+
+def facets_once(device: Device, where: str | tuple[str, ...]) -> np.ndarray:
+    """Each facet of one group or several once over all ranks, as `one_sided` shows them."""
+    for name in group_names(where):
+        known(name, device.surfaces, "facet group")
+    pairs = [one_sided(device, name) for name in group_names(where)]
+    return np.unique(np.concatenate(pairs), axis=0)
 
 
 def _axis(problem: Problem, axis: str) -> int:
@@ -262,16 +316,24 @@ def _axis(problem: Problem, axis: str) -> int:
     return axes.index(axis)
 
 
-def _displacement_dofs(problem: Problem, where: str, axis: str) -> np.ndarray:
-    """Local degrees of freedom of a displacement component on a facet group.  Collective."""
+def _displacement_dofs(
+    problem: Problem, where: str | tuple[str, ...], axis: str
+) -> np.ndarray:
+    """Local degrees of freedom of a displacement component on facet groups, each once.
+
+    Collective.
+    """
     device = problem.scene.device
     part = problem.displacement[_axis(problem, axis)]
-    known(where, device.surfaces, "facet group")
-    return part.dofs[part.on(device.dim - 1, device.facets_of(where))]
+    found = []
+    for name in group_names(where):
+        known(name, device.surfaces, "facet group")
+        found.append(part.on(device.dim - 1, device.facets_of(name)))
+    return part.dofs[np.unique(np.concatenate(found))]
 
 
 def _surface_mean(
-    problem: Problem, where: str, axis: str, projected: bool
+    problem: Problem, where: str | tuple[str, ...], axis: str, projected: bool
 ) -> Callable[[], tuple[float, float]]:
     """Means of u_a and X_a over a facet group; weighted by the normal's component if projected.
 
@@ -279,8 +341,7 @@ def _surface_mean(
     """
     a = _axis(problem, axis)
     device = problem.scene.device
-    known(where, device.surfaces, "facet group")
-    ds = measure(device, [one_sided(device, where)], 4, "ds")(0)
+    ds = measure(device, [facets_once(device, where)], 4, "ds")(0)
     x = ufl.SpatialCoordinate(problem.mesh)
     weight = problem.scene.kinematics.weight(x)
     kinematics = problem.scene.kinematics
@@ -301,7 +362,8 @@ def _surface_mean(
     area = total(one * weight)
     if abs(area) < 1e-14:
         raise InputError(
-            f"Facet group {where!r} has no area facing {axis}; name a group that faces that axis."
+            f"Facet group {label_of(where)!r} has no area facing {axis}; name a group that faces "
+            "that axis."
         )
     position = total(x[along] * weight) / area if projected else 0.0
     vector = dolfinx.fem.assemble_vector(compat.compile_form(v[a] * weight * ds))

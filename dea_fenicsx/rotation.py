@@ -24,7 +24,7 @@ from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import measure
 from dea_fenicsx.mesh import one_sided
 from dea_fenicsx.observables import Measurement
-from dea_fenicsx.scene import known
+from dea_fenicsx.validation import known
 from dea_fenicsx.weakform import Problem
 
 
@@ -40,7 +40,8 @@ class Rotation:
     where
         A facet group, or two: of the second relative to the first, R_2 R_1^T.
     about
-        ``"x"``, ``"y"`` or ``"z"``, fixed in space; in plane strain only z means something.
+        ``"x"``, ``"y"`` or ``"z"``, fixed in space; in plane strain ``"z"``, the only one about
+        which anything can turn there.
     """
 
     where: str | tuple[str, str]
@@ -49,6 +50,11 @@ class Rotation:
 
     def bind(self, problem: Problem) -> Measurement:
         k = _axis(self.about)
+        if _is_flat(problem) and self.about != "z":
+            raise InputError(
+                f"The rotation of {self.where!r} is about {self.about!r}, but in plane strain "
+                "everything turns about 'z' alone; name that."
+            )
         rotation = _relative(problem, self.where)
         return lambda: float(_vector(rotation())[k])
 
@@ -64,15 +70,22 @@ class BendingAngle:
     between
         Two facet groups, or one: the angle by which its own axis turns.
     axis
-        The axis e that runs from one to the other.
+        The axis e that runs from one to the other: by default ``"z"``, and in plane strain, where
+        any axis of the plane turns alike, ``"x"``.
     """
 
     between: str | tuple[str, str]
-    axis: str = "z"
+    axis: str | None = None
     unit = "rad"
 
     def bind(self, problem: Problem) -> Measurement:
-        k = _axis(self.axis)
+        flat = _is_flat(problem)
+        k = _axis(self.axis or ("x" if flat else "z"))
+        if flat and k == 2:
+            raise InputError(
+                f"The bending angle of {self.between!r} is of the axis 'z', but in plane strain "
+                "that axis never turns; name 'x' or 'y', or leave it out."
+            )
         names = (self.between,) if isinstance(self.between, str) else tuple(self.between)
         rotations = [_rotation(problem, name) for name in names]
 
@@ -81,6 +94,17 @@ class BendingAngle:
             return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
         return value
+
+
+def _is_flat(problem: Problem) -> bool:
+    """Whether all turns in a plane; refuses kinematics in which no face turns as a whole."""
+    dim = problem.scene.device.dim
+    if problem.scene.kinematics.axes != "xyz"[:dim]:
+        raise InputError(
+            "Rotations are measured in three dimensions and in plane strain only; a helical cell "
+            "has OverallTwist."
+        )
+    return dim == 2
 
 
 def _axis(name: str) -> int:
@@ -111,11 +135,6 @@ def _rotation(problem: Problem, where: str) -> Callable[[], np.ndarray]:
     """Rotation matrix of a facet group, bound to a problem.  Collective."""
     device = problem.scene.device
     dim = device.dim
-    if problem.scene.kinematics.axes != "xyz"[:dim]:
-        raise InputError(
-            "Rotations are measured in three dimensions and in plane strain only; a helical cell "
-            "has OverallTwist."
-        )
     known(where, device.surfaces, "facet group")
     mesh, comm = problem.mesh, problem.comm
     ds = measure(device, [one_sided(device, where)], 4, "ds")(0)

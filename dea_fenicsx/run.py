@@ -14,6 +14,7 @@ import numpy as np
 
 from dea_fenicsx.arguments import check_arguments
 from dea_fenicsx.checks import check_step
+from dea_fenicsx.electrode_checks import without_field
 from dea_fenicsx.errors import (
     EquilibriumLost,
     InputError,
@@ -180,6 +181,8 @@ class _Session:
             f"{self.comm.size} rank{'s' * (self.comm.size > 1)}"
             + (f", resumed after step {cursor.step}" if cursor else "")
         )
+        if without_field(self.scene.electrodes):
+            self.progress.say("All electrodes are at one potential, so there is no field.")
         result = Run(self.history, {}, self.problem, folder)
         self._summarise(result, "running")
         self._step_started = time.perf_counter()
@@ -307,7 +310,7 @@ class _Session:
             row[key] = cursor.factors[name] * unit
         measured = {name: measure() for name, measure in self.measurements.items()}
         row |= measured
-        checked = check_step(solver, cursor.step, self._must_be_finite(measured))
+        checked = check_step(solver, cursor.step, measured)
         probe = checked.probe
         if problem.potential is not None:
             row["max_field_V_per_m"] = probe.max_field * scales.field
@@ -384,15 +387,6 @@ class _Session:
         if worst is not None:
             entry |= {"region": worst.region, "place_m": [float(x) for x in worst.place]}
         self.found.append(entry)
-
-    def _must_be_finite(self, measured: dict[str, float]) -> dict[str, float]:
-        """The observables without those that are not defined at zero voltage, as they tell."""
-        undefined = (getattr(o, "may_be_undefined", False) for o in self.record.values())
-        return {
-            name: value
-            for (name, value), may in zip(measured.items(), undefined, strict=True)
-            if not (may and np.isnan(value))
-        }
 
     def _report(self, row: dict[str, Any], seconds: float, share: float) -> None:
         """Tell of an accepted step."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -28,16 +27,18 @@ from dea_fenicsx.conditions import (
     PreStretch,
     Stretch,
     Support,
-    Taper,
-    ThinFilm,
     Torque,
     Twist,
 )
 from dea_fenicsx.declared import check_declared
+from dea_fenicsx.electrode_checks import check_electrodes
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.kinematics import GeneralisedPlaneStrain, Helical, Kinematics, ThreeD
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh import Device
+from dea_fenicsx.validation import finite, group_size, known
+
+__all__ = ["SIMPLICES", "Scene", "finite", "known", "period"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +93,7 @@ class Scene:
         _check_names(self)
         _check_kinematics(self)
         _check_materials(self)
-        _check_electrodes(self)
+        check_electrodes(self.device, self.materials, self.electrodes, self.kinematics)
         _check_mechanics(self)
         _check_overall(self)
         _check_elements(self)
@@ -119,17 +120,6 @@ class Scene:
         return ramp not in others and ramp in {e.ramp for e in self.electrodes}
 
 
-def known(name: str, names: Iterable[str], what: str) -> None:
-    """Raise InputError unless `name` is one of `names`, with the nearest as a suggestion."""
-    names = list(names)
-    if name in names:
-        return
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f"did you mean {near[0]!r}?" if near else ""
-    listing = ", ".join(sorted(names)) or "none"
-    raise InputError(f"There is no {what} named {name!r}; {hint} the mesh has: {listing}.")
-
-
 def _check_names(scene: Scene) -> None:
     """Where the mesh lacks several of the names that a scene needs, say all of them at once.
 
@@ -149,16 +139,6 @@ def _check_names(scene: Scene) -> None:
             f"{device.source or 'it'} has the regions {', '.join(sorted(device.regions))} and the "
             f"surfaces {', '.join(sorted(device.surfaces)) or 'none'}."
         )
-
-
-def finite(value: object, what: str) -> None:
-    """Raise InputError unless `value` is a finite real number."""
-    try:
-        ok = math.isfinite(value)  # type: ignore[arg-type]
-    except TypeError:
-        ok = False
-    if not ok:
-        raise InputError(f"{what} is {value!r}, but must be a finite number.")
 
 
 def _check_kinematics(scene: Scene) -> None:
@@ -206,7 +186,7 @@ def _check_helix(scene: Scene, kinematics: Helical, inner: float) -> None:
     finite(kinematics.pitch, "The pitch of Helical")
     for name in kinematics.between:
         known(name, device.surfaces, "facet group")
-        if _count(device, name) == 0:
+        if group_size(device, name) == 0:
             raise InputError(f"The end {name!r} of the helical cell has no facets in the mesh.")
     strands = abs(kinematics.pitch) / period(scene)
     if abs(strands - round(strands)) > 1e-6:
@@ -237,90 +217,6 @@ def _check_materials(scene: Scene) -> None:
             raise InputError(f"Region {name!r}, {model}: {faults[0]}.")
 
 
-def _check_electrodes(scene: Scene) -> None:
-    device = scene.device
-    dielectric = any(m.is_dielectric for m in scene.materials.values())
-    seen: dict[str, Electrode | ChargedElectrode] = {}
-    for electrode in scene.electrodes:
-        if not electrode.names:
-            raise InputError("An electrode names no group; give where= at least one name.")
-        if isinstance(electrode, ChargedElectrode):
-            finite(electrode.coulombs, f"The charge of electrode {electrode.label!r}")
-        else:
-            finite(electrode.volts, f"The voltage of electrode {electrode.label!r}")
-            for taper in electrode.tapers:
-                _check_taper(scene, taper, electrode.label)
-        for name in electrode.names:
-            known(name, [*device.surfaces, *device.regions], "facet group or region")
-            if name in seen:
-                raise InputError(f"{name!r} is an electrode twice; name each group once.")
-            seen[name] = electrode
-            is_region = name in device.regions
-            if isinstance(electrode, ThinFilm):
-                _check_thin_film(scene, electrode, name)
-            elif is_region and not scene.materials[name].is_conductor:
-                raise InputError(
-                    f"Region {name!r} is an electrode, but its material does not conduct; give it "
-                    "Material(..., electric=Conductor())."
-                )
-            count = _count(device, name)
-            if count == 0:
-                kind = "cells" if is_region else "facets"
-                raise InputError(
-                    f"Electrode {name!r} has no {kind} in the mesh; check the physical group."
-                )
-    for name, material in scene.materials.items():
-        if scene.electrodes and material.is_conductor and name not in seen:
-            raise InputError(
-                f"Region {name!r} conducts, but is no electrode; add it to an Electrode or Ground."
-            )
-    if scene.electrodes and all(isinstance(e, ChargedElectrode) for e in scene.electrodes):
-        raise InputError(
-            "All electrodes have given charges, so no potential is defined; add a Ground(...)."
-        )
-    if scene.electrodes and not dielectric:
-        raise InputError(
-            "There are electrodes but no dielectric; give at least one region "
-            "Material(..., electric=IdealDielectric(eps_r))."
-        )
-
-
-def _check_thin_film(scene: Scene, film: ThinFilm, name: str) -> None:
-    if name not in scene.device.regions or not scene.materials[name].is_dielectric:
-        raise InputError(
-            f"ThinFilm {name!r} must be a dielectric region; name one with "
-            "Material(..., electric=IdealDielectric(eps_r))."
-        )
-    finite(film.start, f"The start of ThinFilm {name!r}")
-    finite(film.end, f"The end of ThinFilm {name!r}")
-    if film.start == film.end or film.along not in tuple(scene.kinematics.coordinates):
-        raise InputError(
-            f"ThinFilm {name!r} lies between {film.along!r} = {film.start:g} m and {film.end:g} m; "
-            "give two different coordinates along one of the axes "
-            f"{', '.join(scene.kinematics.coordinates)}."
-        )
-
-
-def _check_taper(scene: Scene, taper: Taper, label: str) -> None:
-    names = {*scene.kinematics.coordinates, "r"} if scene.kinematics.dim == 3 else set(
-        scene.kinematics.coordinates
-    )  # fmt: skip
-    finite(taper.start, f"The start of the taper of electrode {label!r}")
-    finite(taper.end, f"The end of the taper of electrode {label!r}")
-    if taper.start == taper.end or taper.along not in names:
-        raise InputError(
-            f"The taper of electrode {label!r} runs along {taper.along!r} from {taper.start:g} m "
-            f"to {taper.end:g} m; give two different coordinates along one of "
-            f"{', '.join(sorted(names))}."
-        )
-
-
-def _count(device: Device, name: str) -> int:
-    """Global number of cells or facets in a named group."""
-    local = device.cells_of(name) if name in device.regions else device.facets_of(name)
-    return device.comm.allreduce(len(local), op=MPI.SUM)
-
-
 def _check_mechanics(scene: Scene) -> None:
     device, axes = scene.device, scene.kinematics.axes
     for item in [*scene.supports, *scene.prescribed, *scene.loads]:
@@ -338,7 +234,7 @@ def _check_mechanics(scene: Scene) -> None:
             _check_prestretch(scene, item)
             continue
         known(item.where, device.surfaces, "facet group")
-        if _count(device, item.where) == 0:
+        if group_size(device, item.where) == 0:
             raise InputError(f"{what} on {item.where!r} finds no facets in the mesh.")
         named = getattr(item, "axes", "")
         if isinstance(item, Fix | Stretch | Displacement) and (

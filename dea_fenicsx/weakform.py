@@ -94,6 +94,10 @@ class Problem:
         others, or None.
     overall
         The overall unknowns by name; empty unless the kinematics has some.
+    helix
+        The overall unknowns, symbolic, or None.
+    pairs
+        What ties the two ends of a helical cell, or None.
     incompressible_cells
         Owned cells of exactly incompressible regions, sorted.
     """
@@ -171,7 +175,7 @@ class Problem:
             )
         for ramp in self.factors:
             self.constraints.base.setdefault(ramp, np.zeros(self.size))
-        pairs = self._tie_ends()
+        self.pairs = pairs = self._tie_ends()
         self.groups = self._tie_groups()
         fixed = self.constraints.fixed[: self.owned]
         follower = followers(self.groups, pairs, fixed)
@@ -244,6 +248,7 @@ class Problem:
         x = ufl.SpatialCoordinate(self.mesh)
         weight = scene.kinematics.weight(x)
         u, p, phi, helix = self._split(self.w)
+        self.helix = helix
         self.states = [state(scene, k, scales, u, p, phi, helix) for k in self.kernels]
         dx = measure(scene.device, [k.cells for k in self.kernels], degree)
         energy = sum(s.energy * weight * dx(k) for k, s in enumerate(self.states))

@@ -371,7 +371,7 @@ def touching():
 @case("capacitance at zero voltage")
 def no_capacitance():
     done = run(film(volts=100.0), dea.Ramp(steps=1), {"C": dea.Capacitance("top")})
-    assert np.isnan(done.column("C_F")[0]), "0/0 is told as a number"
+    close(done.column("C_F")[0], EPS * np.pi * T, 1e-9, "capacitance at 0 V")
     return close(done["C_F"], EPS * np.pi * T, 1e-3, "capacitance")
 
 
