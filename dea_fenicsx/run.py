@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.agreement import check_same, measured_alike, together
 from dea_fenicsx.arguments import check_arguments
 from dea_fenicsx.checks import check_step
 from dea_fenicsx.errors import (
@@ -21,6 +22,7 @@ from dea_fenicsx.errors import (
     MachineError,
     PathError,
     SolverError,
+    install_hook,
 )
 from dea_fenicsx.events import Alarm, Sentinel
 from dea_fenicsx.failures import Failure, Gauge, Worst, default_failures, pull_in
@@ -108,10 +110,15 @@ def solve(
         In all these cases everything up to the last accepted step is on disk, and the error's
         attribute `run` holds it.
     """
+    install_hook()
     check_arguments(
         scene, path, record, out, resume, quiet, stability, failures, options, settings
     )
     path = [path] if isinstance(path, Ramp | Trace) else list(path)
+    check_same(scene.device.comm, {
+        "path": path, "record": record, "out": out, "resume": resume, "stability": stability,
+        "failures": failures, "options": options,
+    })  # fmt: skip
     watched = default_failures(scene) if failures is None else tuple(failures)
     return _Session(
         scene, path, dict(record or {}), out, resume, quiet, verbose, stability, watched, options,
@@ -149,7 +156,7 @@ class _Session:
         self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
         self.problem = Problem(self.scene)
         self.measurements: dict[str, Measurement] = {
-            f"{name}_{o.unit}" if o.unit else name: o.bind(self.problem)
+            f"{name}_{o.unit}" if o.unit else name: self._bound(name, o)
             for name, o in self.record.items()
         }
         self.solver = NewtonSolver(self.problem, self.options)
@@ -205,6 +212,14 @@ class _Session:
         self._finish(result, "completed")
         return result
 
+    def _bound(self, name: str, observable: Observable) -> Measurement:
+        """An observable bound to the problem; one of the user's own is held to be collective."""
+        if type(observable).__module__.startswith("dea_fenicsx."):
+            return observable.bind(self.problem)
+        what = f"What is recorded as {name!r}"
+        measure = together(self.comm, lambda: observable.bind(self.problem), what)
+        return measured_alike(self.comm, name, measure)
+
     def _share(self, cursor: Cursor) -> float:
         """Share of the path that is behind, each of its items taken alike."""
         return (cursor.ramp + cursor.position) / len(self.path)
@@ -258,7 +273,7 @@ class _Session:
         if item not in self.ends:
             return None
         measure, value = self.ends[item]
-        return measure() - value
+        return self.comm.bcast(measure() - value, root=0)
 
     def _load_column(self, ramp: str) -> tuple[str, float]:
         """The column of a ramp and the unit of its factor: volts for electrodes, or bare."""
