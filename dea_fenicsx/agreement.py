@@ -20,7 +20,7 @@ from dea_fenicsx import errors
 from dea_fenicsx.errors import DeaError, InputError, SolverError
 
 EQUAL = 1e-6
-"""Largest relative difference between two ranks' values of an observable that counts as rounding."""
+"""Largest relative difference of an observable between two ranks that counts as rounding."""
 
 
 class OtherRankFailed(DeaError):
@@ -105,7 +105,7 @@ def measured_alike(
     """A user's measurement, made so that all ranks get the same value or the same error.
 
     What is measured decides where a trace ends and whether a step is accepted, so the ranks must
-    not differ in it.  Differences of the size of rounding are taken out: the value of rank 0 counts.
+    not differ in it.  Where they differ by rounding, the value of rank 0 counts.
 
     Returns
     -------
@@ -122,7 +122,9 @@ def measured_alike(
         if faulty:
             given = comm.bcast(repr(mine)[:60], root=faulty[0])
             where = f" on rank {faulty[0]}" if comm.size > 1 else ""
-            raise SolverError(f"What is recorded as {name!r} is {given}{where}, but must be a number.")
+            raise SolverError(
+                f"What is recorded as {name!r} is {given}{where}, but must be a number."
+            )
         first = numbers[0]
         for rank, other in enumerate(numbers):
             if not _equal(first, other):
@@ -161,9 +163,15 @@ def check_same(comm: MPI.Comm, facts: Mapping[str, Any]) -> None:
     comm
         The ranks.
     facts
-        Input by its name, as it shall be called in the message.  Numbers are compared to the last bit, since ranks that differ in one may
-        take different ways; mappings are compared in their order, in which collective calls follow
-        one another.  Of an object that is no dataclass only the type counts.
+        Input by its name, as it shall be called in the message.  Numbers are compared to the last
+        bit, since ranks that differ in one may take different ways.  Mappings are compared in their
+        order, in which collective calls follow one another.  Of an object that is no dataclass only
+        the type counts.
+
+    Raises
+    ------
+    InputError
+        Naming the input and the ranks that differ.
     """
     if comm.size == 1:
         return
@@ -191,7 +199,8 @@ def _in_words(value: Any) -> str:
         return "[" + ", ".join(map(_in_words, value)) + "]"
     if isinstance(value, np.ndarray):
         return _in_words(value.tolist())
-    if value is None or isinstance(value, str | bytes | bool | int | float | np.generic | PurePath):
+    plain = str | bytes | bool | int | float | np.generic | PurePath
+    if value is None or isinstance(value, plain):
         return repr(value)
     return type(value).__name__
 

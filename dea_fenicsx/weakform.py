@@ -218,7 +218,7 @@ class Problem:
             for e in scene.electrodes if isinstance(e, ChargedElectrode)
         ]  # fmt: skip
         for name, part in self.overall.items():
-            # a rank without cells has no degree of freedom of this part, but must join in all the same
+            # a rank without cells has none of these degrees of freedom, but must join in
             fixed = bool(np.all(self.constraints.fixed[part.dofs]))
             if not self.comm.allreduce(fixed, op=MPI.LAND):
                 height = period(scene) / scales.length

@@ -11,6 +11,8 @@ import sys
 import pytest
 from conftest import ROOT, clean_environment
 
+from dea_fenicsx.cli.doctor import hiding_folder
+
 WATCHED = """
 import atexit, builtins, json, signal, sys, threading, warnings
 import importlib.abc, importlib.machinery  # what the finder of an editable install loads
@@ -55,6 +57,36 @@ def test_only_importing_leaves_errors_to_python():
     assert done.returncode == 1
     assert done.stderr.startswith("Traceback")
     assert done.stderr.splitlines()[-1].endswith("InputError: Wrong.")
+
+
+def test_a_folder_of_the_same_name_hides_nothing(tmp_path):
+    """As an earlier run's cache or results may leave it beside a script."""
+    (tmp_path / "dea_fenicsx" / "0123456789ab").mkdir(parents=True)
+    (tmp_path / "script.py").write_text(
+        "import sys, dea_fenicsx as dea\n"
+        "print([f for f in sys.meta_path if 'editable' in getattr(f, '__module__', '')])\n"
+        "print(dea.InputError.__name__)\n"
+    )
+    env = {k: v for k, v in clean_environment().items() if k != "PYTHONPATH"}
+    done = subprocess.run([sys.executable, "script.py"], cwd=tmp_path, env=env, text=True,
+                          capture_output=True, timeout=60)  # fmt: skip
+    if done.stdout.startswith("[<") or "No module" in done.stderr:
+        pytest.skip("the package was not installed by this version's `make env`")
+    assert done.stdout.endswith("InputError\n"), done.stderr
+
+
+def test_the_doctor_names_a_folder_that_hides_the_package(monkeypatch, tmp_path):
+    package = ROOT / "dea_fenicsx"
+    assert hiding_folder(ROOT, package) is None
+    assert hiding_folder(tmp_path, package) is None
+    (tmp_path / "dea_fenicsx").mkdir()
+    monkeypatch.setattr(sys, "path", [str(tmp_path), str(ROOT)])
+    assert hiding_folder(tmp_path, package) is None  # the real package is on the path
+    monkeypatch.setattr(sys, "path", ["", str(tmp_path)])
+    assert hiding_folder(tmp_path, package) == tmp_path / "dea_fenicsx"
+    monkeypatch.setattr(sys, "path", [str(tmp_path), str(ROOT)])
+    (tmp_path / "dea_fenicsx" / "__init__.py").touch()
+    assert hiding_folder(tmp_path, package) == tmp_path / "dea_fenicsx"
 
 
 CALLS = {

@@ -10,7 +10,8 @@ PACKAGE = ROOT / "dea_fenicsx"
 
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
-    "errors", "agreement", "launch", "declared", "units", "geometry", "cad", "compat", "mesh", "cells",
+    "errors", "agreement", "launch", "declared", "units", "geometry", "cad", "form_cache",
+    "compat", "mesh", "cells",
     "materials", "kinematics", "conditions", "scene",
     "exact", "origami",
     "forms", "loads", "constraints", "rigid", "ties", "weakform",
