@@ -126,8 +126,9 @@ def test_code_that_is_cut_short(cache):
 
 
 def test_the_doctor_sees_damage(monkeypatch):
-    done = child.Done({"dolfinx": {"dolfinx": "0.11.0", "petsc": "3", "scalar": "float64"},
-                       "cache": {"cache": "/home/x", "damaged": ["form_a", "form_b"]}}, "")  # fmt: skip
+    told = {"dolfinx": {"dolfinx": "0.11.0", "petsc": "3", "scalar": "float64"},
+            "cache": {"cache": "/home/x", "damaged": ["form_a", "form_b"]}}  # fmt: skip
+    done = child.Done(told, "")
     monkeypatch.setattr(doctor, "start", lambda *a, **k: done)
     (found,) = [f for f in doctor.solver(1.0) if f.what == "form cache"]
     assert (found.level, "2 damaged" in found.text, "form_a" in found.text) == ("warn", True, True)

@@ -87,8 +87,8 @@ def packages() -> Iterator[Finding]:
     hidden = hiding_folder(Path.cwd(), here)
     if hidden:
         yield Finding(WARN, "dea_fenicsx", f"the folder {hidden} hides the package from scripts "
-                      "that lie beside it", "Name the folder otherwise; or install the package anew "
-                      "(`make env`), so that it is found first.")  # fmt: skip
+                      "that lie beside it", "Give the folder another name; or install the package "
+                      "anew (`make env`), so that it is found first.")  # fmt: skip
     needed = {"numpy": True, "scipy": True, "h5py": True, "gmsh": True, "mpi4py": True,
               "matplotlib": False, "pyvista": False, "pint": False}  # fmt: skip
     for name, must in needed.items():
