@@ -7,6 +7,7 @@ here make such a difference an error on all ranks.
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
@@ -182,9 +183,9 @@ def check_same(comm: MPI.Comm, facts: Mapping[str, Any]) -> None:
             if theirs[name] != everyone[0][name]:
                 a, b = _difference(everyone[0][name], theirs[name])
                 raise InputError(
-                    f"The ranks of this run have been given different input: {name} is ...{a}... "
-                    f"on rank 0, but ...{b}... on rank {rank}; give all ranks the same, in the "
-                    "same order (a set has another order on each of them)."
+                    f"The ranks of this run have been given different input: {name} has {a} on "
+                    f"rank 0, but {b} on rank {rank}; give all ranks the same, in the same order "
+                    "(a set has another order on each of them)."
                 )
 
 
@@ -206,8 +207,10 @@ def _in_words(value: Any) -> str:
 
 
 def _difference(a: str, b: str) -> tuple[str, str]:
-    """Where two texts differ: forty characters of each."""
+    """The first part between commas or brackets in which two texts differ."""
     first = next((k for k, (x, y) in enumerate(zip(a, b, strict=False)) if x != y),
                  min(len(a), len(b)))  # fmt: skip
-    start = max(first - 20, 0)
-    return a[start : start + 40], b[start : start + 40]
+    start = max(a.rfind(sign, 0, first) for sign in "([{ ") + 1
+    parts = [re.match(r"[^,()\[\]{}]*", text[start:]) for text in (a, b)]
+    shown = [part[0][:60] if part else "" for part in parts]
+    return shown[0] or "nothing", shown[1] or "nothing"
