@@ -27,6 +27,7 @@ def alone():
     return rank_scenes.on(MPI.COMM_SELF, rank_scenes.ON_TWO + rank_scenes.ON_THREE)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize(("function", "ranks"), [("on_two_ranks", 2), ("on_three", 3)])
 def test_more_ranks_than_cells(alone, on_ranks, function, ranks):
