@@ -100,6 +100,18 @@ def _from_rank(comm: MPI.Comm, first: int, fault: Exception | None, what: str) -
     return error
 
 
+def bind_alike(problem: Any, name: str, observable: Any) -> Callable[[], float]:
+    """Bind an observable to a problem; one of the user's own is made to be the same on all ranks.
+
+    Collective, and so is what it returns.  The package's own observables are so by themselves.
+    """
+    if type(observable).__module__.startswith("dea_fenicsx."):
+        return observable.bind(problem)
+    what = f"What is recorded as {name!r}"
+    measure = together(problem.comm, lambda: observable.bind(problem), what)
+    return measured_alike(problem.comm, name, measure)
+
+
 def measured_alike(
     comm: MPI.Comm, name: str, measure: Callable[[], float]
 ) -> Callable[[], float]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.agreement import check_same, measured_alike, together
+from dea_fenicsx.agreement import bind_alike, check_same
 from dea_fenicsx.arguments import check_arguments
 from dea_fenicsx.checks import check_step
 from dea_fenicsx.errors import (
@@ -156,7 +156,7 @@ class _Session:
         self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
         self.problem = Problem(self.scene)
         self.measurements: dict[str, Measurement] = {
-            f"{name}_{o.unit}" if o.unit else name: self._bound(name, o)
+            f"{name}_{o.unit}" if o.unit else name: bind_alike(self.problem, name, o)
             for name, o in self.record.items()
         }
         self.solver = NewtonSolver(self.problem, self.options)
@@ -211,14 +211,6 @@ class _Session:
             self.solver.notify = silent  # it holds this session, which holds the solver
         self._finish(result, "completed")
         return result
-
-    def _bound(self, name: str, observable: Observable) -> Measurement:
-        """An observable bound to the problem; one of the user's own is held to be collective."""
-        if type(observable).__module__.startswith("dea_fenicsx."):
-            return observable.bind(self.problem)
-        what = f"What is recorded as {name!r}"
-        measure = together(self.comm, lambda: observable.bind(self.problem), what)
-        return measured_alike(self.comm, name, measure)
 
     def _share(self, cursor: Cursor) -> float:
         """Share of the path that is behind, each of its items taken alike."""
