@@ -2,6 +2,8 @@
 
 Everything a script needs is here: ``import dea_fenicsx as dea``.  Names are loaded when they are
 first used, so that ``dea_fenicsx.geometry`` and ``dea_fenicsx.pictures`` start without DOLFINx.
+Importing the package changes nothing of the process: see `errors.install_hook` for what ends all
+ranks on an error, and when it is installed.
 """
 
 # ruff: noqa: F401  (the imports below are for type checkers; names are loaded on demand)
@@ -9,8 +11,6 @@ from __future__ import annotations
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
-
-from dea_fenicsx.errors import install_hook
 
 if TYPE_CHECKING:
     from dea_fenicsx import design, exact, materials, origami, pictures
@@ -136,8 +136,6 @@ _HOME = {
 _WHERE = {name: module for module, names in _HOME.items() for name in names}
 _MODULES = ("design", "exact", "geometry", "materials", "origami", "pictures")
 __all__ = sorted([*_WHERE, *_MODULES])
-
-install_hook()
 
 
 def __getattr__(name: str) -> Any:

@@ -6,14 +6,10 @@ found only once ``dolfinx_solver`` has been imported.
 
 from __future__ import annotations
 
-import fcntl
-import hashlib
 import os
-import platform
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from functools import cache, singledispatchmethod
-from pathlib import Path
+from collections.abc import Callable
+from contextlib import suppress
+from functools import singledispatchmethod
 from typing import Any
 
 with suppress(ImportError):
@@ -23,13 +19,15 @@ import basix
 import dolfinx
 import dolfinx.fem.petsc
 import numpy as np
+from ffcx.codegeneration import jit
 from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.algorithms import expand_derivatives
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
+from ufl.domain import extract_unique_domain
 
-from dea_fenicsx.errors import MachineError
+from dea_fenicsx.form_cache import cache_dir, compiling
 
 __all__ = ["PETSc", "collapse", "compile_form", "coordinate_element", "create_vector", "dolfinx",
            "expression", "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
@@ -67,25 +65,6 @@ def _let_traversers_go() -> None:
 _let_traversers_go()
 
 
-def _cache_dir() -> Path:
-    """Cache of compiled forms, one for each kind of processor.
-
-    Kernels are compiled for the machine at hand; on a cluster with a shared home directory a
-    kernel of another node's processor would end in an illegal instruction.
-    """
-    root = Path(os.environ.get("XDG_CACHE_HOME", str(Path.home() / ".cache")))
-    return root / "dea_fenicsx" / _processor()
-
-
-@cache
-def _processor() -> str:
-    """A short name of this kind of processor."""
-    cpu = platform.machine()
-    with suppress(OSError), open("/proc/cpuinfo") as f:
-        cpu += "".join(line for line in f if line.startswith(("flags", "model name")))[:4096]
-    return hashlib.sha1(cpu.encode()).hexdigest()[:12]
-
-
 def jit_options() -> dict[str, Any]:
     """Options for FFCx's just-in-time compiler.
 
@@ -94,62 +73,7 @@ def jit_options() -> dict[str, Any]:
     """
     flags = os.environ.get("DEA_FENICSX_CFLAGS", "").split() or list(_COMPILE_FLAGS)
     # another run may be compiling the same form: wait for it
-    return {"cffi_extra_compile_args": flags, "cache_dir": _cache_dir(), "timeout": 300}
-
-
-@contextmanager
-def _compiling() -> Iterator[None]:
-    """Compile a form: sweep the cache before, and tell in one sentence why it cannot be done.
-
-    FFCx leaves a mark in the cache while it compiles.  The mark of a run that was killed meanwhile
-    would make all later ones wait for it in vain, so whoever finds himself alone removes it.
-    """
-    folder = _cache_dir()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with open(folder / "lock", "a") as lock:
-            with suppress(OSError):
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                _sweep(folder)
-            with suppress(OSError):  # some file systems have no locks
-                fcntl.flock(lock, fcntl.LOCK_SH)
-            yield
-    except OSError as error:
-        raise MachineError(
-            f"The cache of compiled forms in {folder} cannot be used ({error.strerror or error}); "
-            "set XDG_CACHE_HOME to a folder that can be written."
-        ) from error
-    except Exception as error:
-        if not _is_of_the_compiler(error):
-            raise
-        raise MachineError(
-            "A form could not be compiled; `dea doctor` tells what the compiler lacks "
-            f"({' '.join(str(error).split())[:160]})."
-        ) from error
-
-
-_swept: dict[Path, int] = {}
-"""When each folder that was swept had last changed, in ns."""
-
-
-def _sweep(folder: Path) -> None:
-    """Remove the marks of killed compilations, and what they left half done."""
-    if folder.stat().st_mtime_ns == _swept.get(folder):
-        return  # thousands of files, and every form comes by here
-    names = set(os.listdir(folder))
-    for name in names:
-        ready = name.endswith(".c.cached")
-        other = name.removesuffix(".cached") if ready else f"{name}.cached"
-        if (ready or name.endswith(".c")) and other not in names:
-            (folder / name).unlink()
-    _swept[folder] = folder.stat().st_mtime_ns
-
-
-def _is_of_the_compiler(error: Exception) -> bool:
-    """Whether an exception comes from the C compiler and not from the form."""
-    return type(error).__name__ in ("VerificationError", "CompileError", "LinkError") or (
-        isinstance(error, RuntimeError) and "JIT" in str(error)
-    )
+    return {"cffi_extra_compile_args": flags, "cache_dir": cache_dir(), "timeout": 300}
 
 
 def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any, Any]:
@@ -197,7 +121,7 @@ def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.
     """
     # labels of ufl.variable carry running numbers, which would make every problem's code a new one
     expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
-    with _compiling():
+    with compiling(jit, _ranks_of(extract_unique_domain(expr))):
         compiled = dolfinx.fem.Expression(expr, points, jit_options=jit_options())
     size = int(np.prod(expr.ufl_shape, dtype=int))
 
@@ -208,6 +132,11 @@ def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.
         return np.asarray(values).reshape(len(cells), len(points), size)
 
     return evaluate
+
+
+def _ranks_of(domain: Any) -> MPI.Comm:
+    """Communicator of the mesh on which an expression is compiled."""
+    return MPI.COMM_SELF if domain is None else domain.ufl_cargo().comm
 
 
 def collapse(subspace: Any) -> tuple[Any, np.ndarray]:
@@ -226,7 +155,7 @@ def geometry_dofmap(mesh: Any) -> np.ndarray:
 
 def compile_form(form: Any) -> Any:
     """Compile a UFL form with this package's options."""
-    with _compiling():
+    with compiling(jit, _ranks_of(form.ufl_domains()[0])):
         return dolfinx.fem.form(form, jit_options=jit_options())
 
 

@@ -6,12 +6,13 @@ all ranks together, so that no rank is left waiting; only rank 0 prints.
 
 from __future__ import annotations
 
-import atexit
 import sys
+import threading
 import time
 from collections.abc import Callable
-from types import TracebackType
-from typing import Any, NoReturn
+from contextlib import suppress
+from types import CodeType, TracebackType
+from typing import Any, NamedTuple
 
 
 class DeaError(Exception):
@@ -83,10 +84,10 @@ class Interrupted(PathError):
 
 
 GRACE_S = 3.0
-"""How long a rank that fails waits to hear whether the others fail with it."""
+"""Seconds that a failing rank waits to hear whether the other ranks fail with it."""
 
 EXIT_GRACE_S = 10.0
-"""The same for one that calls ``sys.exit``, which may be caught: then the others only are slow."""
+"""Seconds that a rank which ends by ``sys.exit`` waits for the others, which may only be slower."""
 
 _TAG = 31_999
 
@@ -94,61 +95,103 @@ _TAG = 31_999
 def install_hook() -> None:
     """Make an uncaught error end all ranks, with one message.
 
+    Called by the first collective calls of the package (`read_gmsh`, `solve`, `design.optimise`),
+    by `Parser` and by the commands; importing the package does not call it.  A second call changes
+    nothing.
+
     A `DeaError` is told in one sentence and ends with its exit status; with ``--debug`` on the
-    command line, and for any other exception, the traceback is shown.  As a rule all ranks raise
-    together, and the lowest one speaks.  A rank that fails alone waits for a moment, speaks, and
-    ends the others, which would wait for it for ever.
+    command line the traceback is shown instead.  Every other exception is passed on to the hook
+    that was there before.  As a rule all ranks raise together, and the lowest one speaks.  A rank
+    that fails alone waits for a moment, speaks, and ends the others, which would wait for it for
+    ever.  The same holds for a rank that ends by ``sys.exit`` with an error.
+
+    Nothing is installed in an interactive interpreter or a notebook.  On a single rank a hook that
+    the application has installed before stays in its place.
     """
-    _watch_exit()
+    if _interactive() or getattr(sys.excepthook, "ends_all_ranks", False):
+        return
     previous = sys.excepthook
+    if _world() is None and previous is not sys.__excepthook__:
+        return
 
     def hook(
         kind: type[BaseException], error: BaseException, trace: TracebackType | None
     ) -> None:
         world = _world()
-        speaks, together = (True, True) if world is None else _agree(world, GRACE_S)
+        if world is None and not isinstance(error, DeaError | KeyboardInterrupt):
+            previous(kind, error, trace)
+            return
         status = getattr(error, "exit_status", 130 if isinstance(error, KeyboardInterrupt) else 1)
-        if speaks:
-            alone = "" if world is None or together else f" on rank {world.rank} alone"
-            _tell(previous, kind, error, trace, alone)
-        if world is not None and not together:
-            _end_all(world, speaks, GRACE_S, status)
+        if world is None:
+            _tell(previous, kind, error, trace, "")
+        else:
+            end = _agree(world, GRACE_S, getattr(error, "failed_rank", None))
+            if end.speaks:
+                alone = f" on rank {world.rank} alone" if end.alone else ""
+                _tell(previous, kind, error, trace, alone)
+            if not end.together:
+                _end_all(world, end.speaks, GRACE_S, status)
+        _ended.append(status)
         raise SystemExit(status)
 
+    hook.ends_all_ranks = True  # type: ignore[attr-defined]
     sys.excepthook = hook
+    _watch_exit()
+
+
+_ended: list[object] = []
+"""Holds the exit status once this rank has agreed with the others about its end."""
+
+
+def _interactive() -> bool:
+    """Whether a person types into this process: an interpreter's prompt, IPython or a notebook."""
+    if hasattr(sys, "ps1") or sys.flags.interactive or sys.flags.inspect:
+        return True
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", None)
+    return shell is not None and shell() is not None
 
 
 def _watch_exit() -> None:
     """Make ``sys.exit`` with an error, on one rank alone, end all ranks with one message.
 
-    No hook of Python's is called for it, so the call itself is noted.
+    Python calls no hook for `SystemExit`, and what is registered with `atexit` comes too late:
+    petsc4py registers there a clean-up that waits for all ranks.  So Python's monitoring tells of
+    each frame that an exception leaves; only the outermost one means that the process ends.  This
+    costs nothing while no exception is under way.
     """
-    leave = sys.exit
-    if getattr(leave, "noted", False):
+    monitoring = sys.monitoring
+    free = [tool for tool in (4, 3) if monitoring.get_tool(tool) is None]
+    if not free:
         return
-    noted: list[object] = []
+    event = monitoring.events.PY_UNWIND
+    monitoring.use_tool_id(free[0], "dea_fenicsx")
+    monitoring.register_callback(free[0], event, _unwound)
+    monitoring.set_events(free[0], event)
 
-    def exit_noted(status: Any = None, /) -> NoReturn:
-        noted[:] = [status]
-        leave(status)
 
-    exit_noted.noted = True  # type: ignore[attr-defined]
-    sys.exit = exit_noted
-
-    def last() -> None:
-        world = _world()
-        status = noted[0] if noted else None
-        if not status or world is None:
-            return
-        speaks, together = _agree(world, EXIT_GRACE_S)
-        if together:
-            return
-        if speaks:
-            print(f"Error on rank {world.rank} alone: the script has ended by sys.exit; all ranks "
-                  "are ended.", file=sys.stderr, flush=True)  # fmt: skip
-        _end_all(world, speaks, EXIT_GRACE_S, status if isinstance(status, int) else 1)
-
-    atexit.register(last)
+def _unwound(code: CodeType, offset: int, error: BaseException) -> None:
+    """Called by Python when an exception has left a frame."""
+    if not isinstance(error, SystemExit) or sys._getframe(1).f_back is not None or _ended:
+        return
+    world = _world()
+    given = error.code
+    if world is None or given is None or (isinstance(given, int) and given == 0):
+        return
+    if threading.current_thread() is not threading.main_thread():
+        return
+    _ended.append(given)
+    end = _agree(world, EXIT_GRACE_S)
+    if end.together:
+        return
+    # the system keeps eight bits of a status, and an error must not look like a success
+    status = (given & 0xFF) or 1 if isinstance(given, int) else 1
+    error.code = status
+    if end.speaks:
+        if not isinstance(given, int):
+            print(given, file=sys.stderr)  # Python itself would print it too late
+        print(f"Error on rank {world.rank} alone: the script has ended by sys.exit; all ranks "
+              "are ended.", file=sys.stderr, flush=True)  # fmt: skip
+    _end_all(world, end.speaks, EXIT_GRACE_S, status)
 
 
 def _tell(
@@ -173,6 +216,8 @@ def _tell(
 
 def _end_all(world: Any, speaks: bool, seconds: float, status: int) -> None:
     """End all ranks from one that fails and has waited some seconds for the others."""
+    with suppress(OSError, ValueError):
+        sys.stdout.flush()
     # the speaker ends this rank too; and its launcher must pass on what it has said
     time.sleep(0.5 if speaks else seconds + 0.5)
     world.Abort(status)
@@ -186,25 +231,37 @@ def _world() -> Any:
     return mpi.COMM_WORLD if mpi.COMM_WORLD.size > 1 else None
 
 
-def _agree(world: Any, seconds: float) -> tuple[bool, bool]:
-    """Whether this rank is to speak, and whether all ranks have failed.
+class _End(NamedTuple):
+    """How the ranks end: whether this rank speaks, whether all fail, whether one is to blame."""
+
+    speaks: bool
+    together: bool
+    alone: bool
+
+
+def _agree(world: Any, seconds: float, source: int | None = None) -> _End:
+    """Find out whether the other ranks fail, too, and which of them speaks.
 
     Each rank that fails tells all others so, and listens for some seconds; a rank that goes on
-    working says nothing.
+    working says nothing.  The lowest rank speaks, unless the ranks have failed because of what one
+    of them met: then it is that one, whose number each rank gives as `source`.
     """
     mpi = sys.modules["mpi4py.MPI"]
     others = [rank for rank in range(world.size) if rank != world.rank]
-    sent = [world.isend(None, dest=rank, tag=_TAG) for rank in others]
-    failed = {world.rank}
+    mine = world.rank if source is None else source
+    sent = [world.isend(mine, dest=rank, tag=_TAG) for rank in others]
+    failed = {world.rank: mine}
     status = mpi.Status()
     end = time.monotonic() + seconds
     while len(failed) < world.size and time.monotonic() < end:
         if world.iprobe(tag=_TAG, status=status):
-            world.recv(source=status.Get_source(), tag=_TAG)
-            failed.add(status.Get_source())
+            told = world.recv(source=status.Get_source(), tag=_TAG)
+            failed[status.Get_source()] = told
         else:
             time.sleep(0.01)
     together = len(failed) == world.size
     if together:
         mpi.Request.waitall(sent)
-    return world.rank == min(failed), together
+    speaker = min(failed.values())
+    alone = not together or any(told != rank for rank, told in failed.items())
+    return _End(world.rank == (speaker if speaker in failed else min(failed)), together, alone)

@@ -332,8 +332,7 @@ class SplitFactor:
         own = sparse.csr_matrix((values, columns - first, offsets), shape=2 * (last - first,))
         n = self._cells.shape[1]
         row, column = _entries(self._cells)
-        given = np.asarray(own[row, column]).reshape(-1, n, n)
-        inverse = np.linalg.inv(self._softness - given)
+        inverse = np.linalg.inv(self._softness - _blocks(own, self._cells))
         order = np.lexsort((column, row))
         starts = n * np.arange(last - first + 1)
         entries = (column[order] + first, inverse.ravel()[order])
@@ -431,10 +430,16 @@ def _pressure_cells(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     p, q = ufl.TrialFunction(space), ufl.TestFunction(space)
     mass = dolfinx.fem.assemble_matrix(compat.compile_form(soft * p * q * weight * dx(0)))
     dofs = space.dofmap.list[:count]
-    n = dofs.shape[1]
     rows = np.searchsorted(problem.free[problem.free_fields["p"]], part.dofs[dofs])
-    values = np.asarray(mass.to_scipy()[_entries(dofs)])
-    return rows, values.reshape(count, n, n)
+    return rows, _blocks(mass.to_scipy(), dofs)
+
+
+def _blocks(matrix: Any, rows: np.ndarray) -> np.ndarray:
+    """Blocks of a sparse matrix on the diagonal, shape (blocks, rows, rows)."""
+    count, n = rows.shape
+    if not count:
+        return np.empty((0, n, n))  # scipy's indexing with empty lists gives one entry
+    return np.asarray(matrix[_entries(rows)]).reshape(count, n, n)
 
 
 def _entries(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -15,6 +15,7 @@ import numpy as np
 import ufl
 
 from dea_fenicsx import compat
+from dea_fenicsx.agreement import together
 from dea_fenicsx.errors import EquilibriumLost, InputError
 from dea_fenicsx.materials import IdealDielectric
 from dea_fenicsx.scene import Scene, known
@@ -259,12 +260,13 @@ class Gauge:
         )  # fmt: skip
 
     def _all(self) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
-        """Region, cells, values and margins of every part on this rank."""
-        return [
+        """Region, cells, values and margins of every part on this rank.  Collective."""
+        what = f"The failure {self.failure.name!r}"
+        return together(self.problem.comm, lambda: [
             (name, cells,
              *self.failure.values(self.problem, name, self._local(cells, evaluate)))
             for name, cells, evaluate in self.parts if len(cells)
-        ]  # fmt: skip
+        ], what)  # fmt: skip
 
     def measure(self) -> tuple[Worst, np.ndarray]:
         """The point of least margin, and the worst value in each cell that this rank owns.

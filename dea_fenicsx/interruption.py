@@ -48,7 +48,8 @@ class Interruption:
     ) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
-        if self.number and error is None:
+        # all ranks come here without an error, or none; a signal may have struck one of them alone
+        if error is None and self.comm.allreduce(self.number, op=MPI.MAX):
             raise KeyboardInterrupt  # it came after the last check
 
     def _note(self, number: int, frame: FrameType | None) -> None:

@@ -54,7 +54,9 @@ class Loads:
         mesh, kin = scene.device.mesh, scene.kinematics
         loads = [load for load in scene.loads if not isinstance(load, AxialForce | Torque)]
         self.factors = {
-            ramp: dolfinx.fem.Constant(mesh, 0.0) for ramp in {load.ramp for load in loads}
+            # in the order of the loads: a set of names has another order on each rank
+            ramp: dolfinx.fem.Constant(mesh, 0.0)
+            for ramp in dict.fromkeys(load.ramp for load in loads)
         }
         self.unit_work: dict[str, Any] = {}
         self.following: set[str] = set()

@@ -11,8 +11,9 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx import compat
+from dea_fenicsx.agreement import check_same, together
 from dea_fenicsx.cad import Names, lengths, open_file, read_names
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.errors import InputError, install_hook
 from dea_fenicsx.geometry._gmsh import quality
 
 
@@ -109,22 +110,27 @@ def read_gmsh(
         If the file is missing, gmsh cannot read or mesh it, or it has cells that no named group
         holds.
     """
+    install_hook()
     label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__
+    check_same(comm, {"dim": dim, "unit": unit})
     unit, size = lengths(label, unit, size)
     groups: dict[str, tuple[int, int]] = {}
-    fault, cell_dim, model, good = "", 0, None, {}
-    if comm.rank == 0:
-        try:
+    cell_dim, model, good = 0, None, {}
+
+    def open_and_name() -> None:
+        nonlocal model, groups, cell_dim, good
+        if comm.rank == 0:
             model = _open(source, None if size is None else size / unit, names)
             groups, cell_dim = read_names(model, label)
             good = quality(model)
-        except InputError as error:
-            fault = str(error)
-    fault, groups, cell_dim, good = comm.bcast((fault, groups, cell_dim, good), root=0)
-    if fault:
+
+    try:
+        together(comm, open_and_name, f"The mesh of {label}")
+    except Exception:
         if model is not None:
             model.remove()
-        raise InputError(fault)
+        raise
+    groups, cell_dim, good = comm.bcast((groups, cell_dim, good), root=0)
     try:
         mesh, cells, facets = compat.model_to_mesh(model, comm, dim or cell_dim)
     except RuntimeError as error:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.agreement import bind_alike, check_same
 from dea_fenicsx.arguments import check_arguments
 from dea_fenicsx.checks import check_step
 from dea_fenicsx.electrode_checks import without_field
@@ -23,6 +24,7 @@ from dea_fenicsx.errors import (
     NotReached,
     PathError,
     SolverError,
+    install_hook,
 )
 from dea_fenicsx.events import Alarm, Sentinel
 from dea_fenicsx.failures import Failure, Gauge, Worst, default_failures, pull_in
@@ -120,10 +122,15 @@ def solve(
         In all these cases everything up to the last accepted step is on disk, and the error's
         attribute `run` holds it.
     """
+    install_hook()
     check_arguments(
         scene, path, record, out, resume, quiet, stability, failures, options, settings
     )
     path = [path] if isinstance(path, Ramp | Trace) else list(path)
+    check_same(scene.device.comm, {
+        "path": path, "record": record, "out": out, "resume": resume, "stability": stability,
+        "failures": failures, "options": options,
+    })  # fmt: skip
     watched = default_failures(scene) if failures is None else tuple(failures)
     return _Session(
         scene, path, dict(record or {}), out, resume, quiet, verbose, stability, watched, options,
@@ -161,7 +168,7 @@ class _Session:
         self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
         self.problem = Problem(self.scene)
         self.measurements: dict[str, Measurement] = {
-            f"{name}_{o.unit}" if o.unit else name: o.bind(self.problem)
+            f"{name}_{o.unit}" if o.unit else name: bind_alike(self.problem, name, o)
             for name, o in self.record.items()
         }
         self.solver = NewtonSolver(self.problem, self.options)
@@ -277,7 +284,7 @@ class _Session:
         if item not in self.ends:
             return None
         measure, value = self.ends[item]
-        return measure() - value
+        return self.comm.bcast(measure() - value, root=0)
 
     def _load_column(self, ramp: str) -> tuple[str, float]:
         """The column of a ramp and the unit of its factor: volts for electrodes, or bare."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.agreement import check_same
 from dea_fenicsx.conditions import (
     AxialForce,
     AxialStretch,
@@ -87,6 +88,10 @@ class Scene:
 
     def __post_init__(self) -> None:
         check_declared(self)
+        # before the first collective call: ranks with other names would wait for each other
+        check_same(self.device.comm, {
+            f.name: getattr(self, f.name) for f in fields(self) if f.name != "device"
+        })  # fmt: skip
         for item in (*self.electrodes, *self.prescribed, *self.loads):
             if not item.ramp:
                 raise InputError(f"A ramp of {type(item).__name__} has an empty name; give it one.")

@@ -7,17 +7,19 @@ from collections.abc import Iterable
 from typing import Any, NoReturn
 
 from dea_fenicsx import progress
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.errors import InputError, install_hook
 
 
 class Parser(argparse.ArgumentParser):
     """An argument parser for scripts that are started with mpirun.
 
     Adds ``--out DIR``, ``--quiet``, ``--verbose``, ``--debug`` and ``--resume``.  A wrong command
-    line ends as an `InputError`: one sentence from rank 0, exit status 2.
+    line ends as an `InputError`: one sentence from rank 0, exit status 2.  From here on an uncaught
+    error ends all ranks, see `errors.install_hook`.
     """
 
     def __init__(self, description: str, out: str) -> None:
+        install_hook()
         super().__init__(
             description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter
         )

@@ -222,7 +222,9 @@ class Problem:
             for e in scene.electrodes if isinstance(e, ChargedElectrode)
         ]  # fmt: skip
         for name, part in self.overall.items():
-            if not np.all(self.constraints.fixed[part.dofs]):
+            # a rank without cells has none of these degrees of freedom, but must join in
+            fixed = bool(np.all(self.constraints.fixed[part.dofs]))
+            if not self.comm.allreduce(fixed, op=MPI.LAND):
                 height = period(scene) / scales.length
                 sources = [
                     (load.ramp, -load.newtons / scales.force * height)

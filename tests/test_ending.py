@@ -12,6 +12,7 @@ import dea_fenicsx as dea
 from dea_fenicsx import errors
 from mpi4py import MPI
 errors.GRACE_S = errors.EXIT_GRACE_S = 0.5
+dea.Parser("From here on an error ends all ranks.", "out")
 rank, everyone = MPI.COMM_WORLD.rank, MPI.COMM_WORLD
 """
 RECORDED = """
@@ -69,6 +70,16 @@ SCRIPTS = {
     "sys.exit without an error on one rank": (
         "import time\nif rank == 1: sys.exit(0)\ntime.sleep(2)\n"
         "print('Error: at the end', file=sys.stderr)", 2, 0, "Error: at the end", 0),
+    "SystemExit raised on one rank": (
+        "if rank == 1: raise SystemExit(256)\neveryone.barrier()", 2, 1,
+        "Error on rank 1 alone: the script has ended by sys.exit; all ranks are ended.", 0),
+    "sys.exit with words on one rank, PETSc loaded": (
+        "from dea_fenicsx.compat import PETSc\nif rank == 0: sys.exit('Nothing to do.')\n"
+        "everyone.barrier()", 2, 1, "Nothing to do.", 0),
+    "sys.exit that is caught": (
+        "import time\ntry:\n    if rank == 1: sys.exit(7)\nexcept SystemExit: pass\n"
+        "if rank == 0:\n    time.sleep(2)\n    print('Error: at the end', file=sys.stderr)",
+        2, 0, "Error: at the end", 0),
     "bad input, to be debugged": (
         "sys.argv.append('--debug')\nraise dea.InputError('Wrong.')", 2, 2,
         "dea_fenicsx.errors.InputError: Wrong.", 1),
@@ -99,14 +110,15 @@ def test_one_message_and_no_rank_left(quick_compile, start, tmp_path, case):
 def test_alone_nothing_changes(start, tmp_path):
     """Without MPI: a sentence for bad input, Python's own traceback for a slip."""
     script = tmp_path / "script.py"
+    head = "import dea_fenicsx as dea\ndea.Parser('A script.', 'out')\n"
     for text, status, words in (
         ("raise dea.InputError('Wrong.')", 2, "Error: Wrong.\n"),
         ("raise KeyboardInterrupt", 130, "Interrupted.\n"),
     ):
-        script.write_text(f"import dea_fenicsx as dea\n{text}\n")
+        script.write_text(f"{head}{text}\n")
         done = start(script)
         assert (done.returncode, done.stderr) == (status, words)
-    script.write_text("import dea_fenicsx as dea\n1 / 0\n")
+    script.write_text(f"{head}1 / 0\n")
     done = start(script)
     assert done.returncode == 1
-    assert done.stderr.startswith("Traceback") and "line 2" in done.stderr
+    assert done.stderr.startswith("Traceback") and "line 3" in done.stderr

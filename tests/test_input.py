@@ -224,6 +224,7 @@ def test_a_rank_that_fails_alone_ends_all(start, tmp_path):
     script = tmp_path / "one_fails.py"
     script.write_text(
         "import dea_fenicsx\nfrom mpi4py import MPI\n"
+        "dea_fenicsx.Parser('From here on an error ends all ranks.', 'out')\n"
         "if MPI.COMM_WORLD.rank == 1:\n    raise RuntimeError('alone')\n"
         "MPI.COMM_WORLD.barrier()\n"
     )

@@ -10,7 +10,8 @@ PACKAGE = ROOT / "dea_fenicsx"
 
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
-    "errors", "launch", "declared", "units", "geometry", "cad", "compat", "mesh", "cells",
+    "errors", "agreement", "launch", "declared", "units", "geometry", "cad", "form_cache",
+    "compat", "mesh", "cells",
     "materials", "kinematics", "conditions", "validation", "neighbours", "potentials",
     "electrode_checks", "scene",
     "exact", "origami",

@@ -22,7 +22,7 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import NoReturn
 
-from dea_fenicsx.errors import DeaError, InputError
+from dea_fenicsx.errors import DeaError, InputError, install_hook
 
 __all__ = ["main"]
 
@@ -68,6 +68,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         Exit status: 0 success, 1 a check or comparison failed, 2 bad input.
     """
+    if arguments is None:
+        install_hook()  # this process is the command
     given = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in given  # before or after the command
     try:

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.machinery import PathFinder
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
@@ -83,6 +84,11 @@ def packages() -> Iterator[Finding]:
     except PackageNotFoundError:
         yield Finding(WARN, "dea_fenicsx", f"not installed, used from {here}",
                       "`make env` in the repository installs it.")  # fmt: skip
+    hidden = hiding_folder(Path.cwd(), here)
+    if hidden:
+        yield Finding(WARN, "dea_fenicsx", f"the folder {hidden} hides the package from scripts "
+                      "that lie beside it", "Give the folder another name; or install the package "
+                      "anew (`make env`), so that it is found first.")  # fmt: skip
     needed = {"numpy": True, "scipy": True, "h5py": True, "gmsh": True, "mpi4py": True,
               "matplotlib": False, "pyvista": False, "pint": False}  # fmt: skip
     for name, must in needed.items():
@@ -94,6 +100,21 @@ def packages() -> Iterator[Finding]:
             yield Finding(level, name, f"not installed: {why}", mend)
         else:
             yield Finding(OK, name, _version(name))
+
+
+def hiding_folder(place: Path, package: Path) -> Path | None:
+    """A folder in `place` that Python takes for the package of a script there, or None.
+
+    Python takes any folder of the name for a namespace package, unless it finds the real one on its
+    search path; an import hook, by which some editable installs work, is asked last.
+    """
+    folder = place / package.name
+    if not folder.is_dir() or folder.samefile(package):
+        return None
+    others = [p for p in sys.path if p and Path(p).resolve() != place.resolve()]
+    found = PathFinder.find_spec(package.name, others)
+    regular = found is not None and found.origin is not None
+    return None if regular and not (folder / "__init__.py").exists() else folder
 
 
 def _version(name: str) -> str:
@@ -191,7 +212,12 @@ def solver(seconds: float) -> Iterator[Finding]:
     else:
         yield Finding(OK, "mumps", "L D L^T solves, inertia right")
     cache = facts.get("cache", {"cache": None, "folder": "?", "failed": done.reason})
-    if cache["cache"]:
+    bad = cache.get("damaged")
+    if bad:
+        text = f"{len(bad)} damaged in {cache['cache']}, the first {bad[0]}"
+        yield Finding(WARN, "form cache", text, "They are compiled again when they are needed; "
+                      "was the disk full?")  # fmt: skip
+    elif cache["cache"]:
         yield Finding(OK, "form cache", cache["cache"])
     else:
         yield Finding(BAD, "form cache", f"{cache['folder']} cannot be written: {cache['failed']}",

@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx import form_cache
+
 
 def tell(**facts: Any) -> None:
     print(json.dumps(facts), flush=True)
@@ -131,7 +133,7 @@ def _cache(compat: Any) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-        tell(cache=str(folder))
+        tell(cache=str(folder), damaged=form_cache.all_damaged(folder))
     except OSError as error:
         tell(cache=None, folder=str(folder), failed=error.strerror)
 

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.agreement import together
 from dea_fenicsx.design.evolution import Columns
 from dea_fenicsx.design.front import Front
 from dea_fenicsx.errors import InputError, Interrupted, MachineError
@@ -67,7 +68,10 @@ class Evaluator:
         keys: list[Key] = [tuple(float(x) for x in row) for row in X]
         self.seen.update(keys)
         new = [key for key in dict.fromkeys(keys) if key not in self.known]
-        mine = [(key, self._evaluate(key)) for key in new[self.comm.rank :: self.comm.size]]
+        share = new[self.comm.rank :: self.comm.size]
+        mine = together(
+            self.comm, lambda: [(key, self._evaluate(key)) for key in share], "A design"
+        )
         for part in self.comm.allgather(mine):
             self.known.update(part)
         records = [self.known[key] for key in keys]

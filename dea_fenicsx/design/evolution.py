@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.design.front import Front, first_front
 from dea_fenicsx.design.variables import Limit, Range, signs, violations
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.errors import InputError, install_hook
 
 Columns = dict[str, np.ndarray]
 Evaluate = Callable[[np.ndarray], Columns]
@@ -66,6 +66,7 @@ def evolve(
     InputError
         For a start outside the ranges or the bounds, and if no design satisfies the bounds.
     """
+    install_hook()
     require_pymoo()
     for name, value, least in (("population", population, 4), ("generations", generations, 1),
                                ("seed", seed, 0)):  # fmt: skip

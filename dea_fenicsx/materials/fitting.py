@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,22 @@ from dea_fenicsx.units import in_si
 
 SOFT, STIFF = 1e3, 1e8
 """Initial shear moduli in Pa outside which the stress unit is doubted."""
+
+REFUSED = 1e3
+"""Residual that stands for a stress that is not finite."""
+
+STEP = 1e-5
+"""Step of a central difference, relative to a constant: its error is about 1e-10."""
+
+FLAT = 1e-6
+"""Change of the stresses, relative to their size, when a constant changes by its own size, below
+which no data determine the constant."""
+
+DEPENDENT = 1e-8
+"""Relative singular value below which constants only count together; well above STEP's error."""
+
+PART = 1e-4
+"""Component of a direction in the space of the constants from which a constant takes part in it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +133,8 @@ class Fit:
     model
         The elastic model with the fitted constants.
     uncertainty
-        Standard deviation of each constant, by name (an array for constants with several entries).
+        Standard deviation of each constant, by name (a tuple for constants with several entries).
+        Infinite where the data do not determine the constant, alone or beside another one.
     residual
         Root mean square of the stress residual over each curve's root mean square stress.
     r_squared
@@ -136,7 +153,17 @@ class Fit:
     def __str__(self) -> str:
         parts = ", ".join(f"{t} {100 * r:.1f} %" for t, r in self.residual.items())
         stability = "stable" if self.stable else "NOT stable (Drucker)"
-        return f"{self.model}: residual {parts}; R^2 {self.r_squared:.4f}; {stability} on the data"
+        text = f"{self.model}: residual {parts}; R^2 {self.r_squared:.4f}; {stability} on the data"
+        loose = self.undetermined
+        return text + (f"; the data do not determine {', '.join(loose)}" if loose else "")
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Names of the constants whose standard deviation is larger than they are themselves."""
+        return tuple(
+            name for name, deviation in self.uncertainty.items()
+            if np.any(np.asarray(deviation) > np.abs(getattr(self.model, name)))
+        )  # fmt: skip
 
 
 def fit(model: Any, data: TestData | Sequence[TestData], starts: int = 8) -> Fit:
@@ -186,7 +213,7 @@ def fit(model: Any, data: TestData | Sequence[TestData], starts: int = 8) -> Fit
         ]
         r = np.concatenate(out)
         # a trial past lock-up is refused by its size; the step is then cut back
-        return np.where(np.isfinite(r), r, 1e3)
+        return np.where(np.isfinite(r), r, REFUSED)
 
     scale = np.where(x0 == 0, 1.0, np.abs(x0))
     rng = np.random.default_rng(0)
@@ -203,14 +230,68 @@ def fit(model: Any, data: TestData | Sequence[TestData], starts: int = 8) -> Fit
         raise InputError(
             f"No admissible {type(first).__name__} model was found from {first}; start nearer."
         )
-    return _report(first, best, scale, curves)
+    size = np.maximum(np.abs(best.x), 1.0)
+    deviation = _deviation(residuals, best.x, size, len(best.fun) - len(best.x))
+    return _report(first, best.x * scale, deviation * scale, curves)
 
 
-def _report(first: Any, best: Any, scale: np.ndarray, curves: list[TestData]) -> Fit:
-    m = _shaped(first, best.x * scale)
-    freedom = max(len(best.fun) - len(best.x), 1)
-    covariance = np.linalg.pinv(best.jac.T @ best.jac) * (2 * best.cost / freedom)
-    deviation = _shaped(first, np.sqrt(np.diag(covariance)) * scale)
+def _deviation(
+    residuals: Callable[[np.ndarray], np.ndarray], x: np.ndarray, size: np.ndarray, freedom: int
+) -> np.ndarray:
+    """Standard deviation of each constant of a least-squares fit; infinite where it is not fixed.
+
+    With the Jacobian J = dr/dx = U S V^T and the residuals' variance s^2 = |r|^2 / freedom, the
+    covariance of the constants is s^2 (J^T J)^-1 = s^2 V S^-2 V^T.  The columns of J are first
+    brought to length 1.  Where a singular value vanishes, the constants that take part in its
+    direction can change together without a change of the stresses.
+
+    Parameters
+    ----------
+    residuals
+        Residuals over the size of the stresses, as a function of the constants.
+    x
+        The fitted constants, shape (n,).
+    size
+        What counts as a change of each constant by its own size, shape (n,).
+    freedom
+        Number of residuals less that of the constants.
+    """
+    r = residuals(x)
+    J = np.column_stack([_slope(residuals, x, k, STEP * size[k]) * size[k] for k in range(len(x))])
+    lengths = np.linalg.norm(J, axis=0)
+    fixed = lengths > FLAT
+    found = np.full(len(x), np.inf)
+    if not fixed.any():
+        return found
+    _, values, Vt = np.linalg.svd(J[:, fixed] / lengths[fixed], full_matrices=False)
+    clear = values > DEPENDENT * values[0]
+    scatter = np.sqrt(r @ r / max(freedom, 1))
+    spread = scatter * np.sqrt(np.sum((Vt[clear] / values[clear, None]) ** 2, axis=0))
+    spread[np.any(np.abs(Vt[~clear]) > PART, axis=0)] = np.inf
+    found[fixed] = spread * size[fixed] / lengths[fixed]
+    return found
+
+
+def _slope(
+    residuals: Callable[[np.ndarray], np.ndarray], x: np.ndarray, k: int, step: float
+) -> np.ndarray:
+    """Derivative of the residuals by constant k: central, or one-sided at the edge of a model."""
+    ends = []
+    for sign in (-1.0, 1.0):
+        moved = x.copy()
+        moved[k] += sign * step
+        ends.append((sign * step, residuals(moved)))
+    (a, below), (b, above) = (
+        (change, r) if r.max() < REFUSED else (0.0, residuals(x)) for change, r in ends
+    )
+    return (above - below) / (b - a) if b > a else np.zeros_like(below)
+
+
+def _report(
+    first: Any, constants: np.ndarray, deviations: np.ndarray, curves: list[TestData]
+) -> Fit:
+    m = _shaped(first, constants)
+    deviation = _shaped(first, deviations)
     model_stress = [nominal_stress(m, c.test, c.stretch) for c in curves]
     residual: dict[str, float] = {}
     for k, (c, s) in enumerate(zip(curves, model_stress, strict=True)):
