@@ -15,6 +15,7 @@ import numpy as np
 import ufl
 
 from dea_fenicsx import compat
+from dea_fenicsx.declared import plain_numbers
 from dea_fenicsx.errors import EquilibriumLost, InputError
 from dea_fenicsx.materials import IdealDielectric
 from dea_fenicsx.scene import Scene, known
@@ -84,6 +85,7 @@ class Local:
 
 
 @dataclass(frozen=True)
+@plain_numbers
 class ElectricalBreakdown:
     """The true field reaches the dielectric's breakdown field; watched wherever one is given.
 
@@ -129,6 +131,7 @@ class ElectricalBreakdown:
 
 
 @dataclass(frozen=True)
+@plain_numbers
 class LossOfTension:
     """The smaller principal stress in the plane of a membrane turns negative: it wrinkles.
 
@@ -182,6 +185,7 @@ class LossOfTension:
 
 
 @dataclass(frozen=True)
+@plain_numbers
 class StretchLimit:
     """The largest principal stretch reaches what the material bears; the column is that stretch.
 

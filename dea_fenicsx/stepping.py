@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from dea_fenicsx.declared import check_declared, shown
+from dea_fenicsx.declared import check_declared, plain_numbers, shown
 from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
 from dea_fenicsx.events import Sentinel
 from dea_fenicsx.predictor import Predictor
@@ -18,6 +18,7 @@ from dea_fenicsx.tracing import Trace, over_the_limit, trace
 
 
 @dataclass(frozen=True)
+@plain_numbers
 class Ramp:
     """Bring one or more ramps of the scene to a factor, in steps.
 

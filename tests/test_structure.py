@@ -10,14 +10,16 @@ PACKAGE = ROOT / "dea_fenicsx"
 
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
-    "errors", "launch", "declared", "units", "geometry", "cad", "compat", "mesh", "cells",
+    "errors", "launch", "files", "lock", "declared", "units",
+    "geometry", "cad", "compat", "mesh", "cells",
     "materials", "kinematics", "conditions", "scene",
     "exact", "origami",
     "forms", "loads", "constraints", "rigid", "ties", "weakform",
     "tangent", "factors", "corotation", "references", "solver",
     "stability", "events", "arclength", "tracing", "predictor", "stepping",
     "checks", "observables", "overall", "rotation", "failures", "fields", "reading", "turns",
-    "provenance", "summary", "xdmf", "results", "interruption", "progress", "arguments", "run",
+    "columns", "identity", "checkpoint", "provenance", "summary", "xdmf", "hdf5", "results",
+    "resuming", "interruption", "progress", "arguments", "run",
     "ladder", "script",
     "pictures_curves", "pictures_ladder", "pictures_fields", "pictures_movie",
     "pictures_paraview", "pictures",
