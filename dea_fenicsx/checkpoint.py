@@ -23,10 +23,11 @@ from typing import IO, Any
 import numpy as np
 from numpy.lib import format as npy
 
-from dea_fenicsx.columns import TEXTS, load_column
+from dea_fenicsx.columns import load_column
 from dea_fenicsx.declared import check_declared, is_number
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.files import clean
+from dea_fenicsx.reading import TEXTS
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.stepping import Cursor
 from dea_fenicsx.tracing import Trace

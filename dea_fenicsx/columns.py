@@ -14,7 +14,6 @@ from dea_fenicsx.scene import Scene
 from dea_fenicsx.weakform import Problem
 
 FIRST = ("step", "time", "ramp", "event")
-TEXTS = ("ramp", "event")
 FIELD = ("max_field_V_per_m", "max_field_x_m", "max_field_y_m", "max_field_z_m")
 WORK = (
     "min_J", "volume_error", "residual", "newton_iterations", "krylov_iterations",

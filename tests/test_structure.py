@@ -10,7 +10,7 @@ PACKAGE = ROOT / "dea_fenicsx"
 
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
-    "errors", "launch", "files", "lock", "declared", "units",
+    "errors", "launch", "files", "stored", "lock", "declared", "units",
     "geometry", "cad", "compat", "mesh", "cells",
     "materials", "kinematics", "conditions", "scene",
     "exact", "origami",
