@@ -79,6 +79,15 @@ def replace_file(path: Path, write: Callable[[Path], object]) -> None:
         raise
 
 
+def free_name(path: Path) -> Path:
+    """The path, or with _2, _3 and so on behind it, by which there is nothing yet, not a link."""
+    found, number = path, 1
+    while os.path.lexists(found):
+        number += 1
+        found = path.with_name(f"{path.name}_{number}")
+    return found
+
+
 def append_line(path: Path, line: str) -> None:
     """Append a line to a file that is no link."""
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC

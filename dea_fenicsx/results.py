@@ -34,7 +34,7 @@ from dea_fenicsx.columns import check_added
 from dea_fenicsx.declared import plain
 from dea_fenicsx.errors import InputError, MachineError
 from dea_fenicsx.fields import Grid
-from dea_fenicsx.files import replace_file
+from dea_fenicsx.files import free_name, replace_file
 from dea_fenicsx.lock import FolderLock
 from dea_fenicsx.reading import read_history, read_summary
 from dea_fenicsx.weakform import Problem
@@ -150,11 +150,7 @@ class Folder:
         def action() -> None:
             found = [n for n in RUN_FILES if os.path.lexists(self.path / n)]
             if found:
-                old = self.path / "previous"
-                number = 1
-                while os.path.lexists(old):
-                    number += 1
-                    old = self.path / f"previous_{number}"
+                old = free_name(self.path / "previous")
                 old.mkdir()
                 copies = [
                     name
