@@ -37,16 +37,16 @@ def read_xml(file: Path) -> ET.Element:
     """
     try:
         if file.stat().st_size > LARGEST_XML:
-            raise InputError(f"{file} is too large to be one of this package.")
+            raise Foreign("it is too large")
         text = file.read_bytes().decode("utf-8")
         if "<!DOCTYPE" in text or "<!ENTITY" in text or "\0" in text:
-            raise InputError(
-                f"{file} is no document of this package: it has a document type or NUL characters."
-            )
+            raise Foreign("it has a document type or NUL characters")
         # As text, not as bytes: then no other encoding that it may declare counts.
         return ET.fromstring(text)
     except OSError as error:
         raise InputError(f"{file} cannot be read ({error.strerror}).") from error
+    except Foreign as error:
+        raise InputError(f"{file} is no document of this package ({error}).") from error
     except (ET.ParseError, ValueError, RecursionError, MemoryError) as error:
         raise InputError(f"{file} is not valid XML ({clean(error, 120)}).") from error
 
