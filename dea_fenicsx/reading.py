@@ -38,6 +38,7 @@ def read_history(folder: str | os.PathLike) -> dict[str, np.ndarray]:
         with open(file, newline="", encoding="utf-8") as f:
             reader = csv.DictReader(f)
             rows = list(reader)
+            names = list(reader.fieldnames or [])
     except OSError as error:
         raise InputError(f"{file} cannot be read ({error.strerror}).") from error
     except (csv.Error, ValueError) as error:
@@ -45,7 +46,6 @@ def read_history(folder: str | os.PathLike) -> dict[str, np.ndarray]:
         raise InputError(f"{file} is not a history of this package ({told}).") from error
     if any(None in row or None in row.values() for row in rows):
         raise InputError(f"{file} is damaged: a row has more or fewer cells than its head.")
-    names = list(reader.fieldnames or [])
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"{file} is damaged: it has two columns {clean(twice, 60)!r}.")
