@@ -16,6 +16,7 @@ from conftest import block
 
 import dea_fenicsx as dea
 from dea_fenicsx import cli, files, pictures, reading
+from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.pictures_curves import axis_label, bare, file_stem, lettering
 from dea_fenicsx.pictures_paraview import write as write_view
 
@@ -307,3 +308,21 @@ def test_a_title_of_a_picture(run):
     told["settings"]["path"] = [{"what": "voltage"}, {"what": "$x^$"}]
     (run / "summary.json").write_text(json.dumps(told))
     assert "$" not in pictures._title(run, 1.0, 1.0).replace(r"\$", "")
+
+
+def test_names_from_a_mesh(tmp_path, capsys):
+    """Groups of a mesh file are shown without what a terminal would obey."""
+    geometry = BoxStack(1e-3, None, [Layer("film", 1e-3)], divisions=(1,))
+    geometry.write(tmp_path / "film.msh")
+    raw = (tmp_path / "film.msh").read_bytes()
+    (tmp_path / "film.msh").write_bytes(raw.replace(b'"film"', b'"fi\x1b[31mlm"'))
+    status, out, _ = dea_prints(capsys, "mesh", tmp_path / "film.msh")
+    assert status == 0 and "fi [31mlm" in out
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "error,wall_s,fidelity\nx,1,a\n", "\0", '"'])
+def test_a_table_of_rungs_that_is_none(tmp_path, text):
+    pytest.importorskip("matplotlib")
+    (tmp_path / "rungs.csv").write_text(text)
+    with pytest.raises(dea.InputError, match="rungs"):
+        pictures.ladder(tmp_path / "rungs.csv")
