@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
-from dea_fenicsx.declared import shown
+from dea_fenicsx.declared import is_number, plain, shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.failures import ElectricalBreakdown, Gauge, LossOfTension, StretchLimit
 from dea_fenicsx.observables import Measurement
@@ -53,6 +53,27 @@ def names(
         *(failure.column for failure in failures),
         *WORK,
     ]
+
+
+def numeric(name: str, measure: Measurement) -> Measurement:
+    """A measurement whose values are plain floats, whatever kind of number it gives.
+
+    Raises
+    ------
+    InputError
+        When it is called, if it gives no number.
+    """
+
+    def value() -> float:
+        found = plain(measure())
+        if not isinstance(found, bool) and not is_number(found):
+            raise InputError(
+                f"What is recorded as {name!r} measures {shown(found)}, but must measure a number "
+                "(nan where it is not defined)."
+            )
+        return float(found)
+
+    return value
 
 
 def of_the_state(

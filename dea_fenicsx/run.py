@@ -169,7 +169,8 @@ class _Session:
         self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
         self.problem = Problem(self.scene)
         self.measurements: dict[str, Measurement] = {
-            columns.column_of(name, o): o.bind(self.problem) for name, o in self.record.items()
+            columns.column_of(name, o): columns.numeric(name, o.bind(self.problem))
+            for name, o in self.record.items()
         }
         self.solver = NewtonSolver(self.problem, self.options)
         self.gauges = [Gauge(failure, self.problem) for failure in self.failures]

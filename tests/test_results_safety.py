@@ -101,6 +101,7 @@ def test_a_lock_ends_with_its_process(tmp_path):
     mine.release()
 
 
+@pytest.mark.filterwarnings("ignore:.*use of fork")
 def test_a_forked_process_does_not_keep_the_lock(tmp_path):
     mine = lock.FolderLock(tmp_path)
     mine.take()
@@ -245,3 +246,29 @@ def test_text_columns():
     assert list(run.column("ramp")) == ["voltage"] * 2 and run["event"] == ""
     assert list(run.column("event")) == ["", ""]
     assert np.isnan(run.column("inertia")[0]) and run.column("inertia").dtype == float
+
+
+class Gives:
+    """Measures what it is given."""
+
+    unit = ""
+
+    def __init__(self, value):
+        self.value = value
+
+    def bind(self, problem):
+        return lambda: self.value
+
+
+def test_measurements_of_every_kind(tmp_path):
+    kinds = (np.float32(0.5), np.array(0.5), Fraction(1, 2), np.longdouble(0.5))
+    record = {f"x{k}": Gives(value) for k, value in enumerate(kinds)}
+    record |= {"whole": Gives(np.int64(3)), "flag": Gives(np.True_)}
+    run = solve(tmp_path, path=dea.Ramp(steps=1), record=record)
+    wanted = {"x0": 0.5, "x1": 0.5, "x2": 0.5, "x3": 0.5, "whole": 3.0, "flag": 1.0}
+    history = dea.read_history(tmp_path)
+    assert {name: run[name] for name in wanted} == wanted
+    assert {name: history[name][-1] for name in wanted} == wanted
+    for wrong in (None, "0.5", [0.5], 1j):
+        record = {"x": Gives(wrong)}
+        refused(lambda record=record: solve(None, record=record), "must measure a number")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import time
 import zipfile
 from dataclasses import dataclass
 from fractions import Fraction
@@ -125,6 +126,22 @@ def test_a_plain_class_is_known_by_what_it_measures(tmp_path):
     refused(lambda: solve(tmp_path, resume=True, record={"x": Plain(3.0), "s": Stop(-1)}), "'x'")
     again = solve(tmp_path, resume=True, record={"x": Plain(2.0), "s": Stop(-1)})
     assert again.summary["status"] == "completed"
+
+
+class Clock(Stop):
+    """Measures something else than the state, and says so."""
+
+    of_the_state = False
+
+    def bind(self, problem):
+        stop = super().bind(problem)
+        return lambda: stop() + time.monotonic()
+
+
+def test_what_is_not_of_the_state_is_not_compared(tmp_path):
+    with pytest.raises(dea.Interrupted):
+        solve(tmp_path, record={"s": Clock()})
+    assert solve(tmp_path, resume=True, record={"s": Clock(-1)}).summary["status"] == "completed"
 
 
 def test_surfaces_that_changed_their_names(cut):
