@@ -109,4 +109,6 @@ def _numbers(h5py: Any, h5: Any, where: str, size: int) -> np.ndarray:
     packed = here.compression or here.chunks
     if here.nbytes > (PACKED if packed else 1) * size:
         raise Foreign("it says that it is larger than its file")
-    return np.asarray(here[()])
+    # VTK takes neither half nor quadruple precision, nor another order of bytes
+    kind = np.float64 if here.dtype.kind == "f" else np.int64
+    return np.asarray(here[()]).astype(kind, copy=False)

@@ -201,6 +201,18 @@ def test_data_that_are_no_numbers(run, what):
     refused(lambda: reading.read_frame(run))
 
 
+@pytest.mark.parametrize("kind", ["f2", "f4", ">f8", "g"])
+def test_floats_of_every_length(run, kind):
+    """VTK takes some of them only; they are read as those of the usual length."""
+    pytest.importorskip("pyvista")
+    name = "step_00004/node/potential_V"
+    with h5py.File(run / "fields.h5") as h5:
+        wanted = h5[name][()]
+    replaced(run, name, lambda h5, name, old: h5.__setitem__(name, old.astype(kind)))
+    found = reading.read_frame(run).grid.point_data["potential_V"]
+    assert found == pytest.approx(wanted, rel=1e-3) and found.dtype == float
+
+
 def test_a_virtual_data_set(run):
     pytest.importorskip("pyvista")
     shutil.copy(run / "fields.h5", run.parent / "secret.h5")
