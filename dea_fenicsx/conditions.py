@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
+from dea_fenicsx.declared import plain_numbers
 from dea_fenicsx.units import in_si
 
 
@@ -343,6 +344,7 @@ Load = DeadLoad | DeadPressure | FollowerPressure | AxialForce | Torque
 
 
 @dataclass(frozen=True)
+@plain_numbers
 class Discretisation:
     """The finite elements.
 

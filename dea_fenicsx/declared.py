@@ -71,6 +71,76 @@ def is_number(value: Any) -> bool:
     return True
 
 
+def plain(value: Any) -> Any:
+    """A number of numpy's, a fraction or an array as Python's own numbers, deeply in tuples.
+
+    Whole numbers become ``int``, truth values ``bool`` and other real numbers ``float``; an array
+    of one dimension or a range becomes a tuple.  A list stays a list.  All else, what is no number
+    and numbers too large for a float too, is returned as it is.
+    """
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind not in "biufUO" or value.ndim > 1:
+            return value
+        return plain(value[()]) if value.ndim == 0 else tuple(plain(v) for v in value)
+    if isinstance(value, np.generic):
+        if isinstance(value, np.bool_):
+            return bool(value)
+        if isinstance(value, np.integer):
+            return int(value)
+        if isinstance(value, np.floating):
+            return float(value)
+        return str(value) if isinstance(value, np.str_) else value
+    if isinstance(value, range):
+        return tuple(value)
+    if type(value) in (list, tuple):
+        found = [plain(v) for v in value]
+        same = all(a is b for a, b in zip(found, value, strict=True))
+        return value if same else type(value)(found)
+    if isinstance(value, numbers.Real) and not isinstance(value, int | float) and is_number(value):
+        whole = isinstance(value, numbers.Integral)
+        return int(value) if whole else float(value)  # type: ignore[call-overload]
+    return value
+
+
+def settle(item: Any) -> None:
+    """Let the fields of a dataclass hold Python's own numbers, see `plain`.
+
+    An array becomes a tuple where a tuple is declared; elsewhere it stays.
+    """
+    kind: Any = type(item)
+    hints = _hints(kind)
+    for name in item.__dataclass_fields__:
+        value = getattr(item, name, None)
+        if isinstance(value, np.ndarray) and value.ndim and not _is_tuple(hints.get(name)):
+            continue
+        found = plain(value)
+        if found is not value:
+            object.__setattr__(item, name, found)
+
+
+def _is_tuple(hint: Any) -> bool:
+    origin = get_origin(hint)
+    if origin in (Union, types.UnionType):
+        return any(_is_tuple(one) for one in get_args(hint))
+    return origin is tuple or origin is Sequence
+
+
+def plain_numbers[T](cls: type[T]) -> type[T]:
+    """Class decorator, below ``@dataclass``: numbers of any kind are turned into Python's own.
+
+    ``steps=np.int64(5)``, ``at=np.linspace(0, 1, 5)`` and ``to=Fraction(1, 2)`` are taken so.
+    """
+    own = getattr(cls, "__post_init__", None)
+
+    def __post_init__(self: T) -> None:
+        settle(self)
+        if own is not None:
+            own(self)
+
+    cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
+    return cls
+
+
 def _fits(value: Any, hint: Any) -> bool:
     """Whether a value is what an annotation says."""
     origin, inner = get_origin(hint), get_args(hint)

@@ -210,7 +210,9 @@ def _tell(
     elif isinstance(error, KeyboardInterrupt):
         print("Interrupted.", file=sys.stderr)
     else:
-        print(f"Error{alone}: {error}", file=sys.stderr)
+        # a name from a file must not tell the terminal what to do
+        told = "".join(c if c.isprintable() else " " for c in str(error))
+        print(f"Error{alone}: {told}", file=sys.stderr)
     sys.stderr.flush()
 
 

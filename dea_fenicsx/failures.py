@@ -16,6 +16,7 @@ import ufl
 
 from dea_fenicsx import compat
 from dea_fenicsx.agreement import together
+from dea_fenicsx.declared import plain_numbers
 from dea_fenicsx.errors import EquilibriumLost, InputError
 from dea_fenicsx.materials import IdealDielectric
 from dea_fenicsx.scene import Scene, known
@@ -85,6 +86,7 @@ class Local:
 
 
 @dataclass(frozen=True)
+@plain_numbers
 class ElectricalBreakdown:
     """The true field reaches the dielectric's breakdown field; watched wherever one is given.
 
@@ -130,6 +132,7 @@ class ElectricalBreakdown:
 
 
 @dataclass(frozen=True)
+@plain_numbers
 class LossOfTension:
     """The smaller principal stress in the plane of a membrane turns negative: it wrinkles.
 
@@ -183,6 +186,7 @@ class LossOfTension:
 
 
 @dataclass(frozen=True)
+@plain_numbers
 class StretchLimit:
     """The largest principal stretch reaches what the material bears; the column is that stretch.
 

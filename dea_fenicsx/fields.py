@@ -12,6 +12,7 @@ from typing import Any
 import basix
 import numpy as np
 import ufl
+from mpi4py import MPI
 
 from dea_fenicsx import compat
 from dea_fenicsx.kinematics import Helical
@@ -196,6 +197,15 @@ class FieldWriter:
         """The mixed function's values in each cell, in the order of the mesh file, on rank 0."""
         table = self.problem.W.dofmap.list[: self.owned_cells]
         return self.gather(self.problem.w.x.array[table])
+
+    def fits(self, values: np.ndarray | None) -> bool:
+        """Whether what `gather_state` gave (on rank 0) is a state of this problem.  Collective."""
+        table = self.problem.W.dofmap.list
+        cells = self.problem.comm.allreduce(self.owned_cells, op=MPI.SUM)
+        good = values is None or (
+            values.shape == (cells, table.shape[1]) and bool(np.isfinite(values).all())
+        )
+        return bool(self.problem.comm.bcast(good, root=0))
 
     def scatter_state(self, values: np.ndarray | None) -> None:
         """Set the mixed function from what `gather_state` gave, on any number of ranks."""

@@ -29,7 +29,11 @@ Measurement = Callable[[], float]
 
 
 class Observable(Protocol):
-    """Something to be measured: its unit suffix, and how it is bound to a problem."""
+    """Something to be measured: its unit suffix, and how it is bound to a problem.
+
+    A run is resumed only if it gives the same value on the last state as before; one that measures
+    anything else than the state has an attribute ``of_the_state = False``.
+    """
 
     unit: str
 

@@ -25,8 +25,17 @@ from pathlib import Path
 import numpy as np
 
 from dea_fenicsx.errors import InputError, install_hook
+from dea_fenicsx.files import clean
 from dea_fenicsx.launch import environment
-from dea_fenicsx.pictures_curves import axis_label, bare, curve, spoken, write_whole
+from dea_fenicsx.pictures_curves import (
+    axis_label,
+    bare,
+    curve,
+    file_stem,
+    lettering,
+    spoken,
+    write_whole,
+)
 from dea_fenicsx.pictures_ladder import ladder
 from dea_fenicsx.reading import check_field, frame_times, read_history, read_summary
 
@@ -76,7 +85,7 @@ def deformed(
         If there are no fields, no such field or no such step.
     """
     place = Path(folder)
-    target = Path(path) if path is not None else place / f"{bare(field)}.png"
+    target = Path(path) if path is not None else place / f"{file_stem(field)}.png"
     check_field(place, field, step)
     options = [f"--field={field}", f"--step={step}", f"--warp={warp!r}", f"--out={target}"]
     return target if _drawn("render", place, options, _TIMEOUT_S, say) else None
@@ -175,7 +184,7 @@ def _child(command: list[str], environment: dict[str, str], seconds: float) -> t
 def _title(folder: Path, warp: float, time: float) -> str:
     """Load and step of a picture, from the row of the history that belongs to its time."""
     parts = []
-    with suppress(InputError, KeyError, IndexError, TypeError):
+    with suppress(InputError, KeyError, IndexError, TypeError, ValueError, OverflowError):
         history = read_history(folder)
         row = int(np.argmin(np.abs(history["time"] - time)))
         with suppress(InputError):
@@ -184,10 +193,10 @@ def _title(folder: Path, warp: float, time: float) -> str:
                 if (key := f"{name}_V") in history:
                     parts.append(" ".join(spoken(key, float(history[key][row]))))
                 elif (key := f"{name}_factor") in history:
-                    parts.append(f"{name.replace('_', ' ')} × {history[key][row]:.4g}")
+                    parts.append(f"{clean(name, 60).replace('_', ' ')} × {history[key][row]:.4g}")
         parts.append(f"step {int(history['step'][row])}")
     parts.append(f"displacements × {warp:g}, undeformed in red" if warp else "undeformed shape")
-    return ", ".join(parts)
+    return lettering(", ".join(parts))
 
 
 def _parser() -> argparse.ArgumentParser:

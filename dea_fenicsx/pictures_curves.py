@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.files import LONGEST_NAME, clean, file_name, listed
 from dea_fenicsx.reading import read_history
 
 # endings of column names: unit, exponents of ten it may be scaled by
@@ -64,10 +65,11 @@ def axis_label(name: str, largest: float) -> tuple[str, float]:
     -------
     label, divisor
     """
+    name = clean(name, LONGEST_NAME)
     ending = next((e for e in _UNITS if name.endswith(e)), "")
     base = name.removesuffix(ending)
     words = _WORDS.get(base, base.replace("_", " "))
-    words = words[:1].upper() + words[1:]
+    words = lettering(words[:1].upper() + words[1:])
     if not ending:
         if any(word in base for word in _PERCENT):
             return f"{words} (%)", 0.01
@@ -87,7 +89,8 @@ def spoken(name: str, value: float) -> tuple[str, str]:
     text, divisor = axis_label(name, abs(value))
     unit = text.rsplit("(", 1)[1].rstrip(")")
     number = f"{value / divisor:.4g}"
-    return bare(name).replace("_", " "), number if unit == "-" else f"{number} {unit}"
+    words = clean(bare(name), LONGEST_NAME).replace("_", " ")
+    return words, number if unit == "-" else f"{number} {unit}"
 
 
 def curve(
@@ -145,7 +148,7 @@ def curve(
     if not places:
         raise InputError("No folder of a run was given; give at least one.")
     if labels is None:
-        labels = [p.resolve().name for p in places] if len(places) > 1 else [""]
+        labels = [lettering(p.resolve().name) for p in places] if len(places) > 1 else [""]
     if len(labels) != len(places):
         raise InputError(f"There are {len(places)} runs but {len(labels)} labels; give one each.")
     for kind in formats:
@@ -174,14 +177,14 @@ def curve(
                 for found, i in rows if found == name
             ]  # fmt: skip
             axes.plot(*np.transpose(spots), "XP*dhv"[k % 6], color=f"C{k % 8 + 1}", markersize=6,
-                      zorder=3, label=name)  # fmt: skip
+                      zorder=3, label=lettering(name))  # fmt: skip
         for (a, b), label, dash in zip(others, lines or {}, ["--", ":", "-."] * 9, strict=False):
             axes.plot(a / x_unit, b / y_unit, dash, color="0.2", linewidth=0.8, label=label)
         axes.set_xlabel(x_text)
         axes.set_ylabel(y_text)
         if any(labels) or lines or names:
             axes.legend()
-        stem = Path(path) if path is not None else places[0] / f"{bare(y)}_{bare(x)}"
+        stem = Path(path) if path is not None else places[0] / file_stem(y, x)
         stem = stem.with_suffix("") if stem.suffix in (".png", ".svg") else stem
         paths = []
         for kind in formats:
@@ -194,10 +197,12 @@ def _numbers(folder: Path, name: str) -> np.ndarray:
     columns = read_history(folder)
     if name not in columns:
         raise InputError(
-            f"The history in {folder} has no column {name!r}; it has: {', '.join(columns)}."
+            f"The history in {folder} has no column {clean(name, 60)!r}; it has: {listed(columns)}."
         )
     if columns[name].dtype.kind != "f":
-        raise InputError(f"Column {name!r} of the history in {folder} does not hold numbers.")
+        raise InputError(
+            f"Column {clean(name, 60)!r} of the history in {folder} does not hold numbers."
+        )
     return columns[name]
 
 
@@ -214,11 +219,26 @@ def bare(name: str) -> str:
     return name.removesuffix(next((e for e in _UNITS if name.endswith(e)), ""))
 
 
+def file_stem(*names: str) -> str:
+    """Name of a picture's file, without its ending, made of names of columns less their units."""
+    return "_".join(file_name(bare(name)) for name in names)
+
+
+def lettering(text: str) -> str:
+    """A text from a file for a picture: matplotlib takes what stands between $ for mathematics."""
+    return clean(text).replace("\\", "/").replace("$", r"\$")
+
+
 def write_whole(path: Path, write: Callable[[Path], object]) -> Path:
-    """Write a file through a temporary one beside it."""
+    """Write a file through a temporary one beside it; links of either name are not followed.
+
+    The temporary file is made by what draws, which may end the process: then nothing is left.
+    """
     temporary = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        with suppress(FileNotFoundError):
+            temporary.unlink()
         write(temporary)
         os.replace(temporary, path)
     except OSError as error:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from dea_fenicsx.errors import InputError
-from dea_fenicsx.pictures_curves import STYLE, write_whole
+from dea_fenicsx.pictures_curves import STYLE, lettering, write_whole
 
 MARKED = (1e-2, 1e-3, 1e-4)
 """Errors for which the cheapest rung is circled."""
@@ -36,13 +36,19 @@ def ladder(path: str | os.PathLike, out: str | os.PathLike | None = None) -> lis
     matplotlib.use("Agg")
     from matplotlib import pyplot as plt
 
-    with open(path, newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    try:
+        with open(path, newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+    except (csv.Error, ValueError) as fault:
+        raise InputError(f"{path} is no table of rungs; write it with Ladder.write.") from fault
     if not rows:
         raise InputError(f"{path} holds no rungs; write it with Ladder.write.")
-    error = np.array([float(row["error"]) for row in rows])
-    wall = np.array([float(row["wall_s"]) for row in rows])
-    names = [row["fidelity"] for row in rows]
+    try:
+        error = np.array([float(row["error"]) for row in rows])
+        wall = np.array([float(row["wall_s"]) for row in rows])
+        names = [lettering(row["fidelity"]) for row in rows]
+    except (KeyError, ValueError, TypeError) as fault:
+        raise InputError(f"{path} is no table of rungs; write it with Ladder.write.") from fault
     # an error of nothing but rounding has no place on a logarithmic axis
     error = np.maximum(error, 1e-12)
     target = Path(out) if out else Path(path).with_suffix("")

@@ -130,7 +130,7 @@ def loads(folder: Path) -> list[str]:
     """What stands in the picture of each step on disk: "step 3: voltage 2 kV"."""
     times = frame_times(folder)
     texts = [f"time {t:.4g}" for t in times]
-    with suppress(InputError, KeyError, TypeError, ValueError):
+    with suppress(InputError, KeyError, TypeError, ValueError, OverflowError):
         history = read_history(folder)
         summary: dict[str, Any] = {}
         with suppress(InputError):

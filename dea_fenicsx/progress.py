@@ -14,6 +14,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from dea_fenicsx.files import append_line
+
 _LAUNCHERS = ("hydra_pmi_proxy", "mpiexec", "mpirun", "prterun", "prted", "orterun", "orted")
 _RENEW_S = 0.1
 
@@ -101,8 +103,8 @@ class Progress:
     def _record(self, line: str) -> None:
         if self.speaks and self.log is not None:
             # a log that cannot be written is no reason to stop a run
-            with suppress(OSError), open(self.log, "a", encoding="utf-8") as f:
-                f.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {line}\n")
+            with suppress(OSError):
+                append_line(self.log, f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {line}")
 
 
 def step_line(

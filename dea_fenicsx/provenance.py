@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.files import replace_file
+
 COPY, RESUMED = "script.py", "script_resumed.py"
 """Copies of the script in the results folder: of the run's beginning, and, if it has been changed
 since, of the last time it was resumed."""
@@ -49,7 +51,7 @@ def keep_script(folder: Path) -> None:
             return
         if target.exists() and target.read_bytes() != text:
             target = folder / RESUMED
-        target.write_bytes(text)
+        replace_file(target, lambda file: file.write_bytes(text))
 
 
 def git_state(place: Path, seconds: float = 3.0) -> dict[str, Any] | None:

@@ -14,14 +14,19 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.files import clean, listed
+from dea_fenicsx.stored import read_data, read_xml
 
-# XDMF's name of a quadratic cell: VTK's number, whether it is a flat one
+# XDMF's name of a quadratic cell: VTK's number, nodes, whether it is a flat one
 _CELLS = {
-    "Triangle_6": (22, True),
-    "Quadrilateral_9": (28, True),
-    "Tetrahedron_10": (24, False),
-    "Hexahedron_27": (29, False),
+    "Triangle_6": (22, 6, True),
+    "Quadrilateral_9": (28, 9, True),
+    "Tetrahedron_10": (24, 10, False),
+    "Hexahedron_27": (29, 27, False),
 }
+
+TEXTS = ("ramp", "event")
+"""Columns of a history that hold texts."""
 
 
 def read_history(folder: str | os.PathLike) -> dict[str, np.ndarray]:
@@ -31,15 +36,25 @@ def read_history(folder: str | os.PathLike) -> dict[str, np.ndarray]:
         raise InputError(f"There is no history.csv in {folder}; give the folder of a run.")
     try:
         with open(file, newline="", encoding="utf-8") as f:
-            rows = list(csv.DictReader(f))
-    except (csv.Error, UnicodeDecodeError) as error:
-        raise InputError(f"{file} is not a history of this package ({error}).") from error
+            reader = csv.DictReader(f)
+            rows = list(reader)
+            names = list(reader.fieldnames or [])
+    except OSError as error:
+        raise InputError(f"{file} cannot be read ({error.strerror}).") from error
+    except (csv.Error, ValueError) as error:
+        told = clean(error, 120)
+        raise InputError(f"{file} is not a history of this package ({told}).") from error
     if any(None in row or None in row.values() for row in rows):
         raise InputError(f"{file} is damaged: a row has more or fewer cells than its head.")
+    if len(set(names)) != len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"{file} is damaged: it has two columns {clean(twice, 60)!r}.")
     columns: dict[str, np.ndarray] = {}
     for name in rows[0] if rows else []:
         values = [row[name] for row in rows]
         try:
+            if name in TEXTS and any(values):
+                raise ValueError("a text, even where it looks like a number")
             columns[name] = np.array([float(v) if v else np.nan for v in values])
         except ValueError:
             columns[name] = np.array(values)
@@ -51,12 +66,15 @@ def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
     file = Path(folder) / "summary.json"
     if not file.is_file():
         raise InputError(f"There is no summary.json in {folder}; give the folder of a run.")
-    with suppress(json.JSONDecodeError, UnicodeDecodeError):
+    try:
         found = json.loads(file.read_text("utf-8"))
-        if isinstance(found, dict):
-            return found
+    except OSError as error:
+        raise InputError(f"{file} cannot be read ({error.strerror}).") from error
+    except (ValueError, RecursionError, MemoryError) as error:
+        raise InputError(f"{file} is not valid JSON.") from error
+    if not isinstance(found, dict):
         raise InputError(f"{file} is no summary of a run: it holds no object.")
-    raise InputError(f"{file} is not valid JSON.")
+    return found
 
 
 def load_columns(history: dict[str, np.ndarray], summary: dict[str, Any]) -> list[str]:
@@ -70,6 +88,7 @@ def load_columns(history: dict[str, np.ndarray], summary: dict[str, Any]) -> lis
         for ramp in reversed(summary["settings"]["path"]):
             what = ramp["what"] or []
             names += [what] if isinstance(what, str) else list(what)
+    names = [name for name in names if isinstance(name, str)]
     known = [f"{name}_{end}" for name in names for end in ("V", "factor")]
     found = [name for name in known if name in history]
     others = [name for name in history if name.endswith("_factor") or name == "voltage_V"]
@@ -97,10 +116,22 @@ def _grids(folder: Path) -> list[ET.Element]:
     file = folder / "fields.xdmf"
     if not file.is_file():
         raise InputError(f"There is no fields.xdmf in {folder}; give the folder of a run.")
+    grids = read_xml(file).findall("./Domain/Grid/Grid")
+    for grid in grids:
+        attributes = grid.findall("Attribute")
+        if any(not {"Name", "Center"} <= set(a.attrib) for a in attributes):
+            raise InputError(f"{file} is damaged: a field has no name or no place.")
+        _time(file, grid)
+    return grids
+
+
+def _time(file: Path, grid: ET.Element) -> float:
+    """Path parameter of a step."""
+    time = grid.find("Time")
     try:
-        return ET.parse(file).getroot().findall("./Domain/Grid/Grid")
-    except (ET.ParseError, UnicodeDecodeError) as error:
-        raise InputError(f"{file} is not valid XML ({error}).") from error
+        return float(time.attrib["Value"]) if time is not None else 0.0
+    except (KeyError, ValueError) as error:
+        raise InputError(f"{file} is damaged: the time of a step is no number.") from error
 
 
 def _grid(folder: Path, step: int) -> ET.Element:
@@ -119,14 +150,14 @@ def check_field(folder: Path, field: str, step: int = -1) -> None:
     names = [a.attrib["Name"] for a in _grid(folder, step).findall("Attribute")]
     if field not in names:
         raise InputError(
-            f"There is no field {field!r} in the results; there are: {', '.join(sorted(names))}."
+            f"There is no field {field!r} in the results; there are: {listed(sorted(names))}."
         )
 
 
 def frame_times(folder: str | os.PathLike) -> list[float]:
     """Path parameter of each step in fields.xdmf."""
-    times = [grid.find("Time") for grid in _grids(Path(folder))]
-    return [float(t.attrib["Value"]) if t is not None else 0.0 for t in times]
+    folder = Path(folder)
+    return [_time(folder / "fields.xdmf", grid) for grid in _grids(folder)]
 
 
 def field_names(folder: str | os.PathLike) -> list[str]:
@@ -150,31 +181,44 @@ def read_frame(folder: str | os.PathLike, step: int = -1) -> Frame:
     InputError
         If there are no fields, or no such step.
     """
-    import h5py
     import pyvista
 
     folder = Path(folder)
+    file = folder / "fields.xdmf"
     xml = _grid(folder, step)
 
     def data(element: ET.Element | None) -> np.ndarray:
-        assert element is not None
-        name, _, where = (element.findtext("DataItem") or "").strip().partition(":")
-        try:
-            # without a lock: the run, or another program, may have the file open
-            with h5py.File(folder / name, locking=False) as h5:
-                return h5[where][()]
-        except (OSError, KeyError, ValueError) as error:
-            raise InputError(f"{folder / name} cannot be read, or lacks {where!r}.") from error
+        place = "" if element is None else element.findtext("DataItem") or ""
+        return read_data(folder, place)
 
     topology = xml.find("Topology")
-    assert topology is not None
-    number, flat = _CELLS[topology.attrib["TopologyType"]]
-    cells = data(topology)
-    table = np.column_stack([np.full(len(cells), cells.shape[1]), cells]).ravel()
-    types = np.full(len(cells), number, dtype=np.uint8)
-    grid = pyvista.UnstructuredGrid(table, types, data(xml.find("Geometry")))
+    kind = "" if topology is None else topology.attrib.get("TopologyType", "")
+    if kind not in _CELLS:
+        raise InputError(f"{file} is damaged: it has cells of an unknown kind {clean(kind, 60)!r}.")
+    number, nodes, flat = _CELLS[kind]
+    cells, points = data(topology), data(xml.find("Geometry"))
+    _check_grid(file, cells, points, nodes)
+    table = np.column_stack([np.full(len(cells), nodes), cells]).ravel()
+    grid = pyvista.UnstructuredGrid(table, np.full(len(cells), number, dtype=np.uint8), points)
     for attribute in xml.findall("Attribute"):
-        target = grid.point_data if attribute.attrib["Center"] == "Node" else grid.cell_data
-        target[attribute.attrib["Name"]] = data(attribute)
-    time = xml.find("Time")
-    return Frame(grid, flat, float(time.attrib["Value"]) if time is not None else 0.0)
+        nodal = attribute.attrib["Center"] == "Node"
+        name, values = attribute.attrib["Name"], data(attribute)
+        if values.ndim not in (1, 2) or len(values) != (len(points) if nodal else len(cells)):
+            raise InputError(
+                f"{file} is damaged: its field {clean(name, 60)!r} has not a value for each "
+                f"{'node' if nodal else 'cell'}."
+            )
+        (grid.point_data if nodal else grid.cell_data)[name] = values
+    return Frame(grid, flat, _time(file, xml))
+
+
+def _check_grid(file: Path, cells: np.ndarray, points: np.ndarray, nodes: int) -> None:
+    """Raise InputError unless cells refer to points that are there; VTK would not ask."""
+    good = (
+        points.ndim == 2 and points.shape[1] == 3 and points.dtype.kind == "f"
+        and bool(np.isfinite(points).all()) and len(points) > 0
+        and cells.ndim == 2 and cells.shape[1] == nodes and cells.dtype.kind in "iu"
+        and len(cells) > 0 and int(cells.min()) >= 0 and int(cells.max()) < len(points)
+    )  # fmt: skip
+    if not good:
+        raise InputError(f"{file} is damaged: its cells do not fit its nodes.")

@@ -17,27 +17,25 @@ is whole.  Rank 0 writes.
 from __future__ import annotations
 
 import csv
-import io
 import json
 import os
-import re
 import shutil
 import tempfile
-import zlib
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
-import h5py
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx import provenance, xdmf
+from dea_fenicsx import checkpoint, hdf5, provenance, xdmf
+from dea_fenicsx.columns import check_added
+from dea_fenicsx.declared import plain
 from dea_fenicsx.errors import InputError, MachineError
 from dea_fenicsx.fields import Grid
+from dea_fenicsx.files import free_name, replace_file
+from dea_fenicsx.lock import FolderLock
 from dea_fenicsx.reading import read_history, read_summary
 from dea_fenicsx.weakform import Problem
 
@@ -47,18 +45,6 @@ RUN_FILES = (
     "fields.xdmf", "fields.h5", "history.csv", "summary.json", "checkpoint.npz", "parts", "modes",
     "run.log",
 )  # fmt: skip
-
-
-def replace_file(path: Path, write: Callable[[Path], None]) -> None:
-    """Write a file through a temporary one beside it, so that a reader never sees half of it."""
-    temporary = path.with_name(f".{path.name}.new")
-    try:
-        write(temporary)
-        os.replace(temporary, path)
-    except BaseException:
-        with suppress(OSError):
-            temporary.unlink()
-        raise
 
 
 class Folder:
@@ -82,6 +68,34 @@ class Folder:
         self.comm = comm
         self.origin: dict[str, Any] = {}
         self._together(self._check_writable)
+        self._lock = FolderLock(self.path)
+        self._summary: bytes | None = None
+
+    def take(self) -> bool:
+        """Take the folder for one run; False if its file system keeps no locks.  Collective.
+
+        Raises
+        ------
+        InputError
+            If another run is writing into it, or what a run writes into is a link.
+        """
+
+        def action() -> bool:
+            self._lock.take()
+            for name in ("parts", "modes"):
+                if (self.path / name).is_symlink():
+                    self._lock.release()
+                    raise InputError(
+                        f"{self.path / name} is a link, but a run writes into its own folder only; "
+                        "remove it, or choose another folder with --out or out=."
+                    )
+            return self._lock.kept
+
+        return bool(self._together(action))
+
+    def release(self) -> None:
+        """Give the folder free for other runs; reading and `Run.add` need no lock."""
+        self._lock.release()
 
     def _together(self, action: Callable[[], Any]) -> Any:
         """Run an action on rank 0 and let all ranks share its result or its error."""
@@ -105,8 +119,8 @@ class Folder:
         if self.comm.rank == 0:
             try:
                 action()
-            except (OSError, RuntimeError) as error:  # h5py raises either
-                fault = _reason(error)
+            except (OSError, RuntimeError, KeyError) as error:  # h5py raises any of them
+                fault = hdf5.reason(error)
         if together:
             fault = self.comm.bcast(fault, root=0)
         if fault:
@@ -134,13 +148,9 @@ class Folder:
         """
 
         def action() -> None:
-            found = [n for n in RUN_FILES if (self.path / n).exists()]
+            found = [n for n in RUN_FILES if os.path.lexists(self.path / n)]
             if found:
-                old = self.path / "previous"
-                number = 1
-                while old.exists():
-                    number += 1
-                    old = self.path / f"previous_{number}"
+                old = free_name(self.path / "previous")
                 old.mkdir()
                 copies = [
                     name
@@ -178,12 +188,8 @@ class Folder:
             nonlocal state
             if not file.exists():
                 return None
-            try:
-                with np.load(file, allow_pickle=False) as data:
-                    state = data["state"]
-                    return json.loads(str(data["told"]))
-            except (ValueError, KeyError, EOFError, BadZipFile, zlib.error) as error:
-                raise InputError(f"{file} is no checkpoint of this package ({error}).") from error
+            told, state = checkpoint.read(file)
+            return told
 
         told = self._together(action)
         return None if told is None else (told, state)  # type: ignore[return-value]
@@ -197,7 +203,8 @@ class Folder:
         assert grid is not None
         (self.path / "parts").mkdir(exist_ok=True)
 
-        replace_file(self.path / "parts" / "grid.h5", _h5(lambda h5: _put_grid(h5, grid)))
+        put = hdf5.image(lambda h5: hdf5.put_grid(h5, grid))
+        replace_file(self.path / "parts" / "grid.h5", put)
 
     def write_step(
         self,
@@ -222,17 +229,17 @@ class Folder:
                     h5[f"{group}/{name}"] = values
 
         if nodes is not None:
-            replace_file(self._part(step), _h5(put_fields))
+            replace_file(self._part(step), hdf5.image(put_fields))
             self.write_xdmf(history)
         self.write_history(history)
         if told is None:
             return
 
-        def write_checkpoint(target: Path) -> None:
-            with open(target, "wb") as f:
-                np.savez(f, state=np.asarray(state), told=json.dumps(told, allow_nan=True))
-
-        replace_file(self.path / "checkpoint.npz", write_checkpoint)
+        assert state is not None
+        values, facts = state, told
+        replace_file(
+            self.path / "checkpoint.npz", lambda target: checkpoint.write(target, values, facts)
+        )
 
     def write_history(self, history: list[dict[str, Any]]) -> None:
         """Write history.csv: a row for each accepted step (rank 0)."""
@@ -251,10 +258,32 @@ class Folder:
         """Write summary.json (rank 0)."""
         if self.comm.rank != 0:
             return
-        text = json.dumps(_plain(summary), indent=2, ensure_ascii=False)
-        replace_file(
-            self.path / "summary.json", lambda t: _discard(t.write_text(text + "\n", "utf-8"))
-        )
+        text = json.dumps(_plain(summary), indent=2, ensure_ascii=False) + "\n"
+        data = text.encode("utf-8", "replace")
+        replace_file(self.path / "summary.json", lambda target: target.write_bytes(data))
+        self._summary = data
+
+    def add_to_summary(self, summary: dict[str, Any]) -> None:
+        """Write summary.json again, unless another run has the folder by now (rank 0).
+
+        Raises
+        ------
+        InputError
+            If the folder holds another run, or one is writing into it.
+        """
+        if self.comm.rank != 0:
+            return
+        self._lock.take()
+        try:
+            file = self.path / "summary.json"
+            if file.exists() and self._summary not in (None, file.read_bytes()):
+                raise InputError(
+                    f"{self.path} holds another run by now, whose summary is left as it is; give "
+                    "each run a folder of its own."
+                )
+            self.write_summary(summary)
+        finally:
+            self._lock.release()
 
     def _part(self, step: int) -> Path:
         return self.path / "parts" / f"step_{step:05d}.h5"
@@ -280,7 +309,7 @@ class Folder:
             if file.exists():
                 grids.append(self._grid_xml(step, float(row["time"]), file, prefix, whole))
         text = xdmf.document("".join(grids))
-        replace_file(self.path / "fields.xdmf", lambda t: _discard(t.write_text(text, "utf-8")))
+        replace_file(self.path / "fields.xdmf", lambda target: target.write_text(text, "utf-8"))
 
     def _where(self, part: Path, group: str, whole: bool) -> tuple[Path, str]:
         """File and group in it that hold a part of the results."""
@@ -308,16 +337,14 @@ class Folder:
         file = folder / f"mode_{step:05d}.h5"
 
         def put(h5: Any) -> None:
-            _put_grid(h5, grid)
+            hdf5.put_grid(h5, grid)
             for name, values in (nodes | {"mode": mode}).items():
                 h5[f"node/{name}"] = values
 
-        replace_file(file, _h5(put))
+        replace_file(file, hdf5.image(put))
         grid_xml = xdmf.grid_xml(f"mode of step {step}", 0.0, (file, ""), (file, ""), folder)
         text = xdmf.document(grid_xml)
-        replace_file(
-            file.with_suffix(".xdmf"), lambda t: _discard(t.write_text(text, "utf-8"))
-        )
+        replace_file(file.with_suffix(".xdmf"), lambda target: target.write_text(text, "utf-8"))
 
     def consolidate(self, history: list[dict[str, Any]]) -> None:
         """Bring all steps into one fields.h5 and remove the parts (rank 0)."""
@@ -329,54 +356,11 @@ class Folder:
             return
         whole = self.path / "fields.h5"
 
-        def write(target: Path) -> None:
-            if whole.exists():
-                shutil.copyfile(whole, target)
-            # "w" else: a kill may have left a part of such a file behind
-            with h5py.File(target, "a" if whole.exists() else "w") as h5:
-                for source, name in [(parts / "grid.h5", "grid")] + [
-                    (self._part(int(r["step"])), f"step_{int(r['step']):05d}") for r in history
-                ]:
-                    if not source.exists():
-                        continue
-                    if name in h5:
-                        del h5[name]
-                    with h5py.File(source, locking=False) as part:
-                        group = h5.create_group(name)
-                        for key, value in part.attrs.items():
-                            group.attrs[key] = value
-                        for key in part:
-                            part.copy(key, group)
-
-        replace_file(whole, write)
+        steps = {f"step_{int(r['step']):05d}": self._part(int(r["step"])) for r in history}
+        sources = {"grid": parts / "grid.h5", **steps}
+        replace_file(whole, lambda target: hdf5.join(target, whole, sources))
         self.write_xdmf(history, whole=True)
         shutil.rmtree(parts)
-
-
-def _h5(put: Callable[[Any], None]) -> Callable[[Path], None]:
-    """What writes an HDF5 file: built in memory, for HDF5 cannot close a file on a full disk."""
-
-    def write(target: Path) -> None:
-        image = io.BytesIO()
-        with h5py.File(image, "w") as h5:
-            put(h5)
-        target.write_bytes(image.getbuffer())
-
-    return write
-
-
-def _reason(error: Exception) -> str:
-    """Why a file could not be written, in a few words; HDF5's own account has many lines."""
-    text = str(getattr(error, "strerror", None) or error)
-    found = re.search(r"error message = '([^']*)'", text)
-    return found[1] if found else " ".join(text.split())[:160] or type(error).__name__
-
-
-def _put_grid(h5: Any, grid: Grid) -> None:
-    h5["points"] = grid.points
-    h5["cells"] = grid.cells
-    h5["regions"] = grid.regions.astype(np.int64)
-    h5.attrs["cell"] = grid.kind
 
 
 def _number(value: Any) -> Any:
@@ -388,23 +372,18 @@ def _number(value: Any) -> Any:
 
 def _plain(value: Any) -> Any:
     """What JSON can hold: NaN and infinity become null."""
+    value = plain(value)
     if isinstance(value, dict):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(v) for v in value]
     if isinstance(value, np.ndarray):
         return _plain(value.tolist())
-    if isinstance(value, np.generic):
-        return _plain(value.item())
     if isinstance(value, float) and not np.isfinite(value):
         return None
     if isinstance(value, str | int | float | bool) or value is None:
         return value
     return str(value)
-
-
-def _discard(_: object) -> None:
-    """Drop a return value that a callback must not have."""
 
 
 @dataclass
@@ -437,20 +416,33 @@ class Run:
         """Add a script's own findings to the summary, in memory and on disk (by rank 0).
 
         A key ends in its unit (``height_m``) unless it is a pure number.
+
+        Raises
+        ------
+        InputError
+            If it would replace what the package says of the run, or the folder holds another run
+            by now.
         """
+        check_added(values)
         self.summary |= values
         folder = self.folder
         if folder:  # a script may well call this on rank 0 alone
-            folder.write(lambda: folder.write_summary(self.summary), together=False)
+            folder.write(lambda: folder.add_to_summary(self.summary), together=False)
 
     def column(self, name: str) -> np.ndarray:
-        """A column of the history as an array."""
+        """A column of the history as an array: numbers, NaN where there is none, or texts."""
+        if not self.history:
+            raise InputError("The history holds no step yet, so it has no columns.")
         if name not in self.history[0]:
             raise InputError(
                 f"The history has no column {name!r}; it has: {', '.join(self.history[0])}."
             )
-        return np.array([row[name] for row in self.history], dtype=float)
+        values = [row[name] for row in self.history]
+        if any(isinstance(value, str) for value in values):
+            return np.array(["" if value is None else str(value) for value in values])
+        return np.array(values, dtype=float)
 
-    def __getitem__(self, name: str) -> float:
-        """Value of a column at the last step."""
-        return float(self.column(name)[-1])
+    def __getitem__(self, name: str) -> Any:
+        """Value of a column at the last step: a number, or a text such as that of ``event``."""
+        last = self.column(name)[-1]
+        return str(last) if isinstance(last, str) else float(last)

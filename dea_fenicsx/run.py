@@ -5,13 +5,15 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from functools import partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dea_fenicsx import columns
 from dea_fenicsx.agreement import bind_alike, check_same
 from dea_fenicsx.arguments import check_arguments
 from dea_fenicsx.checks import check_step
@@ -21,38 +23,32 @@ from dea_fenicsx.errors import (
     InputError,
     Interrupted,
     MachineError,
-    NotReached,
     PathError,
-    SolverError,
     install_hook,
-)
+)  # fmt: skip
 from dea_fenicsx.events import Alarm, Sentinel
 from dea_fenicsx.failures import Failure, Gauge, Worst, default_failures, pull_in
 from dea_fenicsx.fields import FieldWriter
+from dea_fenicsx.identity import fingerprint
 from dea_fenicsx.interruption import Interruption
 from dea_fenicsx.observables import Measurement, Observable
 from dea_fenicsx.progress import Progress, step_line
 from dea_fenicsx.results import Folder, Run
+from dea_fenicsx.resuming import carry_on
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import LINEARISING, NewtonOptions, NewtonSolver, silent
 from dea_fenicsx.stepping import Cursor, Ramp, Step, follow
 from dea_fenicsx.summary import (
+    STATUS,
     UNSTABLE,
     count_changes,
     ending,
-    fingerprint,
     settings,
     versions,
     work,
 )  # fmt: skip
 from dea_fenicsx.tracing import Trace
 from dea_fenicsx.weakform import Problem
-
-STATUS = {
-    EquilibriumLost: "equilibrium lost", SolverError: "solver failed",
-    MachineError: "machine failed", Interrupted: "interrupted", NotReached: "not reached",
-}  # fmt: skip
-"""What summary.json calls the end of a run by an error; see `summary.ending` for the others."""
 
 
 def solve(
@@ -132,6 +128,7 @@ def solve(
         "failures": failures, "options": options,
     })  # fmt: skip
     watched = default_failures(scene) if failures is None else tuple(failures)
+    columns.check_names(scene, record or {}, watched)
     return _Session(
         scene, path, dict(record or {}), out, resume, quiet, verbose, stability, watched, options,
         settings,
@@ -161,14 +158,29 @@ class _Session:
     lost: PathError | None = None
 
     def run(self) -> Run:
+        """Take the results folder for the length of the run."""
         self.started = time.perf_counter()
         self.comm = self.scene.device.comm
         self.progress = Progress(self.comm.rank == 0, self.quiet, self.verbose)
         folder = Folder(self.out, self.comm) if self.out is not None else None
+        if folder is None:
+            return self._run(None)
+        kept = folder.take()
+        try:
+            if not kept:
+                self.progress.say(
+                    f"The file system of {folder.path} keeps no locks: see to it that no other run "
+                    "writes there."
+                )
+            return self._run(folder)
+        finally:
+            folder.release()
+
+    def _run(self, folder: Folder | None) -> Run:
         self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
         self.problem = Problem(self.scene)
         self.measurements: dict[str, Measurement] = {
-            f"{name}_{o.unit}" if o.unit else name: bind_alike(self.problem, name, o)
+            columns.column_of(name, o): columns.numeric(name, bind_alike(self.problem, name, o))
             for name, o in self.record.items()
         }
         self.solver = NewtonSolver(self.problem, self.options)
@@ -222,6 +234,9 @@ class _Session:
                 error.args = (f"{error}; {self._kept()}.",)
             self._finish(result, STATUS[type(error)], str(error))
             raise
+        except BaseException as error:
+            self._note_crash(result, error)
+            raise
         finally:
             self.solver.notify = silent  # it holds this session, which holds the solver
         self._finish(result, *ending(self.history, isinstance(self.path[-1], Trace)))
@@ -246,37 +261,19 @@ class _Session:
             "run can be resumed from there"
         )
 
-    def _columns(self) -> dict[str, Measurement]:
-        """What can end a trace: columns of the history that the present state alone determines."""
-        problem = self.problem
-        known: dict[str, Measurement] = {}
-
-        def load(name: str, unit: float) -> float:
-            return float(problem.factors[name] * unit)
-
-        def value(gauge: Gauge) -> float:
-            return gauge.measure()[0].value
-
-        for name in self.scene.ramps:
-            key, unit = self._load_column(name)
-            known[key] = partial(load, name, unit)
-        if problem.potential is not None:
-            known["max_field_V_per_m"] = lambda: problem.probe().max_field * problem.scales.field
-        known |= {gauge.failure.column: partial(value, gauge) for gauge in self.gauges}
-        return known | self.measurements
-
     def _ends(self) -> dict[int, tuple[Measurement, float]]:
         """For each trace of the path that ends at a value: how to measure it, and the value."""
-        columns, found = self._columns(), {}
+        known = columns.of_the_state(self.problem, self.gauges, self.measurements)
+        found = {}
         for k, item in enumerate(self.path):
             column, value = getattr(item, "until", None) or ("", 0.0)
-            if column and column not in columns:
+            if column and column not in known:
                 raise InputError(
                     f"The trace is to end by {column!r}, but there is no such column that could "
-                    f"end it; there are: {', '.join(columns)}."
+                    f"end it; there are: {', '.join(known)}."
                 )
             if column:
-                found[k] = columns[column], value
+                found[k] = known[column], value
         return found
 
     def _gap(self, item: int) -> float | None:
@@ -288,8 +285,7 @@ class _Session:
 
     def _load_column(self, ramp: str) -> tuple[str, float]:
         """The column of a ramp and the unit of its factor: volts for electrodes, or bare."""
-        volts = self.scene.reference_voltage(ramp)
-        return (f"{ramp}_V", volts) if volts else (f"{ramp}_factor", 1.0)
+        return columns.load_column(self.scene, ramp)
 
     # ------------------------------------------------------------------- steps
 
@@ -358,7 +354,7 @@ class _Session:
         told = None if step.event else {
             "cursor": asdict(step.cursor),
             "history": self.history,
-            "fingerprint": self._fingerprint(),
+            "fingerprint": self._fingerprint,
             "references": self.solver.references.sizes,
             "failures": self.found,
             "wall_s": row["wall_s"],
@@ -403,41 +399,44 @@ class _Session:
 
     # ------------------------------------------------------------------ resume
 
+    @cached_property
     def _fingerprint(self) -> dict[str, Any]:
-        return fingerprint(self.problem, self.path)
+        """What this run is.  Collective at its first use."""
+        assert self.writer
+        return fingerprint(self.problem, self.path, self.record, self.failures, self.writer.grid)
 
     def _load(self) -> Cursor | None:
         """Restore the last accepted step of an earlier run, or None if there is none."""
         assert self.folder and self.writer
-        found = self.folder.load_checkpoint()
+        known = columns.names(
+            self.scene, self.record, self.failures, self.problem.potential is not None
+        )
+        found = carry_on(
+            self.folder, self.writer, self.solver, self.path, self._fingerprint, known,
+            {columns.column_of(name, o): o for name, o in self.record.items()}, self.measurements,
+        )  # fmt: skip
         if found is None:
             self.progress.say("There is no earlier run to resume; starting anew.")
             return None
-        told, state = found
-        mine, theirs = self._fingerprint(), told["fingerprint"]
-        for key in mine:
-            if mine[key] != theirs.get(key):
-                raise InputError(
-                    f"The run in {self.folder.path} cannot be resumed: its {key} is not this "
-                    "script's; start anew without resume, or in another folder."
-                )
-        self.history = told["history"]
-        self.found = told.get("failures", [])
+        cursor, told = found
+        self.history, self.found = told["history"], told["failures"]
         self.earlier_s = float(told["wall_s"])
-        self.writer.scatter_state(state)
-        self.solver.references.sizes |= told.get("references", {})
-        cursor = Cursor(**told["cursor"])
-        self.problem.set_factors(cursor.factors)
-        try:
-            check_step(self.solver, cursor.step, {})
-        except SolverError as error:
-            raise InputError(
-                f"The run in {self.folder.path} cannot be resumed: its last state is no "
-                "equilibrium of this scene; start anew without resume, or in another folder."
-            ) from error
         return cursor
 
     # ----------------------------------------------------------------- summary
+
+    def _note_crash(self, result: Run, error: BaseException) -> None:
+        """Let the summary say that a fault of the script has ended the run, on rank 0 alone.
+
+        Nothing here is collective: this rank may be the only one that fails.
+        """
+        folder = self.folder
+        if folder is None or not result.summary:
+            return
+        told = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        result.summary |= {"status": "script failed", "message": told}
+        with suppress(MachineError):
+            folder.write(lambda: folder.write_summary(result.summary), together=False)
 
     def _finish(self, result: Run, status: str, message: str = "") -> None:
         """Bring the files into their final form, as far as the machine allows."""

@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.compat import PETSc
 from dea_fenicsx.corotation import Corotation
-from dea_fenicsx.declared import check_declared
+from dea_fenicsx.declared import check_declared, plain_numbers
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.factors import SplitFactor, WholeFactor
 from dea_fenicsx.references import References
@@ -36,6 +36,7 @@ def silent(stage: str) -> None:
 
 
 @dataclass(frozen=True)
+@plain_numbers
 class NewtonOptions:
     """Settings of the nonlinear solver.
 

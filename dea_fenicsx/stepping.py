@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from dea_fenicsx.declared import check_declared, shown
+from dea_fenicsx.declared import check_declared, plain_numbers, shown
 from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
 from dea_fenicsx.events import Sentinel
 from dea_fenicsx.evidence import Evidence
@@ -20,6 +20,7 @@ from dea_fenicsx.verdicts import describe, is_near_limit, ramp_lost, trace_lost,
 
 
 @dataclass(frozen=True)
+@plain_numbers
 class Ramp:
     """Bring one or more ramps of the scene to a factor, in steps.
 

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import resource
 from collections.abc import Mapping, Sequence
-from dataclasses import is_dataclass
 from typing import Any
 
 from mpi4py import MPI
 
 from dea_fenicsx.compat import PETSc, dolfinx
+from dea_fenicsx.errors import (
+    EquilibriumLost,
+    Interrupted,
+    MachineError,
+    NotReached,
+    SolverError,
+)
+from dea_fenicsx.identity import described
 from dea_fenicsx.provenance import package_versions
 from dea_fenicsx.solver import NewtonSolver
-from dea_fenicsx.weakform import Problem
 
 
 def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -34,6 +39,12 @@ def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str
         "krylov_s": solver.counters.krylov_s,
     }
 
+
+STATUS = {
+    EquilibriumLost: "equilibrium lost", SolverError: "solver failed",
+    MachineError: "machine failed", Interrupted: "interrupted", NotReached: "not reached",
+}  # fmt: skip
+"""Status of a run that ends by an error; see `ending` for the others."""
 
 UNSTABLE = "completed, unstable"
 """Status of a run whose last ramp ends at an equilibrium that is not stable."""
@@ -124,38 +135,9 @@ def settings(
     }
 
 
-def fingerprint(problem: Problem, path: Sequence[Any]) -> dict[str, Any]:
-    """What must agree between a run and its continuation.  Collective."""
-    scene = problem.scene
-    facts = {
-        "cells": problem.comm.allreduce(scene.device.owned_cells(), op=MPI.SUM),
-        "ramps": list(scene.ramps),
-        "materials": {k: described(m) for k, m in scene.materials.items()},
-        **{
-            what: [described(item) for item in getattr(scene, what)]
-            for what in ("electrodes", "supports", "prescribed", "loads")
-        },
-        "kinematics": described(scene.kinematics),
-        "elements": described(scene.elements),
-        "path": [described(r) for r in path],
-        "unknowns": problem.unknowns,
-    }
-    return json.loads(json.dumps(facts))
-
-
 def _peak_memory_GB() -> float:
     """Peak resident memory of this process in GB (10^9 bytes)."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
-
-
-def described(thing: Any) -> Any:
-    """A dataclass as JSON can hold it, with its type's name, deeply."""
-    if is_dataclass(thing) and not isinstance(thing, type):
-        inner = {k: described(getattr(thing, k)) for k in thing.__dataclass_fields__}
-        return {"type": type(thing).__name__, **inner}
-    if isinstance(thing, list | tuple):
-        return [described(t) for t in thing]
-    return thing
 
 
 def versions() -> dict[str, str]:

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from dea_fenicsx.arclength import SHORTEST, Branch, Point
+from dea_fenicsx.declared import plain_numbers
 from dea_fenicsx.errors import SolverError
 from dea_fenicsx.events import Sentinel
 from dea_fenicsx.scene import Scene
@@ -19,6 +20,7 @@ CLOSE = 1e-7
 
 
 @dataclass(frozen=True)
+@plain_numbers
 class Trace:
     """Follow the branch by arc length in one ramp of the scene, through limit points.
 

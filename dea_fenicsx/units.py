@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from dea_fenicsx.declared import plain, settle
 from dea_fenicsx.errors import InputError
 
 DIMENSIONS = {
@@ -40,7 +41,9 @@ def _is_quantity(value: Any) -> bool:
 
 
 def si(value: Any, unit: str, what: str) -> Any:
-    """A quantity as a plain number in an SI unit; what is no quantity is returned as it is.
+    """A quantity as a plain number in an SI unit; numbers of numpy's as Python's own.
+
+    What is neither is returned as it is.
 
     Parameters
     ----------
@@ -60,7 +63,8 @@ def si(value: Any, unit: str, what: str) -> Any:
     if isinstance(value, list | tuple) and any(_is_quantity(v) for v in value):
         return tuple(si(v, unit, what) for v in value)
     if not _is_quantity(value):
-        return value
+        # an array stays one: test data are arrays
+        return value if getattr(value, "ndim", 0) else plain(value)
     try:
         number = value.to(unit or "dimensionless").magnitude
     except Exception as error:  # each library of units has its own
@@ -88,9 +92,10 @@ def in_si[T](**units: str) -> Callable[[type[T]], type[T]]:
         def __post_init__(self: T) -> None:
             for name, unit in units.items():
                 value = getattr(self, name)
-                plain = si(value, unit, f"{type(self).__name__}: {name}")
-                if plain is not value:
-                    object.__setattr__(self, name, plain)
+                number = si(value, unit, f"{type(self).__name__}: {name}")
+                if number is not value:
+                    object.__setattr__(self, name, number)
+            settle(self)
             if own is not None:
                 own(self)
 

@@ -7,6 +7,7 @@ its plain reader cannot read.  Here every grid holds every field.
 from __future__ import annotations
 
 from pathlib import Path
+from xml.sax.saxutils import escape, quoteattr
 
 import h5py
 
@@ -32,15 +33,28 @@ def document(grids: str) -> str:
 def grid_xml(
     name: str, time: float, mesh: tuple[Path, str], fields: tuple[Path, str], root: Path
 ) -> str:
-    """One grid: its mesh and its fields, each a file and a group in it, seen from a folder."""
+    """One grid: its mesh and its fields, each a file and a group in it, seen from a folder.
+
+    Empty where the file does not hold the group.
+    """
     (mesh_file, mesh_prefix), (file, prefix) = mesh, fields
+    file_name = file.relative_to(root).as_posix()
+    attributes = []
+    with h5py.File(file, locking=False) as h5:
+        if prefix and prefix not in h5:
+            return ""
+        where = h5[prefix] if prefix else h5
+        for group, center in (("node", "Node"), ("cell", "Cell")):
+            for field, data in where.get(group, {}).items():
+                kind = _KINDS[data.shape[1] if data.ndim > 1 else 1]
+                place = f"{file_name}:/{prefix}{group}/{field}"
+                attributes.append(_attribute(field, kind, center, data.shape, "Float", place))
     with h5py.File(mesh_file, locking=False) as h5:
         where = h5[mesh_prefix] if mesh_prefix else h5
         n_cells, per_cell = where["cells"].shape
         n_points = where["points"].shape[0]
         kind = _XDMF_CELLS[str(where.attrs["cell"])]
-    mesh_name, file_name = (p.relative_to(root).as_posix() for p in (mesh_file, file))
-    source = f"{mesh_name}:/{mesh_prefix}"
+    source = f"{mesh_file.relative_to(root).as_posix()}:/{mesh_prefix}"
     lines = [
         f'   <Grid Name="{name}" GridType="Uniform">',
         f'    <Time Value="{time:.12g}"/>',
@@ -52,14 +66,7 @@ def grid_xml(
         "    </Geometry>",
         _attribute("region", "Scalar", "Cell", (n_cells,), "Int", f"{source}regions"),
     ]
-    with h5py.File(file, locking=False) as h5:
-        where = h5[prefix] if prefix else h5
-        for group, center in (("node", "Node"), ("cell", "Cell")):
-            for field, data in where.get(group, {}).items():
-                kind = _KINDS[data.shape[1] if data.ndim > 1 else 1]
-                place = f"{file_name}:/{prefix}{group}/{field}"
-                lines.append(_attribute(field, kind, center, data.shape, "Float", place))
-    return "\n".join([*lines, "   </Grid>\n"])
+    return "\n".join([*lines, *attributes, "   </Grid>\n"])
 
 
 def _item(shape: tuple[int, ...], kind: str, where: str) -> str:
@@ -67,7 +74,7 @@ def _item(shape: tuple[int, ...], kind: str, where: str) -> str:
     precision = 8
     return (
         f'     <DataItem Dimensions="{size}" NumberType="{kind}" Precision="{precision}" '
-        f'Format="HDF">{where}</DataItem>'
+        f'Format="HDF">{escape(where)}</DataItem>'
     )
 
 
@@ -75,7 +82,7 @@ def _attribute(
     name: str, kind: str, center: str, shape: tuple[int, ...], number: str, where: str
 ) -> str:
     return (
-        f'    <Attribute Name="{name}" AttributeType="{kind}" Center="{center}">\n'
+        f'    <Attribute Name={quoteattr(name)} AttributeType="{kind}" Center="{center}">\n'
         f"{_item(shape, number, where)}\n    </Attribute>"
     )
 

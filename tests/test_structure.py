@@ -10,8 +10,8 @@ PACKAGE = ROOT / "dea_fenicsx"
 
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
-    "errors", "agreement", "launch", "declared", "units", "geometry", "cad", "form_cache",
-    "compat", "mesh", "cells",
+    "errors", "agreement", "launch", "files", "stored", "lock", "declared", "units",
+    "geometry", "cad", "form_cache", "compat", "mesh", "cells",
     "materials", "kinematics", "conditions", "validation", "neighbours", "potentials",
     "electrode_checks", "scene",
     "exact", "origami",
@@ -20,8 +20,9 @@ ORDER = [
     "stability", "events", "arclength", "tracing", "predictor", "evidence", "verdicts",
     "stepping",
     "checks", "charges", "observables", "overall", "rotation", "failures", "fields", "reading",
-    "turns", "provenance", "summary", "xdmf", "results", "interruption", "progress", "arguments",
-    "run", "ladder", "script",
+    "turns", "columns", "identity", "checkpoint", "provenance", "summary", "xdmf", "hdf5",
+    "results", "resuming", "interruption", "progress", "arguments", "run",
+    "ladder", "script",
     "pictures_curves", "pictures_ladder", "pictures_fields", "pictures_movie",
     "pictures_paraview", "pictures",
     "design", "thesis", "docs", "cli", "__main__",

@@ -23,6 +23,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import NoReturn
 
 from dea_fenicsx.errors import DeaError, InputError, install_hook
+from dea_fenicsx.files import clean
 
 __all__ = ["main"]
 
@@ -96,10 +97,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _sentence(error: Exception) -> str:
     """What went wrong, on one line."""
-    text = " ".join(str(error).split())
+    text = clean(error, 2000)
     if isinstance(error, DeaError):
         return text
     if isinstance(error, OSError):
-        where = f"{error.filename}: " if error.filename else ""
+        where = f"{clean(error.filename, 1000)}: " if error.filename else ""
         return f"{where}{error.strerror or text}."
     return f"{type(error).__name__}: {text.rstrip('.')} (--debug shows where)."

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.files import clean, listed
 from dea_fenicsx.reading import read_history, read_summary
 
 HELP = "two runs, column by column"
@@ -76,8 +77,9 @@ def columns(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> tuple[list[Co
             if np.isnan(a[name]).all() and np.isnan(b[name]).all():
                 continue  # an empty column
             size = float(np.nanmax(np.abs([one, other]), initial=0.0))
-            gap = np.abs(one - other) / (size or 1.0)
-            gap = np.where(np.isnan(one) & np.isnan(other), 0.0, gap)
+            with np.errstate(invalid="ignore"):
+                gap = np.abs(one - other) / (size or 1.0)
+            gap = np.where((one == other) | (np.isnan(one) & np.isnan(other)), 0.0, gap)
             gap = np.where(np.isnan(gap), np.inf, gap)  # a number against none
         worst = int(np.argmax(gap))
         found.append(
@@ -125,34 +127,68 @@ def run(options: argparse.Namespace) -> int:
             raise InputError(f"The history in {folder} has no steps with a time; is it a run?")
     summaries = [read_summary(folder) for folder in (options.a, options.b)]
     found, common = columns(*histories)
-    print(f"A  {options.a}: {_status(summaries[0], histories[0])}")
-    print(f"B  {options.b}: {_status(summaries[1], histories[1])}")
+    states = [_status(*pair) for pair in zip(summaries, histories, strict=True)]
+    for letter, folder, state in zip("AB", (options.a, options.b), states, strict=True):
+        print(f"{letter}  {clean(folder, 1000)}: {state}")
     print(f"{common} steps at the same time of the path\n")
-    width = max(len(c.name) for c in found)
+    width = max((len(clean(c.name, 80)) for c in found), default=6)
     print(f"{'column':{width}}  {'A, last':>15}  {'B, last':>15}  {'largest diff.':>13}  at time")
     for c in found:
         where = f"{c.time:.6g}" if c.difference else ""
         mark = "" if c.judged else "(not judged)"
-        print(f"{c.name:{width}}  {_text(c.last[0]):>15}  {_text(c.last[1]):>15}  "
+        print(f"{clean(c.name, 80):{width}}  {_text(c.last[0]):>15}  {_text(c.last[1]):>15}  "
               f"{c.difference:13.2e}  {where:8}{mark}".rstrip())  # fmt: skip
     for label, mine, other in (("A", *histories), ("B", *histories[::-1])):
         alone = [name for name in mine if name not in other]
         if alone:
-            print(f"only in {label}: {', '.join(alone)}")
+            print(f"only in {label}: {listed(alone)}")
     for name, x, y in settings(*summaries):
-        print(f"{name}: {x} in A, {y} in B")
+        print(f"{clean(name, 100)}: {clean(x, 100)} in A, {clean(y, 100)} in B")
+    why = _unlike(summaries, histories, common)
     worst = max((c for c in found if c.judged), key=lambda c: c.difference, default=None)
-    if worst is None or worst.difference <= options.rtol:
+    if worst is not None and worst.difference > options.rtol:
+        why.append(f"{clean(worst.name, 80)} differs by {worst.difference:.3g} at time "
+                   f"{worst.time:.6g}, more than {options.rtol:g}")  # fmt: skip
+    if not why:
         print(f"\nthe same within {options.rtol:g}")
         return 0
-    print(f"\nnot the same: {worst.name} differs by {worst.difference:.3g} at time "
-          f"{worst.time:.6g}, more than {options.rtol:g}")  # fmt: skip
+    print(f"\nnot the same: {'; '.join(why)}")
     return 1
 
 
+def _unlike(
+    summaries: list[dict[str, Any]], histories: list[dict[str, np.ndarray]], common: int
+) -> list[str]:
+    """In what two runs differ besides their values: how and where they ended, steps, columns.
+
+    One of them may have more steps than the other, as long as it has those of the other, too.
+    """
+    (a, b), (one, other) = histories, summaries
+    found = []
+    if "status" in one and "status" in other and one["status"] != other["status"]:
+        found.append(f"A is {_ended(one)}, but B is {_ended(other)}")
+    last = (float(a["time"][-1]), float(b["time"][-1]))
+    steps = (len(a["time"]), len(b["time"]))
+    if not _near(np.array(last[:1]), last[1]):
+        found.append(f"A ends at time {last[0]:.6g} after {steps[0]} steps, but B at {last[1]:.6g} "
+                     f"after {steps[1]}")  # fmt: skip
+    elif common < min(steps):
+        found.append(f"A has {steps[0]} steps and B has {steps[1]}, of which only {common} are at "
+                     "the same time of the path")  # fmt: skip
+    for label, mine, theirs in (("A", a, b), ("B", b, a)):
+        lacking = [name for name in mine if name not in theirs and name not in NOT_JUDGED]
+        if lacking:
+            found.append(f"only {label} has {listed(lacking, 5)}")
+    return found
+
+
+def _ended(summary: dict[str, Any]) -> str:
+    return clean(summary.get("status", "without a status"), 60)
+
+
 def _text(value: Any) -> str:
-    return f"{value:.9g}" if isinstance(value, float | np.floating) else str(value)
+    return f"{value:.9g}" if isinstance(value, float | np.floating) else clean(value, 40)
 
 
 def _status(summary: dict[str, Any], history: dict[str, np.ndarray]) -> str:
-    return f"{summary.get('status', 'no status')}, {len(history['time'])} steps"
+    return f"{_ended(summary)}, {len(history['time'])} steps"

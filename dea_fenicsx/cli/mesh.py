@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.files import clean
 
 HELP = "the names in a .msh, .geo or STEP file"
 
@@ -30,7 +31,7 @@ def run(options: argparse.Namespace) -> int:
     finally:
         model.remove()
     dim = groups[0].dim
-    width = max(len(g.name) for g in groups)
+    width = max(len(clean(g.name)) for g in groups)
     for d, title in ((dim, "regions (materials)"), (dim - 1, "surfaces (electrodes, supports)")):
         print(f"{title}:")
         for g in (g for g in groups if g.dim == d):
@@ -39,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
                 f"{axis} {low * unit:.4g} to {high * unit:.4g}"
                 for axis, low, high in zip("xyz", g.low, g.high, strict=True)
             )
-            print(f"  {g.name:{width}}  {g.elements:6d} elements  {size_of:>13}  {box} m")
+            print(f"  {clean(g.name):{width}}  {g.elements:6d} elements  {size_of:>13}  {box} m")
     print(f"least scaled Jacobian of a cell {good['least_scaled_jacobian']:.3g} (must be > 0), "
           f"longest over shortest edge {good['largest_aspect']:.3g}")  # fmt: skip
     if not any(g.dim == dim - 1 for g in groups):

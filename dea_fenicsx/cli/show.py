@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.files import clean, listed
 from dea_fenicsx.reading import field_names, load_columns, read_history, read_summary
 
 HELP = "summary, curves and pictures of a run"
+LONGEST_PATH = 1000
 
 # columns of every history, beside ramps and what the script records
 _COMMON = {
@@ -50,6 +52,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from dea_fenicsx import pictures
+    from dea_fenicsx.pictures_curves import file_stem
 
     if not np.isfinite(options.warp):
         raise InputError(f"--warp is {options.warp}, but must be a finite number.")
@@ -72,14 +75,14 @@ def run(options: argparse.Namespace) -> int:
         x = options.x or load_column(histories[0], told)
         formats = tuple(dict.fromkeys(options.format or ("png", "svg")))
         for y in options.y or [ordinate(histories[0], told)]:
-            stem = out / f"{pictures.bare(y)}_{pictures.bare(x)}"
+            stem = out / file_stem(y, x)
             for path in pictures.curve(options.results, x, y, stem, formats=formats):
-                print(path)
+                _tell(path)
     has_fields = (first / "fields.xdmf").is_file()
     if field_asked or (by_default and has_fields):
         field = options.field or _field(first)
         step = -1 if options.step is None else options.step
-        target = out / f"{pictures.bare(field)}.png"
+        target = out / f"{file_stem(field)}.png"
         _tell(pictures.deformed(first, field, step, options.warp, target, missed.append))
     if options.animate:
         field = options.field or _field(first)
@@ -87,16 +90,16 @@ def run(options: argparse.Namespace) -> int:
     if options.paraview:
         from dea_fenicsx.pictures_paraview import write
 
-        print(write(first))
+        _tell(write(first))
     for reason in missed:
-        print(reason, file=sys.stderr)
+        print(clean(reason), file=sys.stderr)
     # by default pictures are welcome where they can be made; what was asked for must be there
     return 1 if missed and not by_default else 0
 
 
 def _tell(path: Path | None) -> None:
     if path is not None:
-        print(path)
+        print(clean(path, LONGEST_PATH))
 
 
 def _summary_of(folder: Path) -> dict[str, Any]:
@@ -134,24 +137,26 @@ def summary(folder: Path, history: dict[str, np.ndarray]) -> str:
     from dea_fenicsx.pictures import spoken
 
     told = _summary_of(folder)
-    columns = load_columns(history, told)
+    columns = [n for n in load_columns(history, told) if history[n].dtype.kind == "f"]
     columns += [n for n in recorded(history) if n not in columns]
     columns += [n for n in ("max_field_V_per_m",) if n in history]
-    status = told.get("status", "no summary.json")
+    status = clean(told.get("status", "no summary.json"), 60)
     steps = len(next(iter(history.values()))) - 1
-    head = f"{folder}: {status}, {steps} steps after the undeformed state"
+    head = f"{clean(folder, LONGEST_PATH)}: {status}, {steps} steps after the undeformed state"
     lines = [head]
     if told.get("message"):
-        lines.append(f"  {told['message']}")
-    with suppress(KeyError, TypeError, ValueError):
-        ranks = "1 rank" if told["ranks"] == 1 else f"{told['ranks']} ranks"
-        lines.append(f"  {told['settings']['mesh'] or 'device'}: {told['unknowns']} unknowns, "
-                     f"{ranks}, {told['wall_s']:.1f} s")  # fmt: skip
+        lines.append(f"  {clean(told['message'], 1000)}")
+    with suppress(KeyError, TypeError, ValueError, OverflowError):
+        ranks = "1 rank" if told["ranks"] == 1 else f"{clean(told['ranks'], 20)} ranks"
+        mesh = clean(told["settings"]["mesh"] or "device", LONGEST_PATH)
+        lines.append(f"  {mesh}: {clean(told['unknowns'], 20)} unknowns, {ranks}, "
+                     f"{told['wall_s']:.1f} s")  # fmt: skip
     for name in columns:
         words, value = spoken(name, float(history[name][-1]))
         lines.append(f"  {words:24} {value}")
     if "stable" in told:
-        verdict = {True: "yes", False: "no"}.get(told["stable"], "not tested")
+        stable = told["stable"]
+        verdict = {True: "yes", False: "no"}[stable] if isinstance(stable, bool) else "not tested"
         lines.append(f"  {'last state stable':24} {verdict}")
     lines.append(_listed("columns", history))
     with suppress(InputError):
@@ -160,5 +165,5 @@ def summary(folder: Path, history: dict[str, np.ndarray]) -> str:
 
 
 def _listed(what: str, names: Iterable[str]) -> str:
-    return textwrap.fill(f"{what}: {', '.join(names)}", 96, initial_indent="  ",
+    return textwrap.fill(f"{what}: {listed(names, 200)}", 96, initial_indent="  ",
                          subsequent_indent="    ", break_on_hyphens=False)  # fmt: skip

@@ -23,7 +23,8 @@ from dea_fenicsx.agreement import together
 from dea_fenicsx.design.evolution import Columns
 from dea_fenicsx.design.front import Front
 from dea_fenicsx.errors import InputError, Interrupted, MachineError
-from dea_fenicsx.results import replace_file
+from dea_fenicsx.files import free_name, replace_file
+from dea_fenicsx.lock import FolderLock
 
 Key = tuple[float, ...]
 Record = dict[str, Any]
@@ -57,9 +58,15 @@ class Evaluator:
         self.known: dict[Key, Record] = {}
         self.seen: set[Key] = set()
         self.folder = Path(out) if out is not None else None
+        self._lock: FolderLock | None = None
         if self.folder:
             self._open(json.loads(json.dumps(facts)), resume)
         self.cached = len(self.known)
+
+    def close(self) -> None:
+        """Give the folder free for other searches."""
+        if self._lock:
+            self._lock.release()
 
     # ------------------------------------------------------------------ evaluation
 
@@ -129,6 +136,7 @@ class Evaluator:
                 told = "", self._prepare(facts, resume)
             except InputError as error:
                 told = str(error), None
+                self.close()
             except OSError as error:
                 told = f"The folder {self.folder} cannot be used ({error.strerror}).", None
         problem, known = self.comm.bcast(told, root=0)
@@ -139,6 +147,8 @@ class Evaluator:
     def _prepare(self, facts: dict[str, Any], resume: bool) -> dict[Key, Record]:
         assert self.folder
         self.folder.mkdir(parents=True, exist_ok=True)
+        self._lock = FolderLock(self.folder)
+        self._lock.take()
         about = self.folder / "search.json"
         parts = sorted(self.folder.glob("designs.*.jsonl"))
         known: dict[Key, Record] = {}
@@ -159,10 +169,8 @@ class Evaluator:
                         continue  # cut short by a kill
             return known
         if parts or about.exists():
-            old = self.folder / "previous"
-            old.mkdir(exist_ok=True)
-            for stale in old.glob("designs.*.jsonl"):
-                stale.unlink()
+            old = free_name(self.folder / "previous")
+            old.mkdir()
             for part in [*parts, about]:
                 if part.exists():
                     os.replace(part, old / part.name)

@@ -12,8 +12,8 @@ import numpy as np
 
 from dea_fenicsx.design.variables import signs
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.files import replace_file
 from dea_fenicsx.pictures_curves import STYLE, axis_label, write_whole
-from dea_fenicsx.results import replace_file
 
 
 @dataclass(frozen=True, eq=False)

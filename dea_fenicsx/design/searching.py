@@ -187,13 +187,16 @@ def optimise(
     evaluator = Evaluator(function, list(free), fixed, out, facts, resume, failures, comm)
     evaluator.needed = [*wanted, *bounds]
     say = _Progress(comm, quiet, 1)
-    if evaluator.cached:
-        say(f"{evaluator.cached} designs are known from {out}")
-    front = evolve(
-        evaluator, free, wanted, bounds, population=population, generations=generations,
-        seed=seed, start=start, comm=comm, say=say,
-    )  # fmt: skip
-    return evaluator.explained(front)
+    try:
+        if evaluator.cached:
+            say(f"{evaluator.cached} designs are known from {out}")
+        front = evolve(
+            evaluator, free, wanted, bounds, population=population, generations=generations,
+            seed=seed, start=start, comm=comm, say=say,
+        )  # fmt: skip
+        return evaluator.explained(front)
+    finally:
+        evaluator.close()
 
 
 class _Progress:

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.files import replace_file
 from dea_fenicsx.pictures_curves import STYLE, write_whole
-from dea_fenicsx.results import replace_file
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Random trials by the thousand, each from a seed that is told: ``make fuzz``."""
