@@ -18,17 +18,17 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx import compat
+from dea_fenicsx.balance import check_balance
 from dea_fenicsx.cells import check_cells
 from dea_fenicsx.compat import PETSc, dolfinx
+from dea_fenicsx.components import Component
 from dea_fenicsx.conditions import AxialForce, ChargedElectrode, Torque
 from dea_fenicsx.constraints import (
-    Component,
     Constraints,
     apply_electrodes,
     apply_overall,
     apply_supports,
 )
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import Scales, cauchy_stress, kernels, measure, state
 from dea_fenicsx.kinematics import Helical, Helix
 from dea_fenicsx.loads import Loads
@@ -162,8 +162,7 @@ class Problem:
         self.constraints = Constraints(self.size)
         apply_supports(self.scene, self.displacement, self.constraints)
         apply_overall(self.scene, self.overall, self.constraints)
-        if not isinstance(self.scene.kinematics, Helical):
-            check_rigid(self.scene, self.displacement, self.constraints.fixed)
+        check_rigid(self.scene, self.displacement, self.constraints.fixed)
         self.electrode_dofs: dict[str, np.ndarray] = {}
         if self.potential is not None:
             self.electrode_dofs = apply_electrodes(
@@ -283,8 +282,9 @@ class Problem:
         n = scene.device.owned_cells()
         self.cell_volumes = _cell_values(volumes)[:n]
         self.volume = self.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
-        if isinstance(scene.kinematics, Helical):
-            self._refuse_resultant()
+        surface_loads = [load.ramp for load in scene.loads if load.ramp in self.loads.unit_work]
+        check_balance(scene, scales, self.displacement, self.constraints.released,
+                      dict.fromkeys(surface_loads), self.load_vector)  # fmt: skip
         self.incompressible_cells = np.sort(
             np.concatenate([np.empty(0, dtype=np.int32),
                             *(k.cells for k in self.kernels if k.kappa is None)])
@@ -388,23 +388,6 @@ class Problem:
         assembled = dolfinx.fem.assemble_vector(form)
         assembled.scatter_reverse(dolfinx.la.InsertMode.add)
         return assembled.array[: self.owned]
-
-    def _refuse_resultant(self) -> None:
-        """In a periodic cell nothing can bear a resultant of surface loads.  Collective."""
-        _, hoop, axial = self.displacement
-        for ramp in self.loads.unit_work:
-            forces = self.load_vector(ramp)
-            for part, what in ((axial, "force"), (hoop, "torque")):
-                mine = part.dofs < self.owned
-                arm = part.space.tabulate_dof_coordinates()[mine, 0] if what == "torque" else 1.0
-                moments = forces[part.dofs[mine]] * arm
-                sums = self.comm.allreduce(np.array([moments.sum(), abs(moments).sum()]))
-                if abs(sums[0]) > 1e-8 * sums[1]:
-                    raise InputError(
-                        f"The surface loads of ramp {ramp!r} have an axial {what} as resultant, "
-                        "which nothing in a helical cell can bear; balance them, or apply "
-                        f"{'AxialForce' if what == 'force' else 'Torque'}(...) to the cell."
-                    )
 
     def probe(self) -> Probe:
         """Extremes of J, lock-up margin and field over the quadrature points.  Collective."""

@@ -1,0 +1,102 @@
+"""Resultants of loads that nothing bears, told before anything is solved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.components import Component
+from dea_fenicsx.errors import InputError
+from dea_fenicsx.forms import Scales
+from dea_fenicsx.kinematics import Helical
+from dea_fenicsx.rigid import FreePart, in_words, modes, rotations
+from dea_fenicsx.scene import Scene
+
+ROUNDING = 1e-8
+"""Share of the sum of all forces' sizes up to which a resultant is rounding."""
+
+
+def check_balance(
+    scene: Scene,
+    scales: Scales,
+    parts: Sequence[Component],
+    released: FreePart | None,
+    ramps: Iterable[str],
+    forces_of: Callable[[str], np.ndarray],
+) -> None:
+    """Raise InputError if the loads of a ramp have a resultant that nothing bears.  Collective.
+
+    Parameters
+    ----------
+    scene, scales
+        The scene and its units.
+    parts
+        Its displacement components.
+    released
+        The rigid motions that only `FreeBody` prevents.
+    ramps
+        Names of the ramps that drive loads on surfaces.
+    forces_of
+        Minus the nodal forces of a ramp at factor 1, at all owned degrees of freedom.
+    """
+    if isinstance(scene.kinematics, Helical):
+        for ramp in ramps:
+            _check_cell(scene, parts, ramp, forces_of(ramp))
+    elif released is not None:
+        shifts = _translations(released.motions, rotations(scene.kinematics.axes))
+        for ramp in ramps if len(shifts) else ():
+            _check_free(scene, scales, parts, released, shifts, ramp, -forces_of(ramp))
+
+
+def _translations(motions: np.ndarray, turns: int) -> np.ndarray:
+    """An orthonormal basis of the combinations of motions that do not rotate."""
+    if not turns:
+        return motions
+    basis, values, _ = np.linalg.svd(motions[:, :turns])
+    still = np.ones(len(motions), dtype=bool)
+    still[: len(values)] = values < 1e-6
+    return basis[:, still].T @ motions
+
+
+def _check_free(
+    scene: Scene, scales: Scales, parts: Sequence[Component], released: FreePart,
+    shifts: np.ndarray, ramp: str, forces: np.ndarray,
+) -> None:  # fmt: skip
+    """Refuse a resultant force along a translation that only `FreeBody` prevents."""
+    axes, box = scene.kinematics.axes, released.box
+    sums = np.zeros((2, len(shifts)))
+    for a, part in enumerate(parts):
+        # the part's own forces: a device may have other parts, which are held
+        mine = np.zeros(len(part.dofs), dtype=bool)
+        mine[part.space.dofmap.list[released.cells].ravel()] = True
+        mine &= part.dofs < len(forces)
+        rows = modes(part.space.tabulate_dof_coordinates()[mine], a, axes, box) @ shifts.T
+        work = forces[part.dofs[mine], None] * rows
+        sums += np.array([work.sum(axis=0), np.abs(work).sum(axis=0)])
+    total, size = scene.device.comm.allreduce(sums, op=MPI.SUM)
+    if np.linalg.norm(total) <= ROUNDING * np.linalg.norm(size):
+        return
+    along = in_words((total @ shifts)[None], box, axes, scene.device.length)
+    raise InputError(
+        f"The loads of ramp {ramp!r} have a resultant force of "
+        f"{np.linalg.norm(total) * scales.force:.3g} N that nothing bears: FreeBody leaves the "
+        f"{along} free; balance the loads, or hold the device there with Fix or Clamp."
+    )
+
+
+def _check_cell(scene: Scene, parts: Sequence[Component], ramp: str, forces: np.ndarray) -> None:
+    """In a periodic cell nothing can bear a resultant of surface loads."""
+    _, hoop, axial = parts
+    for part, what in ((axial, "force"), (hoop, "torque")):
+        mine = part.dofs < len(forces)
+        arm = part.space.tabulate_dof_coordinates()[mine, 0] if what == "torque" else 1.0
+        moments = forces[part.dofs[mine]] * arm
+        sums = scene.device.comm.allreduce(np.array([moments.sum(), abs(moments).sum()]))
+        if abs(sums[0]) > ROUNDING * sums[1]:
+            raise InputError(
+                f"The surface loads of ramp {ramp!r} have an axial {what} as resultant, "
+                "which nothing in a helical cell can bear; balance them, or apply "
+                f"{'AxialForce' if what == 'force' else 'Torque'}(...) to the cell."
+            )
