@@ -189,6 +189,13 @@ class Stretch:
     ramp: str = "stretch"
     about: float | tuple[float, ...] | None = None
 
+    @property
+    def centres(self) -> tuple[float | None, ...]:
+        """What is given as `about`, for each of the axes; None where nothing is."""
+        if self.about is None or not hasattr(self.about, "__len__"):
+            return (self.about,) * len(self.axes)  # type: ignore[return-value]
+        return tuple(self.about)  # type: ignore[arg-type]
+
 
 @dataclass(frozen=True)
 @in_si(metres="m")

@@ -135,8 +135,9 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
     """
     item, axis, length = stretched.item, stretched.axis, scene.device.length
     assert isinstance(item, Stretch)
+    given = item.centres[item.axes.index(axis)]
     if axis == "r":
-        return 0.0 if item.about is None else _about(item, axis) / length
+        return (given or 0.0) / length
     others = [s for s in surfaces if s.axis == axis]
     span = max(s.high for s in others) - min(s.low for s in others)
     if span <= FLAT:
@@ -145,8 +146,8 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
             f"surface is held or stretched along {axis}, so it would only shift the device; add "
             f'Fix(..., "{axis}") on a surface opposite, or a Stretch there.'
         )
-    if item.about is not None:
-        return _about(item, axis) / length
+    if given is not None:
+        return given / length
     held = [s for s in others if not isinstance(s.item, Stretch)]
     low = max((s.low for s in held), default=0.0)
     high = min((s.high for s in held), default=0.0)
@@ -160,13 +161,6 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
         f"but {names} {'reach' if high < low else 'spread'} over several coordinates {axis}; give "
         f"Stretch(..., about=...), the coordinate {axis} in m that stays in place."
     )
-
-
-def _about(item: Stretch, axis: str) -> float:
-    """The coordinate that a stretch is said to be about, in m, along one of its axes."""
-    assert item.about is not None
-    about = np.broadcast_to(np.asarray(item.about, dtype=float), len(item.axes))
-    return float(about[item.axes.index(axis)])
 
 
 # ---------------------------------------------------------------------------- do they agree?

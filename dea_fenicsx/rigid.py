@@ -120,9 +120,10 @@ def check_rigid(scene: Scene, parts: list[Component], fixed: np.ndarray) -> None
     part, who = free[0], "The device"
     if part.count > 1:
         middle = point(part.box.middle * device.length, device.dim)
+        where = regions_in(device, part.cells)
         who = (
-            f"A part of {part.size} cells around {middle} ({_regions(device, part.cells)}) is not "
-            f"joined to the rest of the mesh (which has {part.count} parts), and it"
+            f"A part of {part.size} cells around {middle} ({where}) is not joined to the rest of "
+            f"the mesh (which has {part.count} parts), and it"
         )
     words = in_words(part.motions, part.box, axes, device.length)
     tried = any(isinstance(support, FreeBody) for support in scene.supports)
@@ -145,7 +146,7 @@ def joined_parts(device: Device) -> tuple[np.ndarray, int]:
     owned, n_vertices = imap.size_local, imap.size_local + imap.num_ghosts
     n_cells = link.num_nodes
     cells = np.repeat(np.arange(n_cells), np.diff(link.offsets))
-    local, of_node = _components(n_cells + n_vertices, cells, n_cells + link.array)
+    local, of_node = components(n_cells + n_vertices, cells, n_cells + link.array)
     offset = comm.exscan(local) or 0
     total = comm.allreduce(local, op=MPI.SUM)
     of_node = of_node + offset
@@ -158,7 +159,7 @@ def joined_parts(device: Device) -> tuple[np.ndarray, int]:
     here = (seen[:, 0] >= start) & (seen[:, 0] < start + owned)
     ties = np.column_stack([mine[seen[here, 0] - start], seen[here, 1]])
     ties = np.vstack(comm.allgather(np.unique(ties, axis=0)))
-    _, joined = _components(total, ties[:, 0], ties[:, 1])
+    _, joined = components(total, ties[:, 0], ties[:, 1])
 
     # a rank's vertices may lie in none of its cells: only cells count
     used = np.zeros(total, dtype=bool)
@@ -167,7 +168,7 @@ def joined_parts(device: Device) -> tuple[np.ndarray, int]:
     return (np.cumsum(used) - 1)[joined[of_node[:n_cells]]], int(used.sum())
 
 
-def _components(n: int, a: np.ndarray, b: np.ndarray) -> tuple[int, np.ndarray]:
+def components(n: int, a: np.ndarray, b: np.ndarray) -> tuple[int, np.ndarray]:
     """Number of connected components of a graph on n nodes with edges (a, b), and their labels."""
     if n == 0:
         return 0, np.zeros(0, dtype=np.int64)
@@ -188,7 +189,7 @@ def _boxes(device: Device, labels: np.ndarray, count: int) -> list[Box]:
     return [Box((a + b) / 2, float((b - a).max())) for a, b in zip(low, high, strict=True)]
 
 
-def _regions(device: Device, mask: np.ndarray) -> str:
+def regions_in(device: Device, mask: np.ndarray) -> str:
     """Names of the regions with cells in a mask, collected over all ranks."""
     tags = {int(v) for i, v in zip(device.cells.indices, device.cells.values, strict=True)
             if mask[i]}  # fmt: skip

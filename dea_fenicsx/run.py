@@ -34,6 +34,7 @@ from dea_fenicsx.solver import LINEARISING, NewtonOptions, NewtonSolver, silent
 from dea_fenicsx.stepping import Cursor, Ramp, Step, follow
 from dea_fenicsx.summary import fingerprint, settings, versions, work
 from dea_fenicsx.tracing import Trace
+from dea_fenicsx.volume import check_volume
 from dea_fenicsx.weakform import Problem
 
 STATUS = {
@@ -148,6 +149,7 @@ class _Session:
         folder = Folder(self.out, self.comm) if self.out is not None else None
         self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
         self.problem = Problem(self.scene)
+        check_volume(self.problem, self.path)
         self.measurements: dict[str, Measurement] = {
             f"{name}_{o.unit}" if o.unit else name: o.bind(self.problem)
             for name, o in self.record.items()

@@ -352,12 +352,11 @@ def _check_mechanics(scene: Scene) -> None:
             finite(item.stretch, f"The stretch on {item.where!r}")
             if item.stretch <= 0:
                 raise InputError(f"The stretch on {item.where!r} is {item.stretch}, must be > 0.")
-            several = isinstance(item.about, Sequence | np.ndarray)
-            for value in item.about if several else () if item.about is None else (item.about,):
-                finite(value, f"The centre of the stretch on {item.where!r}")
-            if several and len(item.about) != len(named):
+            for value in item.centres:
+                finite(0.0 if value is None else value, f"about= of the stretch on {item.where!r}")
+            if len(item.centres) != len(named):
                 raise InputError(
-                    f"The stretch on {item.where!r} is about {len(item.about)} coordinates, but "
+                    f"The stretch on {item.where!r} is about {len(item.centres)} coordinates, but "
                     f"must be about one, or one for each of the axes {named!r}."
                 )
         elif isinstance(item, Displacement):

@@ -17,6 +17,7 @@ ORDER = [
     "balance", "weakform",
     "tangent", "factors", "corotation", "references", "solver",
     "stability", "events", "arclength", "tracing", "predictor", "stepping",
+    "volume",
     "checks", "observables", "overall", "rotation", "failures", "fields", "reading", "turns",
     "provenance", "summary", "xdmf", "results", "interruption", "progress", "arguments", "run",
     "ladder", "script",
