@@ -8,6 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.components import Component
+from dea_fenicsx.constraints import Constraints
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import Scales
 from dea_fenicsx.kinematics import Helical
@@ -22,11 +23,16 @@ def check_balance(
     scene: Scene,
     scales: Scales,
     parts: Sequence[Component],
-    released: FreePart | None,
+    constraints: Constraints,
     ramps: Iterable[str],
     forces_of: Callable[[str], np.ndarray],
 ) -> None:
     """Raise InputError if the loads of a ramp have a resultant that nothing bears.  Collective.
+
+    A resultant force along a translation that only `FreeBody` prevents is one.  So is a moment
+    about an axis of rotation that only `FreeBody` prevents, unless the body turns freely about it:
+    then dead loads turn it until their moment vanishes, but that of a pressure which follows the
+    body never does.
 
     Parameters
     ----------
@@ -34,20 +40,27 @@ def check_balance(
         The scene and its units.
     parts
         Its displacement components.
-    released
-        The rigid motions that only `FreeBody` prevents.
+    constraints
+        What `FreeBody` holds in it, and by which ramps the body turns.
     ramps
         Names of the ramps that drive loads on surfaces.
     forces_of
         Minus the nodal forces of a ramp at factor 1, at all owned degrees of freedom.
     """
+    driven = {load.ramp for load in scene.loads}
+    mine = [ramp for ramp in ramps if ramp in driven]
+    released = constraints.released
     if isinstance(scene.kinematics, Helical):
-        for ramp in ramps:
+        for ramp in mine:
             _check_cell(scene, parts, ramp, forces_of(ramp))
     elif released is not None:
         shifts = _translations(released.motions, rotations(scene.kinematics.axes))
-        for ramp in ramps if len(shifts) else ():
-            _check_free(scene, scales, parts, released, shifts, ramp, -forces_of(ramp))
+        for ramp in mine:
+            forces = -forces_of(ramp)
+            _check_free(scene, scales, parts, released, shifts, ramp, forces, "force")
+            if ramp not in constraints.turns:
+                motions = released.motions
+                _check_free(scene, scales, parts, released, motions, ramp, forces, "moment")
 
 
 def _translations(motions: np.ndarray, turns: int) -> np.ndarray:
@@ -62,27 +75,28 @@ def _translations(motions: np.ndarray, turns: int) -> np.ndarray:
 
 def _check_free(
     scene: Scene, scales: Scales, parts: Sequence[Component], released: FreePart,
-    shifts: np.ndarray, ramp: str, forces: np.ndarray,
+    motions: np.ndarray, ramp: str, forces: np.ndarray, what: str,
 ) -> None:  # fmt: skip
-    """Refuse a resultant force along a translation that only `FreeBody` prevents."""
+    """Refuse forces that do work on motions that only `FreeBody` prevents."""
     axes, box = scene.kinematics.axes, released.box
-    sums = np.zeros((2, len(shifts)))
+    sums = np.zeros((2, len(motions)))
     for a, part in enumerate(parts):
         # the part's own forces: a device may have other parts, which are held
         mine = np.zeros(len(part.dofs), dtype=bool)
         mine[part.space.dofmap.list[released.cells].ravel()] = True
         mine &= part.dofs < len(forces)
-        rows = modes(part.space.tabulate_dof_coordinates()[mine], a, axes, box) @ shifts.T
+        rows = modes(part.space.tabulate_dof_coordinates()[mine], a, axes, box) @ motions.T
         work = forces[part.dofs[mine], None] * rows
         sums += np.array([work.sum(axis=0), np.abs(work).sum(axis=0)])
     total, size = scene.device.comm.allreduce(sums, op=MPI.SUM)
     if np.linalg.norm(total) <= ROUNDING * np.linalg.norm(size):
         return
-    along = in_words((total @ shifts)[None], box, axes, scene.device.length)
+    along = in_words((total @ motions)[None], box, axes, scene.device.length)
+    newtons = np.linalg.norm(total) * scales.force
+    amount = f" of {newtons:.3g} N" if what == "force" else ""
     raise InputError(
-        f"The loads of ramp {ramp!r} have a resultant force of "
-        f"{np.linalg.norm(total) * scales.force:.3g} N that nothing bears: FreeBody leaves the "
-        f"{along} free; balance the loads, or hold the device there with Fix or Clamp."
+        f"The loads of ramp {ramp!r} have a resultant {what}{amount} that nothing bears: FreeBody "
+        f"leaves the {along} free; balance the loads, or hold the device there with Fix or Clamp."
     )
 
 

@@ -6,6 +6,7 @@ on two ranks that share a node.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,11 @@ from dea_fenicsx.conditions import (
     Twist,
 )
 from dea_fenicsx.errors import InputError
-from dea_fenicsx.freebody import pins, released
+from dea_fenicsx.freebody import Pin, pins, released
 from dea_fenicsx.prescriptions import check_agreement, prescriptions
 from dea_fenicsx.rigid import FreePart
 from dea_fenicsx.scene import Scene
+from dea_fenicsx.turning import split_turns
 
 
 class Constraints:
@@ -43,10 +45,20 @@ class Constraints:
         For each ramp the values at ramp factor 1, dimensionless.
     released
         The rigid motions that `FreeBody` takes from a part of the mesh; None if there are none.
+    pins
+        The displacement components that it holds.
+    turns
+        The ramps of the dead loads by which it may turn.
+    loose
+        Mask of degrees of freedom, as many as rotations by which dead loads may turn a free body:
+        its orientation is found together with its shape.  Not fixed.
     """
 
     def __init__(self, size: int) -> None:
         self.released: FreePart | None = None
+        self.pins: list[Pin] = []
+        self.turns: frozenset[str] = frozenset()
+        self.loose = np.zeros(size, dtype=bool)
         self.fixed = np.zeros(size, dtype=bool)
         self.base: dict[str, np.ndarray] = {}
 
@@ -80,12 +92,29 @@ def apply_supports(scene: Scene, parts: list[Component], constraints: Constraint
     check_agreement(scene, parts, given)
     for item in given:
         constraints.fix(parts[item.axis].dofs[item.local], item.values, item.ramp)
-    if not any(isinstance(item, FreeBody) for item in scene.supports):
+    if any(isinstance(item, FreeBody) for item in scene.supports):
+        _hold_free_body(scene, parts, constraints)
+
+
+def _hold_free_body(scene: Scene, parts: list[Component], constraints: Constraints) -> None:
+    """Hold what rigid motions are left, but for rotations by which dead loads may turn the body."""
+    part = released(scene, parts, constraints.fixed)
+    constraints.released = part
+    if part is None:
         return
-    constraints.released = released(scene, parts, constraints.fixed)
-    if constraints.released is not None:
-        for axis, vertices in pins(scene, constraints.released):
-            constraints.fix(parts[axis].dofs[parts[axis].on(0, vertices)])
+    held, turns = split_turns(scene, part)
+    constraints.turns = turns
+
+    def dofs_of(pin: Pin) -> np.ndarray:
+        component = parts[pin.axis]
+        return component.dofs[component.on(0, pin.vertices)]
+
+    constraints.pins = list(pins(scene, replace(part, motions=held)))
+    for pin in constraints.pins:
+        constraints.fix(dofs_of(pin))
+    rest = released(scene, parts, constraints.fixed) if turns else None
+    for pin in pins(scene, rest) if rest is not None else ():
+        constraints.loose[dofs_of(pin)] = True
 
 
 def apply_overall(

@@ -7,6 +7,7 @@ where the loads balance, and the body deforms as if it were free.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,6 +24,25 @@ TIE = 1e-6
 """Relative difference of two scores that counts as rounding."""
 
 
+@dataclass(frozen=True)
+class Pin:
+    """One displacement component of one vertex that is held.
+
+    Attributes
+    ----------
+    axis
+        Number of the displacement component.
+    vertices
+        The local vertices, none or one.
+    place
+        Dimensionless coordinates of the vertex, shape (3,).
+    """
+
+    axis: int
+    vertices: np.ndarray
+    place: np.ndarray
+
+
 def released(scene: Scene, parts: list[Component], fixed: np.ndarray) -> FreePart | None:
     """The rigid motions that the other supports leave to a device; None if they leave none.
 
@@ -33,7 +53,7 @@ def released(scene: Scene, parts: list[Component], fixed: np.ndarray) -> FreePar
     return free[0] if free else None
 
 
-def pins(scene: Scene, part: FreePart) -> Iterator[tuple[int, np.ndarray]]:
+def pins(scene: Scene, part: FreePart) -> Iterator[Pin]:
     """Choose what to hold, one displacement component of one vertex for each free motion.
 
     The choice depends on positions alone, not on numbers or ranks.  At the first vertex, the
@@ -42,13 +62,6 @@ def pins(scene: Scene, part: FreePart) -> Iterator[tuple[int, np.ndarray]]:
     along the axes turns nothing.  Held across an oblique line, a slender actuator of 20 turns that
     shortens by 2.3 % leans by 2.2 degrees, and at 13 % one of 14 turns by 3.5 degrees, which its
     height then feels.
-
-    Yields
-    ------
-    axis
-        Number of the displacement component.
-    vertices
-        Local vertices, none or one, to be held along it.
     """
     device = scene.device
     corners = _Corners(device, part)
@@ -65,7 +78,7 @@ def pins(scene: Scene, part: FreePart) -> Iterator[tuple[int, np.ndarray]]:
         a = int(np.flatnonzero(sizes >= (1 - TIE) * sizes.max())[0])
         if sizes[a] < CLEAR * largest:
             break
-        yield a, corners.vertices(first)
+        yield corners.pin(first, a)
         free = _without(free, at_anchor[a])
     away = (x - anchor) / (part.box.size / 2)
     distance = np.maximum(np.linalg.norm(away, axis=1), 1e-300)
@@ -77,7 +90,7 @@ def pins(scene: Scene, part: FreePart) -> Iterator[tuple[int, np.ndarray]]:
         moved = np.linalg.norm(rows @ free.T, axis=2)
         across = np.minimum(1.0, moved / distance[:, None])
         vertex, a = corners.best_of(moved * (aligned[:, None] * across) ** 8)
-        yield a, corners.vertices(vertex)
+        yield corners.pin(vertex, a)
         at = corners.place(vertex)[None]
         free = _without(free, modes(at, a, axes, part.box)[0])
 
@@ -138,6 +151,7 @@ class _Corners:
         """Dimensionless coordinates of a corner, shape (3,)."""
         return np.array(corner[:3])
 
-    def vertices(self, corner: tuple) -> np.ndarray:
-        """Its local vertices, none or one."""
-        return self._vertices[self._numbers == corner[3]].astype(np.int32)
+    def pin(self, corner: tuple, axis: int) -> Pin:
+        """One displacement component of a corner."""
+        vertices = self._vertices[self._numbers == corner[3]].astype(np.int32)
+        return Pin(axis, vertices, self.place(corner))

@@ -35,6 +35,7 @@ from dea_fenicsx.loads import Loads
 from dea_fenicsx.rigid import check_rigid
 from dea_fenicsx.scene import SIMPLICES, Scene, period
 from dea_fenicsx.ties import Group, Pairs, Rows, expansion, followers
+from dea_fenicsx.turning import Turning
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,8 @@ class Problem:
         The overall unknowns by name; empty unless the kinematics has some.
     incompressible_cells
         Owned cells of exactly incompressible regions, sorted.
+    turning
+        How a free body's orientation is held while no dead load acts.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -162,7 +165,8 @@ class Problem:
         self.constraints = Constraints(self.size)
         apply_supports(self.scene, self.displacement, self.constraints)
         apply_overall(self.scene, self.overall, self.constraints)
-        check_rigid(self.scene, self.displacement, self.constraints.fixed)
+        held = self.constraints.fixed | self.constraints.loose
+        check_rigid(self.scene, self.displacement, held)
         self.electrode_dofs: dict[str, np.ndarray] = {}
         if self.potential is not None:
             self.electrode_dofs = apply_electrodes(
@@ -180,6 +184,10 @@ class Problem:
             name: np.searchsorted(self.free, np.intersect1d(dofs, self.free))
             for name, dofs in self.fields.items()
         }
+        loose = np.flatnonzero(self.constraints.loose[: self.owned]).astype(np.int32)
+        self.turning = Turning(
+            loose, np.searchsorted(self.free, loose), self.constraints.turns, np.zeros(len(loose))
+        )
         self.unknowns = self.comm.allreduce(len(self.free), op=MPI.SUM)
         self.counts = {
             name: self.comm.allreduce(len(where), op=MPI.SUM)
@@ -282,9 +290,10 @@ class Problem:
         n = scene.device.owned_cells()
         self.cell_volumes = _cell_values(volumes)[:n]
         self.volume = self.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
-        surface_loads = [load.ramp for load in scene.loads if load.ramp in self.loads.unit_work]
-        check_balance(scene, scales, self.displacement, self.constraints.released,
-                      dict.fromkeys(surface_loads), self.load_vector)  # fmt: skip
+        check_balance(
+            scene, scales, self.displacement, self.constraints,
+            list(self.loads.unit_work), self.load_vector,
+        )  # fmt: skip
         self.incompressible_cells = np.sort(
             np.concatenate([np.empty(0, dtype=np.int32),
                             *(k.cells for k in self.kernels if k.kappa is None)])
@@ -307,6 +316,8 @@ class Problem:
 
     def set_factors(self, factors: dict[str, float]) -> None:
         """Set the ramp factors: dead loads at once, fixed values at `insert_fixed`."""
+        if self.turning.holds(factors) and not self.turning.holds(self.factors):
+            self.keep_orientation()
         self.factors = dict(factors)
         for ramp, constant in self.loads.factors.items():
             constant.value = factors[ramp]
@@ -319,6 +330,10 @@ class Problem:
         change = target[self.fixed] - array[self.fixed]
         array[fixed] = target[fixed]
         return change
+
+    def keep_orientation(self) -> None:
+        """Let a free body stay as it is oriented now while no dead load acts."""
+        self.turning.rest[:] = self.w.x.array[self.turning.dofs]
 
     def overall_values(self) -> np.ndarray:
         """Elongation and, of a helical cell, twist (rad/m), if there are such.  Collective."""
@@ -373,6 +388,10 @@ class Problem:
         rows = self.restrict(residual)
         for ramp, factor in self.factors.items():
             self.add_sources(rows, ramp, factor)
+        turning = self.turning
+        if turning.holds(self.factors):
+            turned = self.w.x.array[turning.dofs] - turning.rest
+            rows[turning.rows] += turning.STIFFNESS * turned
         return rows
 
     def add_sources(self, rows: np.ndarray, ramp: str, factor: float) -> None:

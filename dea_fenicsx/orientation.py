@@ -1,0 +1,160 @@
+"""The orientation that dead loads give to a free body when they begin to act.
+
+However small they are, dead loads with a moment turn a free body at once until the moment vanishes.
+So the body starts there: the state is turned as a whole, which strains nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.rigid import rotations
+from dea_fenicsx.turning import felt_axes
+from dea_fenicsx.weakform import Problem
+
+NONE = 1e-6
+"""Moment, as a share of the sum of all forces times their arms, that turns nothing."""
+
+
+def turn_to_loads(problem: Problem, rates: Mapping[str, float]) -> float:
+    """Turn a free body as a whole to where the loads that begin to act have no moment.  Collective.
+
+    Of the orientations without a moment it is the stable one, in which the loads' potential is
+    lowest; of several such the nearest.
+
+    Parameters
+    ----------
+    problem
+        The problem; its state is turned.
+    rates
+        Change of each ramp's factor that begins.
+
+    Returns
+    -------
+    float
+        The angle in rad; 0 if the body is not free to turn, if dead loads act already, or if the
+        new ones have no moment.
+    """
+    acting = problem.turning.ramps & {ramp for ramp, rate in rates.items() if rate}
+    if not acting or not problem.turning.holds(problem.factors):
+        return 0.0
+    forces = -sum(rates[ramp] * problem.load_vector(ramp) for ramp in sorted(acting))
+    moments, size = _first_moments(problem, np.asarray(forces))
+    axes = felt_axes(problem.scene, problem.constraints.released)
+    turned = np.array([moments[2, 1] - moments[1, 2], moments[0, 2] - moments[2, 0],
+                       moments[1, 0] - moments[0, 1]])  # fmt: skip
+    if np.linalg.norm(axes @ turned) <= NONE * size:
+        return 0.0
+    R = _about(axes[0], moments) if len(axes) == 1 else _lowest(moments)
+    centre = problem.constraints.pins[0].place
+    R = _as_pinned(problem, R, centre) @ R
+    _rotate(problem, R, centre)
+    problem.insert_fixed()
+    problem.keep_orientation()
+    return float(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1)))
+
+
+def _positions(problem: Problem) -> list[np.ndarray]:
+    """For each displacement component the deformed position of each local node, shape (n, 3).
+
+    Nodes are numbered by each component's own space; positions come through the cells.
+    """
+    parts, w = problem.displacement, problem.w.x.array
+    found = []
+    for part in parts:
+        x = part.space.tabulate_dof_coordinates().copy()
+        nodes = part.space.dofmap.list.ravel()
+        for j, other in enumerate(parts):
+            x[nodes, j] += w[other.dofs[other.space.dofmap.list.ravel()]]
+        found.append(x)
+    return found
+
+
+def _first_moments(problem: Problem, forces: np.ndarray) -> tuple[np.ndarray, float]:
+    """Sum of f_i x_j over the nodes, shape (3, 3), and of |f| |x|, about the middle of the body."""
+    released = problem.constraints.released
+    assert released is not None
+    total = np.zeros((3, 3))
+    size = 0.0
+    for i, (part, x) in enumerate(zip(problem.displacement, _positions(problem), strict=True)):
+        mine = part.dofs < problem.owned
+        f, arm = forces[part.dofs[mine]], x[mine] - released.box.middle
+        total[i] = f @ arm
+        size += float(np.abs(f) @ np.linalg.norm(arm, axis=1))
+    summed = problem.comm.allreduce(np.append(total.ravel(), size), op=MPI.SUM)
+    return summed[:9].reshape(3, 3), float(summed[9])
+
+
+def _rotation(axis: np.ndarray, cosine: float, sine: float) -> np.ndarray:
+    """Rotation matrix about a unit axis."""
+    cross = np.cross(np.eye(3), axis)
+    return cosine * np.eye(3) + sine * cross + (1 - cosine) * np.outer(axis, axis)
+
+
+def _about(axis: np.ndarray, moments: np.ndarray) -> np.ndarray:
+    """The rotation about an axis that gives the loads the lowest potential -tr(R^T M)."""
+    across = np.eye(3) - np.outer(axis, axis)
+    flat = across @ moments @ across
+    turned = np.array([flat[2, 1] - flat[1, 2], flat[0, 2] - flat[2, 0], flat[1, 0] - flat[0, 1]])
+    cosine, sine = np.trace(flat), float(axis @ turned)
+    size = np.hypot(cosine, sine)
+    return _rotation(axis, float(cosine / size), sine / size)
+
+
+def _lowest(moments: np.ndarray) -> np.ndarray:
+    """The rotation that gives the loads the lowest potential -tr(R^T M); the least of several."""
+    U, s, Vt = np.linalg.svd(moments)
+    if s[1] > NONE * s[0]:
+        return U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    # loads of one direction u at arms of one direction v: the shortest way from v to u
+    u, v = U[:, 0], Vt[0]
+    axis = np.cross(v, u)
+    sine = float(np.linalg.norm(axis))
+    if sine < NONE:
+        return np.eye(3)
+    return _rotation(axis / sine, float(v @ u), sine)
+
+
+def _as_pinned(problem: Problem, R: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    """A further rotation, about the direction of all loads, after which held displacements are 0.
+
+    The last of the pins holds that rotation where all loads have one direction.
+    """
+    axes = felt_axes(problem.scene, problem.constraints.released)
+    if rotations(problem.scene.kinematics.axes) == 1 or len(axes) != 2:
+        return np.eye(3)
+    e = np.cross(axes[0], axes[1])
+    pin = problem.constraints.pins[-1]
+    u = np.zeros(3)
+    for j, part in enumerate(problem.displacement):
+        local = problem.w.x.array[part.dofs[part.on(0, pin.vertices)]]
+        u[j] = next(v for v in problem.comm.allgather(local) if len(v))[0]
+    p = R @ (pin.place + u - centre)
+    along = float(p @ e) * e
+    side = np.cross(e, p)
+    a, b = (p - along)[pin.axis], side[pin.axis]
+    size = float(np.hypot(a, b))
+    if size < NONE * np.linalg.norm(p):
+        return np.eye(3)
+    wanted = (pin.place - centre - along)[pin.axis] / size
+    middle, half = np.arctan2(b, a), np.arccos(np.clip(wanted, -1, 1))
+    choices = [np.angle(np.exp(1j * (middle + s * half))) for s in (-1, 1)]
+    angle = float(min(choices, key=abs))
+    return _rotation(e, float(np.cos(angle)), float(np.sin(angle)))
+
+
+def _rotate(problem: Problem, R: np.ndarray, centre: np.ndarray) -> None:
+    """Turn the state as a whole about an undeformed place."""
+    moved = [
+        (x - centre) @ R[i] + centre[i] - part.space.tabulate_dof_coordinates()[:, i]
+        for i, (part, x) in enumerate(
+            zip(problem.displacement, _positions(problem), strict=True)
+        )
+    ]
+    state = problem.get_state()
+    for part, values in zip(problem.displacement, moved, strict=True):
+        state[part.dofs] = values
+    problem.set_state(state)
