@@ -12,7 +12,7 @@ from dea_fenicsx.constraints import Constraints
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import Scales
 from dea_fenicsx.kinematics import Helical
-from dea_fenicsx.rigid import FreePart, in_words, modes, rotations
+from dea_fenicsx.rigid import FreePart, in_words, modes, rotations, translations
 from dea_fenicsx.scene import Scene
 
 ROUNDING = 1e-8
@@ -54,23 +54,13 @@ def check_balance(
         for ramp in mine:
             _check_cell(scene, parts, ramp, forces_of(ramp))
     elif released is not None:
-        shifts = _translations(released.motions, rotations(scene.kinematics.axes))
+        shifts = translations(released.motions, rotations(scene.kinematics.axes))
         for ramp in mine:
             forces = -forces_of(ramp)
             _check_free(scene, scales, parts, released, shifts, ramp, forces, "force")
             if ramp not in constraints.turns:
                 motions = released.motions
                 _check_free(scene, scales, parts, released, motions, ramp, forces, "moment")
-
-
-def _translations(motions: np.ndarray, turns: int) -> np.ndarray:
-    """An orthonormal basis of the combinations of motions that do not rotate."""
-    if not turns:
-        return motions
-    basis, values, _ = np.linalg.svd(motions[:, :turns])
-    still = np.ones(len(motions), dtype=bool)
-    still[: len(values)] = values < 1e-6
-    return basis[:, still].T @ motions
 
 
 def _check_free(

@@ -21,12 +21,12 @@ from dea_fenicsx.conditions import (
     ThinFilm,
     Twist,
 )
+from dea_fenicsx.deadloads import split_turns
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.freebody import Pin, pins, released
 from dea_fenicsx.prescriptions import check_agreement, prescriptions
 from dea_fenicsx.rigid import FreePart
 from dea_fenicsx.scene import Scene
-from dea_fenicsx.turning import split_turns
 
 
 class Constraints:
@@ -48,17 +48,14 @@ class Constraints:
     pins
         The displacement components that it holds.
     turns
-        The ramps of the dead loads by which it may turn.
-    loose
-        Mask of degrees of freedom, as many as rotations by which dead loads may turn a free body:
-        its orientation is found together with its shape.  Not fixed.
+        The ramps of the dead loads by which it may turn: then its rotations are unknowns, see
+        `turning`.
     """
 
     def __init__(self, size: int) -> None:
         self.released: FreePart | None = None
         self.pins: list[Pin] = []
         self.turns: frozenset[str] = frozenset()
-        self.loose = np.zeros(size, dtype=bool)
         self.fixed = np.zeros(size, dtype=bool)
         self.base: dict[str, np.ndarray] = {}
 
@@ -102,19 +99,11 @@ def _hold_free_body(scene: Scene, parts: list[Component], constraints: Constrain
     constraints.released = part
     if part is None:
         return
-    held, turns = split_turns(scene, part)
-    constraints.turns = turns
-
-    def dofs_of(pin: Pin) -> np.ndarray:
-        component = parts[pin.axis]
-        return component.dofs[component.on(0, pin.vertices)]
-
+    held, constraints.turns = split_turns(scene, part)
     constraints.pins = list(pins(scene, replace(part, motions=held)))
     for pin in constraints.pins:
-        constraints.fix(dofs_of(pin))
-    rest = released(scene, parts, constraints.fixed) if turns else None
-    for pin in pins(scene, rest) if rest is not None else ():
-        constraints.loose[dofs_of(pin)] = True
+        component = parts[pin.axis]
+        constraints.fix(component.dofs[component.on(0, pin.vertices)])
 
 
 def apply_overall(

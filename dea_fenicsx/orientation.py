@@ -11,8 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.rigid import rotations
-from dea_fenicsx.turning import felt_axes
+from dea_fenicsx.deadloads import felt_axes
 from dea_fenicsx.weakform import Problem
 
 NONE = 1e-6
@@ -50,7 +49,6 @@ def turn_to_loads(problem: Problem, rates: Mapping[str, float]) -> float:
         return 0.0
     R = _about(axes[0], moments) if len(axes) == 1 else _lowest(moments)
     centre = problem.constraints.pins[0].place
-    R = _as_pinned(problem, R, centre) @ R
     _rotate(problem, R, centre)
     problem.insert_fixed()
     problem.keep_orientation()
@@ -116,34 +114,6 @@ def _lowest(moments: np.ndarray) -> np.ndarray:
     if sine < NONE:
         return np.eye(3)
     return _rotation(axis / sine, float(v @ u), sine)
-
-
-def _as_pinned(problem: Problem, R: np.ndarray, centre: np.ndarray) -> np.ndarray:
-    """A further rotation, about the direction of all loads, after which held displacements are 0.
-
-    The last of the pins holds that rotation where all loads have one direction.
-    """
-    axes = felt_axes(problem.scene, problem.constraints.released)
-    if rotations(problem.scene.kinematics.axes) == 1 or len(axes) != 2:
-        return np.eye(3)
-    e = np.cross(axes[0], axes[1])
-    pin = problem.constraints.pins[-1]
-    u = np.zeros(3)
-    for j, part in enumerate(problem.displacement):
-        local = problem.w.x.array[part.dofs[part.on(0, pin.vertices)]]
-        u[j] = next(v for v in problem.comm.allgather(local) if len(v))[0]
-    p = R @ (pin.place + u - centre)
-    along = float(p @ e) * e
-    side = np.cross(e, p)
-    a, b = (p - along)[pin.axis], side[pin.axis]
-    size = float(np.hypot(a, b))
-    if size < NONE * np.linalg.norm(p):
-        return np.eye(3)
-    wanted = (pin.place - centre - along)[pin.axis] / size
-    middle, half = np.arctan2(b, a), np.arccos(np.clip(wanted, -1, 1))
-    choices = [np.angle(np.exp(1j * (middle + s * half))) for s in (-1, 1)]
-    angle = float(min(choices, key=abs))
-    return _rotation(e, float(np.cos(angle)), float(np.sin(angle)))
 
 
 def _rotate(problem: Problem, R: np.ndarray, centre: np.ndarray) -> None:

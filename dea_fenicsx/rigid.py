@@ -96,7 +96,9 @@ def free_parts(scene: Scene, parts: Sequence[Component], fixed: np.ndarray) -> l
     return sorted(found, key=lambda part: (-part.size, *np.round(part.box.middle, 9)))
 
 
-def check_rigid(scene: Scene, parts: list[Component], fixed: np.ndarray) -> None:
+def check_rigid(
+    scene: Scene, parts: list[Component], fixed: np.ndarray, turning: FreePart | None = None
+) -> None:
     """Raise InputError if a part of the device can move freely, naming the motions.  Collective.
 
     Parameters
@@ -107,6 +109,8 @@ def check_rigid(scene: Scene, parts: list[Component], fixed: np.ndarray) -> None
         Its displacement components.
     fixed
         Mask of the fixed local degrees of freedom of the mixed space.
+    turning
+        A part that may turn, since dead loads give it its orientation.
 
     Raises
     ------
@@ -114,7 +118,12 @@ def check_rigid(scene: Scene, parts: list[Component], fixed: np.ndarray) -> None
         Naming the part, if there are several, and the motions.
     """
     device, axes = scene.device, scene.kinematics.axes
-    free = free_parts(scene, parts, fixed)
+    turns = rotations(axes)
+    free = [
+        part for part in free_parts(scene, parts, fixed)
+        if turning is None or len(translations(part.motions, turns))
+        or not np.array_equal(part.cells, turning.cells)
+    ]  # fmt: skip
     if not free:
         return
     part, who = free[0], "The device"
@@ -240,6 +249,24 @@ def modes(x: np.ndarray, axis: int, axes: str, box: Box) -> np.ndarray:
 def rotations(axes: str) -> int:
     """How many of the columns of `modes` are rotations; they come first."""
     return {"xyz": 3, "xy": 1, "rz": 0, "rtz": 1}[axes]
+
+
+def translations(motions: np.ndarray, turns: int) -> np.ndarray:
+    """An orthonormal basis of those combinations of motions that do not rotate.
+
+    Parameters
+    ----------
+    motions
+        Rows of coefficients of `modes`.
+    turns
+        How many of the columns are rotations.
+    """
+    if not turns:
+        return motions
+    basis, values, _ = np.linalg.svd(motions[:, :turns])
+    still = np.ones(len(motions), dtype=bool)
+    still[: len(values)] = values < 1e-6
+    return basis[:, still].T @ motions
 
 
 def _held(

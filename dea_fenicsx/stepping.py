@@ -189,10 +189,10 @@ def follow(
     else:
         cursor = resume
         problem.set_factors(cursor.factors)
-        problem.keep_orientation()
     sentinel.start()
     while cursor.ramp < len(path):
         item = path[cursor.ramp]
+        problem.keep_orientation()
         angle = turn_to_loads(problem, _rates(item, scene, cursor.factors))
         if angle:
             log(f"{item.label(scene)}: the loads turn the free body by {math.degrees(angle):.3g} "

@@ -75,8 +75,8 @@ class Tangent:
         self.problem.spread(direction, self._along)
         product = self.problem.restrict(self._along_times())
         turning = self.problem.turning
-        if turning.holds(self.problem.factors):
-            product[turning.rows] += turning.STIFFNESS * direction[turning.rows]
+        stiffness = turning.stiffness(self.problem.factors)
+        product[turning.rows] += stiffness * direction[turning.rows]
         return product
 
     def times_fixed(self, change: np.ndarray) -> np.ndarray:

@@ -1,139 +1,122 @@
-"""Rotations of a free body that are not held, because dead loads turn it.
+"""Springs that keep the orientation of a free body which dead loads may turn.
 
 Dead loads keep their direction in space.  A free body under them turns until they have no moment;
-held in its first orientation it would have to be borne by reactions.  So the rotations that dead
-loads resist are unknowns like any other displacement.
+held in its first orientation, the moment would have to be borne by reactions.  So its rotations are
+unknowns like any other displacement.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from mpi4py import MPI
 
-from dea_fenicsx.cells import facet_normals
-from dea_fenicsx.conditions import DeadLoad, DeadPressure
-from dea_fenicsx.rigid import FreePart, rotations
+from dea_fenicsx.components import Component
+from dea_fenicsx.constraints import Constraints
+from dea_fenicsx.deadloads import felt_axes
+from dea_fenicsx.freebody import Corners, Pin, across, without
+from dea_fenicsx.rigid import FreePart, modes
 from dea_fenicsx.scene import Scene
 
-ALIKE = 1e-9
-"""Share of a load across the direction of all others that is rounding."""
 
-
-def split_turns(scene: Scene, part: FreePart) -> tuple[np.ndarray, frozenset[str]]:
-    """Which of a part's free motions are to be held, and which ramps turn it in the others.
-
-    All motions are held unless the body can turn without strain, by any angle: if it is free in
-    the plane or in space, or free along a plane and about its normal, as half of a body by
-    symmetry.  Then those rotations are held about whose axis the dead loads have no moment in any
-    orientation, since they all point along it.  Collective.
-
-    Returns
-    -------
-    held : ndarray of shape (n, number of rigid motions)
-        Rows of motions to be held.
-    turns : frozenset
-        Ramps of the dead loads; empty if all motions are to be held.
-    """
-    n_turns = rotations(scene.kinematics.axes)
-    across = felt_axes(scene, part)[:, -n_turns:] if n_turns else np.empty((0, 0))
-    if not len(across):
-        return part.motions, frozenset()
-    # what is left of the motions once the rotations that the loads feel are taken out
-    turns = part.motions[:, :n_turns] @ across.T
-    held = np.linalg.svd(turns.T)[2][len(across):] @ part.motions
-    return held, frozenset(load.ramp for load in _dead_loads(scene))
-
-
-def felt_axes(scene: Scene, part: FreePart | None) -> np.ndarray:
-    """Orthonormal axes about which dead loads turn a part of the device, shape (n, 3)."""
-    loads = _dead_loads(scene)
-    if part is None or not loads or scene.kinematics.axes not in ("xyz", "xy"):
-        return np.empty((0, 3))
-    axes = _turning_axes(part.motions, rotations(scene.kinematics.axes))
-    if not len(axes) or scene.device.dim == 2:
-        return axes
-    return _felt(axes, _directions(scene, loads))
-
-
-def _dead_loads(scene: Scene) -> list[DeadLoad | DeadPressure]:
-    return [
-        load for load in scene.loads
-        if isinstance(load, DeadLoad | DeadPressure) and np.any(load.pascal)
-    ]  # fmt: skip
-
-
-def _turning_axes(motions: np.ndarray, n_turns: int) -> np.ndarray:
-    """Orthonormal axes about which a body can turn by any angle without strain, shape (n, 3)."""
-    none = np.empty((0, 3))
-    if n_turns == 1:
-        return np.eye(3)[2:] if len(motions) == 3 else none
-    if len(motions) == 6:
-        return np.eye(3)
-    values, axes = np.linalg.svd(motions[:, :3])[1:]
-    if len(motions) != 3 or np.count_nonzero(values > 1e-6) != 1:
-        return none
-    # free along a plane: its normal is the axis, and nothing moves along it
-    moves = motions @ np.concatenate([np.zeros(3), axes[0]])
-    return axes[:1] if np.max(np.abs(moves)) < 1e-6 else none
-
-
-def _felt(axes: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Those of the axes, or combinations of them, along which not all loads point."""
-    values, vectors = np.linalg.eigh(directions)
-    if len(axes) == 1:
-        along = axes[0] @ directions @ axes[0]
-        return axes if np.trace(directions) - along > ALIKE * np.trace(directions) else axes[:0]
-    one = values[1] <= ALIKE * values[2]
-    return vectors[:, :2].T if one else axes
-
-
-def _directions(scene: Scene, loads: list[DeadLoad | DeadPressure]) -> np.ndarray:
-    """Sum over loads of t t^T with t their unit directions, shape (3, 3).  Collective."""
-    total = np.zeros((3, 3))
-    for load in loads:
-        if isinstance(load, DeadLoad):
-            t = np.array(load.pascal, dtype=float) / np.linalg.norm(load.pascal)
-            total += np.outer(t, t)
-        else:
-            normals = facet_normals(scene.device, scene.device.facets_of(load.where))
-            mine = np.concatenate([(normals.T @ normals).ravel(), [len(normals)]])
-            everyone = scene.device.comm.allreduce(mine, op=MPI.SUM)
-            total += everyone[:9].reshape(3, 3) / max(everyone[9], 1.0)
-    return total
-
-
-@dataclass(frozen=True)
 class Turning:
-    """What keeps a free body's orientation while no dead load gives it one.
+    """Springs that keep a free body's orientation where no dead load gives it one.
 
-    While all of its dead loads are 0 nothing turns the body, and without more its orientation would
-    be undetermined.  Then springs hold it where it is; they bear nothing, as all that acts is
-    balanced.  Under dead loads there are no springs: they only take part in the kept factor, which
-    would be singular at the first step.
+    While all of its dead loads are 0 nothing turns the body, and under loads of one direction
+    nothing turns it about this direction.  There, springs hold it as it is; they bear nothing, as
+    all that acts is balanced.  The other springs do not act under dead loads: they only take part
+    in the kept factor, which would be singular at the first step.
+
+    Parameters
+    ----------
+    scene, parts, constraints
+        The scene, its displacement components, and what is held of it.
+    free
+        Owned local degrees of freedom that are unknowns, sorted.
 
     Attributes
     ----------
-    dofs
-        Owned local degrees of freedom with springs.
-    rows
-        Their places among the free unknowns.
     ramps
-        Ramps of the dead loads.
-    rest
-        Displacements at which the springs are at rest; changed in place.
+        Ramps of the dead loads; empty if nothing turns.
+    rows
+        Places among the free unknowns of those that have springs.
     """
-
-    dofs: np.ndarray
-    rows: np.ndarray
-    ramps: frozenset[str]
-    rest: np.ndarray
 
     STIFFNESS = 1.0
     """Of each spring, in units of a shear modulus times the device's size."""
 
+    def __init__(
+        self, scene: Scene, parts: Sequence[Component], constraints: Constraints, free: np.ndarray
+    ) -> None:
+        self.ramps = constraints.turns
+        self._scene, self._parts, self._free = scene, parts, free
+        self._released, self._pins = constraints.released, constraints.pins
+        self._felt = felt_axes(scene, self._released) if self.ramps else np.empty((0, 3))
+        self._dofs, self.rows = np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int64)
+        self._always, self._rest = np.empty(0, dtype=bool), np.empty(0)
+        self.place(np.zeros(len(constraints.fixed)))
+
+    def place(self, state: np.ndarray) -> None:
+        """Place the springs for the orientation of a state, which they keep.  Collective."""
+        if not self.ramps:
+            return
+        found = list(springs(self._scene, self._parts, self._released, self._pins,
+                             self._felt, state))  # fmt: skip
+        dofs, always = [], []
+        for pin, kept in found:
+            part = self._parts[pin.axis]
+            local = part.dofs[part.on(0, pin.vertices)]
+            local = local[np.isin(local, self._free)]
+            dofs.append(local)
+            always.append(np.full(len(local), kept))
+        self._dofs, self._always = np.concatenate(dofs), np.concatenate(always)
+        self.rows = np.searchsorted(self._free, self._dofs)
+        self._rest = state[self._dofs]
+
     def holds(self, factors: Mapping[str, float]) -> bool:
-        """Whether the springs act: no dead load does."""
+        """Whether all springs act: no dead load does."""
         return bool(self.ramps) and not any(factors[ramp] for ramp in self.ramps)
+
+    def force(self, state: np.ndarray, factors: Mapping[str, float]) -> np.ndarray:
+        """Forces of the springs, in their rows."""
+        return self.stiffness(factors) * (state[self._dofs] - self._rest)
+
+    def stiffness(self, factors: Mapping[str, float]) -> np.ndarray:
+        """Stiffness of each spring, in its row."""
+        return self.STIFFNESS * (self._always | self.holds(factors))
+
+
+def springs(
+    scene: Scene, parts: Sequence[Component], part: FreePart | None, held: Sequence[Pin],
+    felt: np.ndarray, state: np.ndarray,
+) -> Iterator[tuple[Pin, bool]]:  # fmt: skip
+    """Where springs hold the orientation of a state, and which of them act under dead loads, too.
+
+    Collective.
+
+    Parameters
+    ----------
+    scene, parts
+        The scene and its displacement components.
+    part
+        What `FreeBody` holds.
+    held
+        The pins that hold its translations.
+    felt
+        Axes about which dead loads turn it.
+    state
+        Values of the mixed space.
+    """
+    assert part is not None
+    axes, box, free = scene.kinematics.axes, part.box, part.motions
+    for pin in held:
+        free = without(free, modes(pin.place[None], pin.axis, axes, box)[0])
+    corners, anchor = Corners(scene.device, part, parts, state), held[0].place
+    if len(free) == 3 and len(felt) == 2:
+        about = np.cross(felt[0], felt[1])
+        along = np.linalg.solve(free[:, :3].T, about) @ free
+        for pin in across(scene, corners, box, anchor, along[None] / np.linalg.norm(along)):
+            yield pin, True
+            free = without(free, modes(pin.place[None], pin.axis, axes, box)[0])
+    for pin in across(scene, corners, box, anchor, free):
+        yield pin, False

@@ -98,7 +98,7 @@ class Problem:
     incompressible_cells
         Owned cells of exactly incompressible regions, sorted.
     turning
-        How a free body's orientation is held while no dead load acts.
+        What keeps a free body's orientation where no dead load gives it one.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -165,8 +165,8 @@ class Problem:
         self.constraints = Constraints(self.size)
         apply_supports(self.scene, self.displacement, self.constraints)
         apply_overall(self.scene, self.overall, self.constraints)
-        held = self.constraints.fixed | self.constraints.loose
-        check_rigid(self.scene, self.displacement, held)
+        turning = self.constraints.released if self.constraints.turns else None
+        check_rigid(self.scene, self.displacement, self.constraints.fixed, turning)
         self.electrode_dofs: dict[str, np.ndarray] = {}
         if self.potential is not None:
             self.electrode_dofs = apply_electrodes(
@@ -184,10 +184,7 @@ class Problem:
             name: np.searchsorted(self.free, np.intersect1d(dofs, self.free))
             for name, dofs in self.fields.items()
         }
-        loose = np.flatnonzero(self.constraints.loose[: self.owned]).astype(np.int32)
-        self.turning = Turning(
-            loose, np.searchsorted(self.free, loose), self.constraints.turns, np.zeros(len(loose))
-        )
+        self.turning = Turning(self.scene, self.displacement, self.constraints, self.free)
         self.unknowns = self.comm.allreduce(len(self.free), op=MPI.SUM)
         self.counts = {
             name: self.comm.allreduce(len(where), op=MPI.SUM)
@@ -332,8 +329,8 @@ class Problem:
         return change
 
     def keep_orientation(self) -> None:
-        """Let a free body stay as it is oriented now while no dead load acts."""
-        self.turning.rest[:] = self.w.x.array[self.turning.dofs]
+        """Let a free body stay as it is oriented now where no dead load turns it.  Collective."""
+        self.turning.place(self.w.x.array)
 
     def overall_values(self) -> np.ndarray:
         """Elongation and, of a helical cell, twist (rad/m), if there are such.  Collective."""
@@ -388,10 +385,7 @@ class Problem:
         rows = self.restrict(residual)
         for ramp, factor in self.factors.items():
             self.add_sources(rows, ramp, factor)
-        turning = self.turning
-        if turning.holds(self.factors):
-            turned = self.w.x.array[turning.dofs] - turning.rest
-            rows[turning.rows] += turning.STIFFNESS * turned
+        rows[self.turning.rows] += self.turning.force(self.w.x.array, self.factors)
         return rows
 
     def add_sources(self, rows: np.ndarray, ramp: str, factor: float) -> None:
