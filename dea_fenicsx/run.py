@@ -413,6 +413,7 @@ class _Session:
         self.solver.references.sizes |= told.get("references", {})
         cursor = Cursor(**told["cursor"])
         self.problem.set_factors(cursor.factors)
+        self.problem.keep_orientation()
         try:
             check_step(self.solver, cursor.step, {})
         except SolverError as error:
