@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.components import Component
 from dea_fenicsx.deadloads import felt_axes
 from dea_fenicsx.weakform import Problem
 
@@ -78,12 +79,21 @@ def _first_moments(problem: Problem, forces: np.ndarray) -> tuple[np.ndarray, fl
     total = np.zeros((3, 3))
     size = 0.0
     for i, (part, x) in enumerate(zip(problem.displacement, _positions(problem), strict=True)):
-        mine = part.dofs < problem.owned
+        mine = _nodes(problem, part) & (part.dofs < problem.owned)
         f, arm = forces[part.dofs[mine]], x[mine] - released.box.middle
         total[i] = f @ arm
         size += float(np.abs(f) @ np.linalg.norm(arm, axis=1))
     summed = problem.comm.allreduce(np.append(total.ravel(), size), op=MPI.SUM)
     return summed[:9].reshape(3, 3), float(summed[9])
+
+
+def _nodes(problem: Problem, component: Component) -> np.ndarray:
+    """Mask of a component's local nodes that lie in the part which turns."""
+    released = problem.constraints.released
+    assert released is not None
+    mine = np.zeros(len(component.dofs), dtype=bool)
+    mine[component.space.dofmap.list[released.cells].ravel()] = True
+    return mine
 
 
 def _rotation(axis: np.ndarray, cosine: float, sine: float) -> np.ndarray:
@@ -117,14 +127,11 @@ def _lowest(moments: np.ndarray) -> np.ndarray:
 
 
 def _rotate(problem: Problem, R: np.ndarray, centre: np.ndarray) -> None:
-    """Turn the state as a whole about an undeformed place."""
-    moved = [
-        (x - centre) @ R[i] + centre[i] - part.space.tabulate_dof_coordinates()[:, i]
-        for i, (part, x) in enumerate(
-            zip(problem.displacement, _positions(problem), strict=True)
-        )
-    ]
+    """Turn the free part of the device as a whole about an undeformed place."""
     state = problem.get_state()
-    for part, values in zip(problem.displacement, moved, strict=True):
-        state[part.dofs] = values
+    for i, (part, x) in enumerate(zip(problem.displacement, _positions(problem), strict=True)):
+        mine = _nodes(problem, part)
+        turned = (x[mine] - centre) @ R[i] + centre[i]
+        state[part.dofs[mine]] = turned - part.space.tabulate_dof_coordinates()[mine, i]
     problem.set_state(state)
+    problem.w.x.scatter_forward()

@@ -1,4 +1,4 @@
-"""Supports: what a free body keeps, displacements that contradict each other, impossible volumes."""
+"""Supports: free bodies, displacements that contradict each other, impossible volumes."""
 
 from __future__ import annotations
 
