@@ -31,8 +31,7 @@ def check_balance(
 
     A resultant force along a translation that only `FreeBody` prevents is one.  So is a moment
     about an axis of rotation that only `FreeBody` prevents, unless the body turns freely about it:
-    then dead loads turn it until their moment vanishes, but that of a pressure which follows the
-    body never does.
+    then `DeadLoad` turns it until the moment vanishes, but the moment of a pressure never does.
 
     Parameters
     ----------

@@ -156,19 +156,3 @@ def _corner_nodes(mesh: Any) -> np.ndarray:
     found = np.zeros(int(vertices.max(initial=-1)) + 1, dtype=np.int64)
     found[vertices] = corners
     return found
-
-
-def facet_normals(device: Device, facets: np.ndarray) -> np.ndarray:
-    """Unit normals of local facets in space, of either sign, by their first corners: shape (n, 3).
-
-    A curved or warped facet counts as flat.
-    """
-    mesh, d = device.mesh, device.dim
-    mesh.topology.create_connectivity(d - 1, 0)
-    link = mesh.topology.connectivity(d - 1, 0)
-    if not len(facets):
-        return np.empty((0, 3))
-    corners = link.array[link.offsets[facets][:, None] + np.arange(3)]
-    X = mesh.geometry.x[_corner_nodes(mesh)[corners]]
-    normals = np.cross(X[:, 1] - X[:, 0], X[:, 2] - X[:, 0])
-    return normals / np.linalg.norm(normals, axis=1, keepdims=True)

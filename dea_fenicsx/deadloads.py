@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from mpi4py import MPI
 
-from dea_fenicsx.cells import facet_normals
-from dea_fenicsx.conditions import DeadLoad, DeadPressure
+from dea_fenicsx.conditions import DeadLoad
 from dea_fenicsx.rigid import FreePart, rotations, translations
 from dea_fenicsx.scene import Scene
 
@@ -17,7 +15,7 @@ ALIKE = 1e-9
 def split_turns(scene: Scene, part: FreePart) -> tuple[np.ndarray, frozenset[str]]:
     """Which of a part's free motions are to be held, and which ramps turn it in the others.
 
-    All motions are held unless dead loads turn the part; then its translations are.  Collective.
+    All motions are held unless dead loads turn the part; then its translations are.
 
     Returns
     -------
@@ -33,7 +31,7 @@ def split_turns(scene: Scene, part: FreePart) -> tuple[np.ndarray, frozenset[str
 
 
 def felt_axes(scene: Scene, part: FreePart | None) -> np.ndarray:
-    """Orthonormal axes about which dead loads turn a part of the device, shape (n, 3).  Collective.
+    """Orthonormal axes about which dead loads turn a part of the device, shape (n, 3).
 
     The part must be free to turn without strain, by any angle: free in the plane or in space, or
     free along a plane and about its normal, as half of a body by symmetry.  About an axis along
@@ -45,14 +43,15 @@ def felt_axes(scene: Scene, part: FreePart | None) -> np.ndarray:
     axes = _turning_axes(part.motions, rotations(scene.kinematics.axes))
     if not len(axes) or scene.device.dim == 2:
         return axes
-    return _felt(axes, _directions(scene, loads))
+    return _felt(axes, _directions(loads))
 
 
-def _dead_loads(scene: Scene) -> list[DeadLoad | DeadPressure]:
-    return [
-        load for load in scene.loads
-        if isinstance(load, DeadLoad | DeadPressure) and np.any(load.pascal)
-    ]  # fmt: skip
+def _dead_loads(scene: Scene) -> list[DeadLoad]:
+    """The loads that turn a free body.
+
+    A `DeadPressure` does not: it stands for the Maxwell pressure, which follows the body.
+    """
+    return [load for load in scene.loads if isinstance(load, DeadLoad) and np.any(load.pascal)]
 
 
 def _turning_axes(motions: np.ndarray, n_turns: int) -> np.ndarray:
@@ -80,16 +79,10 @@ def _felt(axes: np.ndarray, directions: np.ndarray) -> np.ndarray:
     return vectors[:, :2].T if one else axes
 
 
-def _directions(scene: Scene, loads: list[DeadLoad | DeadPressure]) -> np.ndarray:
-    """Sum over loads of t t^T with t their unit directions, shape (3, 3).  Collective."""
+def _directions(loads: list[DeadLoad]) -> np.ndarray:
+    """Sum over loads of t t^T with t their unit directions, shape (3, 3)."""
     total = np.zeros((3, 3))
     for load in loads:
-        if isinstance(load, DeadLoad):
-            t = np.array(load.pascal, dtype=float) / np.linalg.norm(load.pascal)
-            total += np.outer(t, t)
-        else:
-            normals = facet_normals(scene.device, scene.device.facets_of(load.where))
-            mine = np.concatenate([(normals.T @ normals).ravel(), [len(normals)]])
-            everyone = scene.device.comm.allreduce(mine, op=MPI.SUM)
-            total += everyone[:9].reshape(3, 3) / max(everyone[9], 1.0)
+        t = np.array(load.pascal, dtype=float) / np.linalg.norm(load.pascal)
+        total += np.outer(t, t)
     return total
