@@ -153,18 +153,27 @@ class Clamp:
 
 @dataclass(frozen=True)
 class FreeBody:
-    """Holds a free device at few vertices so that only its rigid motions are removed.
+    """Removes the rigid motions that the other supports leave to a device, and no more.
+
+    As many displacements of single vertices are held as there are rigid motions left: six of a
+    device that nothing else holds in space, three in the plane, one (along the axis) in
+    axisymmetry, two (along the axis, and rotation about it) in a helical cell.  Half a device with
+    `Fix` on its plane of symmetry keeps two translations and one rotation.
 
     Under loads that balance one another the reactions vanish and the device deforms as if free.
-    In three dimensions at three vertices, in a helical cell (translation along the axis, rotation
-    about it) at one; not in plane strain and axisymmetry.
+    Loads whose resultant force lies along a translation that only `FreeBody` prevents are refused.
     """
 
 
 @dataclass(frozen=True)
-@in_si(stretch="")
+@in_si(stretch="", about="m")
 class Stretch:
-    """Prescribed affine stretch about the origin: u_a = (stretch - 1) X_a on a facet group.
+    """Prescribed affine stretch of a facet group: u_a = (stretch - 1) (X_a - C_a).
+
+    C is the plane that stays in place.  It is the one in which the surfaces lie that `Fix`, `Clamp`
+    or `Displacement` hold along the same axis; 0 where none is held, or where each of them reaches
+    X_a = 0, and always along the radius of an axisymmetric section.  Where held surfaces lie at
+    different coordinates, it must be given.
 
     Parameters
     ----------
@@ -174,12 +183,22 @@ class Stretch:
         Axes that are prescribed, such as ``"x"`` or ``"xy"``; the others stay free.
     stretch
         Stretch at ramp factor 1.
+    about
+        The coordinate C in m that stays in place, or one for each of the axes.
     """
 
     where: str
     axes: str
     stretch: float
     ramp: str = "stretch"
+    about: float | tuple[float, ...] | None = None
+
+    @property
+    def centres(self) -> tuple[float | None, ...]:
+        """What is given as `about`, for each of the axes; None where nothing is."""
+        if self.about is None or not hasattr(self.about, "__len__"):
+            return (self.about,) * len(self.axes)  # type: ignore[return-value]
+        return tuple(self.about)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)

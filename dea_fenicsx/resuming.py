@@ -102,6 +102,7 @@ def _restored(
     writer.scatter_state(state)
     solver.references.sizes |= references
     problem.set_factors(cursor.factors)
+    problem.keep_orientation()
     change = problem.insert_fixed()
     moved = problem.comm.allreduce(float(np.max(np.abs(change), initial=0.0)), op=MPI.MAX)
     try:

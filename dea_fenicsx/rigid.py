@@ -18,8 +18,10 @@ from scipy.sparse.csgraph import connected_components
 
 from dea_fenicsx import compat
 from dea_fenicsx.cells import point
-from dea_fenicsx.constraints import Component
+from dea_fenicsx.components import Component
+from dea_fenicsx.conditions import FreeBody
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.kinematics import Helical
 from dea_fenicsx.mesh import Device
 from dea_fenicsx.scene import Scene
 
@@ -30,7 +32,73 @@ A film of a thickness of 1e-6 of its length, clamped at its end, is held by 1e-6
 """
 
 
-def check_rigid(scene: Scene, parts: list[Component], fixed: np.ndarray) -> None:
+@dataclass(frozen=True)
+class Box:
+    """Middle, shape (3,), and largest extent of a part, dimensionless."""
+
+    middle: np.ndarray
+    size: float
+
+
+@dataclass(frozen=True)
+class FreePart:
+    """A part of the mesh and the rigid motions that nothing prevents.
+
+    Attributes
+    ----------
+    cells
+        Mask of the local cells that belong to it.
+    size
+        How many cells it has over all ranks.
+    count
+        How many parts the mesh has.
+    box
+        The box around it.
+    motions
+        The free motions, shape (n, number of rigid motions): rows of coefficients of `modes`,
+        orthonormal.
+    """
+
+    cells: np.ndarray
+    size: int
+    count: int
+    box: Box
+    motions: np.ndarray
+
+
+def free_parts(scene: Scene, parts: Sequence[Component], fixed: np.ndarray) -> list[FreePart]:
+    """The parts of the device that can move freely, the largest first.  Collective.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    parts
+        Its displacement components.
+    fixed
+        Mask of the fixed local degrees of freedom of the mixed space.
+    """
+    device, axes = scene.device, scene.kinematics.axes
+    labels, count = joined_parts(device)
+    if isinstance(scene.kinematics, Helical):
+        # its ends are tied, and what looks like two parts in one period may be one strand
+        labels, count = np.zeros_like(labels), 1
+    boxes = _boxes(device, labels, count)
+    rows = _held(parts, fixed, labels, boxes, axes)
+    owned = labels[: device.owned_cells()]
+    found = []
+    for k in range(count):
+        values, motions = np.linalg.svd(rows[k])[1:]
+        free = motions[values <= HELD * max(values[0], 1e-300)]
+        if len(free):
+            size = device.comm.allreduce(int(np.count_nonzero(owned == k)), op=MPI.SUM)
+            found.append(FreePart(labels == k, size, count, boxes[k], free))
+    return sorted(found, key=lambda part: (-part.size, *np.round(part.box.middle, 9)))
+
+
+def check_rigid(
+    scene: Scene, parts: list[Component], fixed: np.ndarray, turning: FreePart | None = None
+) -> None:
     """Raise InputError if a part of the device can move freely, naming the motions.  Collective.
 
     Parameters
@@ -41,6 +109,8 @@ def check_rigid(scene: Scene, parts: list[Component], fixed: np.ndarray) -> None
         Its displacement components.
     fixed
         Mask of the fixed local degrees of freedom of the mixed space.
+    turning
+        A part that may turn, since dead loads give it its orientation.
 
     Raises
     ------
@@ -48,39 +118,26 @@ def check_rigid(scene: Scene, parts: list[Component], fixed: np.ndarray) -> None
         Naming the part, if there are several, and the motions.
     """
     device, axes = scene.device, scene.kinematics.axes
-    labels, count = joined_parts(device)
-    boxes = _boxes(device, labels, count)
-    rows = _held(parts, fixed, labels, boxes, axes)
-    faults = []
-    for k in range(count):
-        values, motions = np.linalg.svd(rows[k])[1:]
-        free = motions[values <= HELD * max(values[0], 1e-300)]
-        if len(free):
-            faults.append((k, free))
-    if not faults:
+    turns = rotations(axes)
+    free = [
+        part for part in free_parts(scene, parts, fixed)
+        if turning is None or len(translations(part.motions, turns))
+        or not np.array_equal(part.cells, turning.cells)
+    ]  # fmt: skip
+    if not free:
         return
-    k, free = faults[0]
-    who = "The device"
-    if count > 1:
-        size = device.comm.allreduce(
-            int(np.count_nonzero(labels[: device.owned_cells()] == k)), op=MPI.SUM
-        )
+    part, who = free[0], "The device"
+    if part.count > 1:
+        middle = point(part.box.middle * device.length, device.dim)
+        where = regions_in(device, part.cells)
         who = (
-            f"A part of {size} cells around {point(boxes[k].middle * device.length, device.dim)} "
-            f"({_regions(device, labels == k)}) is not joined to the rest of the mesh (which has "
-            f"{count} parts), and it"
+            f"A part of {part.size} cells around {middle} ({where}) is not joined to the rest of "
+            f"the mesh (which has {part.count} parts), and it"
         )
-    words = _in_words(free, boxes[k], axes, device.length)
-    cure = "Fix, Clamp or FreeBody" if len(axes) == 3 else "Fix or Clamp"
+    words = in_words(part.motions, part.box, axes, device.length)
+    tried = any(isinstance(support, FreeBody) for support in scene.supports)
+    cure = "Fix or Clamp" if tried else "Fix, Clamp or FreeBody"
     raise InputError(f"{who} can move freely: {words}; add a {cure} that holds it.")
-
-
-@dataclass(frozen=True)
-class Box:
-    """Middle, shape (3,), and largest extent of a part, dimensionless."""
-
-    middle: np.ndarray
-    size: float
 
 
 # -------------------------------------------------------------------------- parts of the mesh
@@ -98,7 +155,7 @@ def joined_parts(device: Device) -> tuple[np.ndarray, int]:
     owned, n_vertices = imap.size_local, imap.size_local + imap.num_ghosts
     n_cells = link.num_nodes
     cells = np.repeat(np.arange(n_cells), np.diff(link.offsets))
-    local, of_node = _components(n_cells + n_vertices, cells, n_cells + link.array)
+    local, of_node = components(n_cells + n_vertices, cells, n_cells + link.array)
     offset = comm.exscan(local) or 0
     total = comm.allreduce(local, op=MPI.SUM)
     of_node = of_node + offset
@@ -111,7 +168,7 @@ def joined_parts(device: Device) -> tuple[np.ndarray, int]:
     here = (seen[:, 0] >= start) & (seen[:, 0] < start + owned)
     ties = np.column_stack([mine[seen[here, 0] - start], seen[here, 1]])
     ties = np.vstack(comm.allgather(np.unique(ties, axis=0)))
-    _, joined = _components(total, ties[:, 0], ties[:, 1])
+    _, joined = components(total, ties[:, 0], ties[:, 1])
 
     # a rank's vertices may lie in none of its cells: only cells count
     used = np.zeros(total, dtype=bool)
@@ -120,7 +177,7 @@ def joined_parts(device: Device) -> tuple[np.ndarray, int]:
     return (np.cumsum(used) - 1)[joined[of_node[:n_cells]]], int(used.sum())
 
 
-def _components(n: int, a: np.ndarray, b: np.ndarray) -> tuple[int, np.ndarray]:
+def components(n: int, a: np.ndarray, b: np.ndarray) -> tuple[int, np.ndarray]:
     """Number of connected components of a graph on n nodes with edges (a, b), and their labels."""
     if n == 0:
         return 0, np.zeros(0, dtype=np.int64)
@@ -141,7 +198,7 @@ def _boxes(device: Device, labels: np.ndarray, count: int) -> list[Box]:
     return [Box((a + b) / 2, float((b - a).max())) for a, b in zip(low, high, strict=True)]
 
 
-def _regions(device: Device, mask: np.ndarray) -> str:
+def regions_in(device: Device, mask: np.ndarray) -> str:
     """Names of the regions with cells in a mask, collected over all ranks."""
     tags = {int(v) for i, v in zip(device.cells.indices, device.cells.values, strict=True)
             if mask[i]}  # fmt: skip
@@ -153,21 +210,63 @@ def _regions(device: Device, mask: np.ndarray) -> str:
 # -------------------------------------------------------------------------------- the motions
 
 
-def _modes(x: np.ndarray, axis: int, axes: str) -> np.ndarray:
-    """Component `axis` of each rigid motion at points x, relative to the middle and the size.
+def modes(x: np.ndarray, axis: int, axes: str, box: Box) -> np.ndarray:
+    """Component `axis` of each rigid motion at points, per unit of its coefficient.
 
-    Columns: rotations about x, y, z and then translations in space; rotation about z and two
-    translations in the plane; the axial translation alone in an axisymmetric section, where all
-    other motions stretch hoops.
+    Columns: rotations about x, y, z through the middle of the box and then translations in space;
+    rotation about z and two translations in the plane; the axial translation alone in an
+    axisymmetric section, where all other motions stretch hoops; in a helical cell the rotation
+    about the axis and the axial translation.  Lengths are in units of half the box's size.
+
+    Parameters
+    ----------
+    x
+        Dimensionless coordinates, shape (n, 3).
+    axis
+        Number of the displacement component.
+    axes
+        Names of the displacement components.
+    box
+        The box around the part that moves.
+
+    Returns
+    -------
+    ndarray of shape (n, number of rigid motions)
     """
-    unit = np.eye(3)
+    unit, half = np.eye(3), box.size / 2
     if axes == "rz":
         return np.full((len(x), 1), float(axis == 1))
-    turns = np.cross(unit[None, :, :], x[:, None, :])[:, :, axis]
+    if axes == "rtz":
+        return np.column_stack([x[:, 0] / half * (axis == 1), np.full(len(x), float(axis == 2))])
+    y = (x - box.middle) / half
+    turns = np.cross(unit[None, :, :], y[:, None, :])[:, :, axis]
     shifts = np.tile(unit[:, axis], (len(x), 1))
     if len(axes) == 2:
         return np.column_stack([turns[:, 2], shifts[:, :2]])
     return np.column_stack([turns, shifts])
+
+
+def rotations(axes: str) -> int:
+    """How many of the columns of `modes` are rotations; they come first."""
+    return {"xyz": 3, "xy": 1, "rz": 0, "rtz": 1}[axes]
+
+
+def translations(motions: np.ndarray, turns: int) -> np.ndarray:
+    """An orthonormal basis of those combinations of motions that do not rotate.
+
+    Parameters
+    ----------
+    motions
+        Rows of coefficients of `modes`.
+    turns
+        How many of the columns are rotations.
+    """
+    if not turns:
+        return motions
+    basis, values, _ = np.linalg.svd(motions[:, :turns])
+    still = np.ones(len(motions), dtype=bool)
+    still[: len(values)] = values < 1e-6
+    return basis[:, still].T @ motions
 
 
 def _held(
@@ -178,7 +277,7 @@ def _held(
     axes: str,
 ) -> np.ndarray:
     """For each part a triangle R with R^T R = sum over its fixed displacements of row^T row."""
-    width = _modes(np.zeros((1, 3)), 0, axes).shape[1]
+    width = modes(np.zeros((1, 3)), 0, axes, Box(np.zeros(3), 1.0)).shape[1]
     triangles: np.ndarray = np.zeros((len(boxes), width, width))
     comm = parts[0].space.mesh.comm
     for a, component in enumerate(parts):
@@ -192,7 +291,7 @@ def _held(
         for k, box in enumerate(boxes):
             mine = x[order[ends[k] : ends[k + 1]]]
             if len(mine):
-                rows = _modes((mine - box.middle) / (box.size / 2), a, axes)
+                rows = modes(mine, a, axes, box)
                 triangles[k] = _triangle(np.vstack([triangles[k], rows]))
     everyone = np.concatenate(comm.allgather(triangles), axis=1)
     return np.array([_triangle(rows) for rows in everyone])
@@ -205,15 +304,16 @@ def _triangle(rows: np.ndarray) -> np.ndarray:
 # ----------------------------------------------------------------------------------- in words
 
 
-def _in_words(free: np.ndarray, box: Box, axes: str, length: float) -> str:
+def in_words(free: np.ndarray, box: Box, axes: str, length: float) -> str:
     """Free motions (rows of `free`) by name."""
     width = free.shape[1]
-    if len(free) == width > 1:
+    if len(free) == width > 1 and axes != "rtz":
         return f"every rigid motion, translations along {_listed(list(axes))} and rotations"
     words = []
     for row in _reduced(free):
-        if axes == "rz":
-            words.append("translation along z")
+        if axes in ("rz", "rtz"):
+            turning = axes == "rtz" and abs(row[0]) > 1e-6
+            words.append("rotation about the axis" if turning else "translation along z")
             continue
         if len(axes) == 2:
             turn, shift = np.array([0.0, 0.0, row[0]]), np.array([*row[1:], 0.0])

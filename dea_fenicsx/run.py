@@ -48,6 +48,7 @@ from dea_fenicsx.summary import (
     work,
 )  # fmt: skip
 from dea_fenicsx.tracing import Trace
+from dea_fenicsx.volume import check_volume
 from dea_fenicsx.weakform import Problem
 
 
@@ -179,6 +180,7 @@ class _Session:
     def _run(self, folder: Folder | None) -> Run:
         self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
         self.problem = Problem(self.scene)
+        check_volume(self.problem, self.path)
         self.measurements: dict[str, Measurement] = {
             columns.column_of(name, o): columns.numeric(name, bind_alike(self.problem, name, o))
             for name, o in self.record.items()

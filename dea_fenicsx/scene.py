@@ -227,11 +227,6 @@ def _check_mechanics(scene: Scene) -> None:
     for item in [*scene.supports, *scene.prescribed, *scene.loads]:
         what = type(item).__name__
         if isinstance(item, FreeBody):
-            if device.dim != 3 and not isinstance(scene.kinematics, Helical):
-                raise InputError(
-                    "FreeBody works in three dimensions and in helical cells only; use Fix in "
-                    "this scene."
-                )
             continue
         if isinstance(item, AxialStretch | Twist | AxialForce | Torque):
             continue  # they act on the cell as a whole
@@ -258,6 +253,13 @@ def _check_mechanics(scene: Scene) -> None:
             finite(item.stretch, f"The stretch on {item.where!r}")
             if item.stretch <= 0:
                 raise InputError(f"The stretch on {item.where!r} is {item.stretch}, must be > 0.")
+            for value in item.centres:
+                finite(0.0 if value is None else value, f"about= of the stretch on {item.where!r}")
+            if len(item.centres) != len(named):
+                raise InputError(
+                    f"The stretch on {item.where!r} is about {len(item.centres)} coordinates, but "
+                    f"must be about one, or one for each of the axes {named!r}."
+                )
         elif isinstance(item, Displacement):
             finite(item.metres, f"The displacement on {item.where!r}")
         elif isinstance(item, DeadLoad):

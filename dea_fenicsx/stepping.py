@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -12,6 +13,7 @@ from dea_fenicsx.declared import check_declared, plain_numbers, shown
 from dea_fenicsx.errors import EquilibriumLost, InputError, SolverError
 from dea_fenicsx.events import Sentinel
 from dea_fenicsx.evidence import Evidence
+from dea_fenicsx.orientation import turn_to_loads
 from dea_fenicsx.predictor import Known, Predictor
 from dea_fenicsx.scene import Scene, finite, known
 from dea_fenicsx.solver import REASONS, Attempt, NewtonSolver
@@ -214,6 +216,11 @@ def follow(
     sentinel.start()
     while cursor.ramp < len(path):
         item = path[cursor.ramp]
+        problem.keep_orientation()
+        angle = turn_to_loads(problem, _rates(item, scene, cursor.factors))
+        if angle:
+            log(f"{item.label(scene)}: the loads turn the free body by {math.degrees(angle):.3g} "
+                "degrees, to where they have no moment")  # fmt: skip
         steps = (
             _follow_trace(solver, path, item, cursor, log, gap, sentinel)
             if isinstance(item, Trace)
@@ -226,6 +233,13 @@ def follow(
             cursor, ramp=cursor.ramp + 1, position=0.0, size=0.0, start=dict(cursor.factors),
             direction=0.0, switched=False,
         )  # fmt: skip
+
+
+def _rates(item: Ramp | Trace, scene: Scene, factors: dict[str, float]) -> dict[str, float]:
+    """By how much an item of a path changes the factor of each of its ramps, at first."""
+    if isinstance(item, Trace):
+        return {item.what: item.first}
+    return {name: item.to - factors[name] for name in item.names(scene)}
 
 
 def _follow_trace(

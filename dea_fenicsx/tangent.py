@@ -89,7 +89,11 @@ class Tangent:
     def times(self, direction: np.ndarray) -> np.ndarray:
         """Product with a vector of the free unknowns; both owned.  Collective."""
         self.problem.spread(direction, self._along)
-        return self.problem.restrict(self._along_times())
+        product = self.problem.restrict(self._along_times())
+        turning = self.problem.turning
+        stiffness = turning.stiffness(self.problem.factors)
+        product[turning.rows] += stiffness * direction[turning.rows]
+        return product
 
     def times_fixed(self, change: np.ndarray) -> np.ndarray:
         """Product with a change of the fixed values (owned), in the free rows.  Collective."""
@@ -121,6 +125,8 @@ class Tangent:
     def matrix(self, mass: float = 0.0) -> Any:
         """Assemble the block in the free unknowns.  Collective.
 
+        It holds a free body's orientation, even while dead loads turn the body: as a preconditioner
+        it is never singular for that, and what it tells of stability is at a given orientation.
         For the caller to destroy.  Of a problem of at most `SMALL` unknowns he may keep it: the
         next call then fills the same matrix anew, whose pattern a factor knows.
 
@@ -149,6 +155,11 @@ class Tangent:
             diagonal.array[:] = -mass * self._masses
             free.setDiagonal(diagonal, PETSc.InsertMode.ADD)
             diagonal.destroy()
+        if problem.turning.ramps:
+            first = free.getOwnershipRange()[0]
+            for row in problem.turning.rows:
+                free.setValue(first + row, first + row, problem.turning.STIFFNESS, addv=True)
+            free.assemble()
         if problem.unknowns <= SMALL:
             self._kept = whole, free
         else:

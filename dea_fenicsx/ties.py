@@ -77,11 +77,16 @@ class Group:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Pairs of degrees of freedom with equal values, by number, the same on all ranks."""
+    """Pairs of degrees of freedom with equal values, by number, the same on all ranks.
+
+    `ends` are the names of the two facet groups, `counts` the pairs of each component.
+    """
 
     slaves: np.ndarray
     masters: np.ndarray
     rows: Rows
+    ends: tuple[str, str]
+    counts: tuple[int, ...]
 
     @classmethod
     def between(
@@ -115,7 +120,8 @@ class Pairs:
                 )
             masters.append(bottom)
             slaves.append(top)
-        return cls(np.concatenate(slaves), np.concatenate(masters), rows)
+        counts = tuple(len(numbers) for numbers in slaves)
+        return cls(np.concatenate(slaves), np.concatenate(masters), rows, ends, counts)
 
     def join(self, member: np.ndarray) -> np.ndarray:
         """A mask over owned degrees of freedom, widened to the partners of its members."""
@@ -139,10 +145,14 @@ class Pairs:
         carry = dolfinx.fem.Function(space)
         for base in constraints.base.values():
             values = [rows.fetch(base[: rows.owned], n) for n in sides]
-            if np.any(np.abs(values[0] - values[1])[fixed[0] & fixed[1]] > 1e-9):
+            apart = fixed[0] & fixed[1] & (np.abs(values[0] - values[1]) > 1e-9)
+            if np.any(apart):
+                k = np.searchsorted(np.cumsum(self.counts), np.argmax(apart), side="right")
+                along = f" along {'rtz'[k]}" if k < 3 else ""
                 raise InputError(
-                    "The two ends of the helical cell are held at different values, but they are "
-                    "the same place one period apart; give them the same condition."
+                    f"The ends {self.ends[0]!r} and {self.ends[1]!r} of the helical cell are held "
+                    f"at different values{along}, but they are the same place one period apart; "
+                    "give them the same condition."
                 )
             common = np.where(fixed[0], values[0], values[1])
             _set(base, common, sides, rows, carry)

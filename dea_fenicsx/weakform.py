@@ -18,23 +18,24 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx import compat
+from dea_fenicsx.balance import check_balance
 from dea_fenicsx.cells import check_cells
 from dea_fenicsx.compat import PETSc, dolfinx
+from dea_fenicsx.components import Component
 from dea_fenicsx.conditions import AxialForce, ChargedElectrode, Torque
 from dea_fenicsx.constraints import (
-    Component,
     Constraints,
     apply_electrodes,
     apply_overall,
     apply_supports,
 )
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.forms import Scales, cauchy_stress, kernels, measure, state
 from dea_fenicsx.kinematics import Helical, Helix
 from dea_fenicsx.loads import Loads
 from dea_fenicsx.rigid import check_rigid
 from dea_fenicsx.scene import SIMPLICES, Scene, period
 from dea_fenicsx.ties import Group, Pairs, Rows, expansion, followers
+from dea_fenicsx.turning import Turning
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,8 @@ class Problem:
         What ties the two ends of a helical cell, or None.
     incompressible_cells
         Owned cells of exactly incompressible regions, sorted.
+    turning
+        What keeps a free body's orientation where no dead load gives it one.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -166,8 +169,8 @@ class Problem:
         self.constraints = Constraints(self.size)
         apply_supports(self.scene, self.displacement, self.constraints)
         apply_overall(self.scene, self.overall, self.constraints)
-        if not isinstance(self.scene.kinematics, Helical):
-            check_rigid(self.scene, self.displacement, self.constraints.fixed)
+        turning = self.constraints.released if self.constraints.turns else None
+        check_rigid(self.scene, self.displacement, self.constraints.fixed, turning)
         self.electrode_dofs: dict[str, np.ndarray] = {}
         if self.potential is not None:
             self.electrode_dofs = apply_electrodes(
@@ -185,6 +188,7 @@ class Problem:
             name: np.searchsorted(self.free, np.intersect1d(dofs, self.free))
             for name, dofs in self.fields.items()
         }
+        self.turning = Turning(self.scene, self.displacement, self.constraints, self.free)
         self.unknowns = self.comm.allreduce(len(self.free), op=MPI.SUM)
         self.counts = {
             name: self.comm.allreduce(len(where), op=MPI.SUM)
@@ -290,8 +294,10 @@ class Problem:
         n = scene.device.owned_cells()
         self.cell_volumes = _cell_values(volumes)[:n]
         self.volume = self.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
-        if isinstance(scene.kinematics, Helical):
-            self._refuse_resultant()
+        check_balance(
+            scene, scales, self.displacement, self.constraints,
+            list(self.loads.unit_work), self.load_vector,
+        )  # fmt: skip
         self.incompressible_cells = np.sort(
             np.concatenate([np.empty(0, dtype=np.int32),
                             *(k.cells for k in self.kernels if k.kappa is None)])
@@ -314,6 +320,8 @@ class Problem:
 
     def set_factors(self, factors: dict[str, float]) -> None:
         """Set the ramp factors: dead loads at once, fixed values at `insert_fixed`."""
+        if self.turning.holds(factors) and not self.turning.holds(self.factors):
+            self.keep_orientation()
         self.factors = dict(factors)
         for ramp, constant in self.loads.factors.items():
             constant.value = factors[ramp]
@@ -326,6 +334,10 @@ class Problem:
         change = target[self.fixed] - array[self.fixed]
         array[fixed] = target[fixed]
         return change
+
+    def keep_orientation(self) -> None:
+        """Let a free body stay as it is oriented now where no dead load turns it.  Collective."""
+        self.turning.place(self.w.x.array)
 
     def overall_values(self) -> np.ndarray:
         """Elongation and, of a helical cell, twist (rad/m), if there are such.  Collective."""
@@ -380,6 +392,7 @@ class Problem:
         rows = self.restrict(residual)
         for ramp, factor in self.factors.items():
             self.add_sources(rows, ramp, factor)
+        rows[self.turning.rows] += self.turning.force(self.w.x.array, self.factors)
         return rows
 
     def add_sources(self, rows: np.ndarray, ramp: str, factor: float) -> None:
@@ -395,23 +408,6 @@ class Problem:
         assembled = dolfinx.fem.assemble_vector(form)
         assembled.scatter_reverse(dolfinx.la.InsertMode.add)
         return assembled.array[: self.owned]
-
-    def _refuse_resultant(self) -> None:
-        """In a periodic cell nothing can bear a resultant of surface loads.  Collective."""
-        _, hoop, axial = self.displacement
-        for ramp in self.loads.unit_work:
-            forces = self.load_vector(ramp)
-            for part, what in ((axial, "force"), (hoop, "torque")):
-                mine = part.dofs < self.owned
-                arm = part.space.tabulate_dof_coordinates()[mine, 0] if what == "torque" else 1.0
-                moments = forces[part.dofs[mine]] * arm
-                sums = self.comm.allreduce(np.array([moments.sum(), abs(moments).sum()]))
-                if abs(sums[0]) > 1e-8 * sums[1]:
-                    raise InputError(
-                        f"The surface loads of ramp {ramp!r} have an axial {what} as resultant, "
-                        "which nothing in a helical cell can bear; balance them, or apply "
-                        f"{'AxialForce' if what == 'force' else 'Torque'}(...) to the cell."
-                    )
 
     def probe(self) -> Probe:
         """Extremes of J, lock-up margin and field over the quadrature points.  Collective."""

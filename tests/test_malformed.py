@@ -225,7 +225,10 @@ VALUES = {
     "a load as support": (lambda c: scene(c, supports=[dea.DeadPressure("top", 1.0)]), "supports"),
     "a support on a region": (lambda c: scene(c, supports=[dea.Clamp("film")]), "facet group"),
     "no axes": (lambda c: scene(c, supports=[dea.Fix("bottom", "")]), "names the axes ''"),
-    "a free body in the plane": (lambda c: scene(c, supports=[dea.FreeBody()]), "three dim"),
+    "a stretch about too many points": (
+        lambda c: scene(c, prescribed=[dea.Stretch("top", "y", 1.1, about=(0.0, 1.0))]), "one for"),
+    "a stretch about nowhere": (
+        lambda c: scene(c, prescribed=[dea.Stretch("top", "y", 1.1, about=NAN)]), "about="),
     "stretch below 0": (
         lambda c: scene(c, prescribed=[dea.Stretch("top", "y", -1.0)]), "must be > 0"),
     "stretch along z": (

@@ -126,8 +126,6 @@ for _label, _words, _make in (
     ("bulk modulus below 2/3 of shear", "bulk_modulus is", lambda: film(volts=1.0, bulk=MU / 2)),
     ("augmentation 100000", "augmentation is",
      lambda: film(volts=1.0, elements=dea.Discretisation(augmentation=1e5))),
-    ("a free body in the plane", "FreeBody works in three dimensions",
-     lambda: film(volts=1.0, supports=[dea.FreeBody()])),
     ("no electrode without a charge", "add a Ground",
      lambda: film(electrodes=[dea.ChargedElectrode("top", 1e-9)])),
     ("a support on an axis that is not there", "names the axes 'x'",
