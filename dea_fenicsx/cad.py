@@ -1,15 +1,16 @@
 """From a file to a meshed gmsh model with named groups: .msh, .geo and STEP.
 
-For one rank alone, and without DOLFINx.  A .msh file holds mesh and names; nothing in it is run.  A .geo script holds the
-names (its physical groups) and is meshed here if it does not do so itself.  A STEP file holds
-solids, some with a name, and no named surfaces: what has no name is numbered, as in ``surface_5``,
-and can be given a name of its own.
+For one rank alone, and without DOLFINx.  A .msh file holds mesh and names; nothing in it is run.
+A .geo script is a program of gmsh.  It holds the names (its physical groups), and is meshed here if
+it does not do so itself.  A STEP file holds solids, some with a name, and no named surfaces.  What
+has no name is numbered, as in ``surface_5``, and can be given a name of its own.
 """
 
 from __future__ import annotations
 
 import difflib
 import os
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,7 +20,7 @@ import numpy as np
 
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.foreign.formats import STEP, check_program, is_drawing, kind_of, merge
-from dea_fenicsx.foreign.meshing import mesh_drawing
+from dea_fenicsx.foreign.meshing import mend_elsewhere, mesh_drawing
 from dea_fenicsx.geometry._gmsh import group_name, measure, start
 from dea_fenicsx.units import si
 
@@ -114,25 +115,65 @@ def open_file(
         )
     start()
     with _options({"Mesh.MeshSizeMax": None, "General.Terminal": 0}):
-        gmsh.model.add(path.stem)
-        try:
-            try:
-                _read(path, kind)
-            except Exception as error:
-                raise InputError(
-                    f"gmsh cannot read {path} ({_told(error)}); it must be a .msh, .geo or STEP "
-                    "file."
-                ) from error
-            if kind in STEP:
-                _name_parts(path, names or {})
-            if is_drawing(path):
-                if size is not None:
-                    gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-                mesh_drawing(gmsh.model, path, curved)
-        except BaseException:
-            gmsh.model.remove()
-            raise
+        with _new_model(path.stem):
+            spoilt = _meshed(path, kind, size, names, curved)
+        if not spoilt:
+            return gmsh.model
+        gmsh.model.remove()
+        with _new_model(path.stem), tempfile.TemporaryDirectory(prefix="dea_mesh_") as folder:
+            target = Path(folder) / "mended.msh"
+            mend_elsewhere(path, size, names, target)
+            gmsh.merge(str(target))
     return gmsh.model
+
+
+def mend(path: str, size: float | None, names: Names, target: str) -> None:
+    """Mesh a drawing with curved cells, mend those that are spoilt, and write it to a .msh file.
+
+    For a process of its own.  The parameters are those of `open_file`, and the file to write.
+    """
+    import gmsh
+
+    start()
+    with _options({"General.Terminal": 0}), _new_model(Path(path).stem):
+        _meshed(Path(path), kind_of(Path(path)), size, names, True, mend=True)
+        for key, value in {"MshFileVersion": 4.1, "Binary": 1, "SaveAll": 1}.items():
+            gmsh.option.setNumber(f"Mesh.{key}", value)
+        gmsh.write(target)
+
+
+def _meshed(
+    path: Path, kind: str, size: float | None, names: Names | None, curved: bool, mend: bool = False
+) -> int:
+    """Read a file into the current model and mesh it; the number of cells that are to be mended."""
+    import gmsh
+
+    try:
+        _read(path, kind)
+    except Exception as error:
+        raise InputError(
+            f"gmsh cannot read {path} ({_told(error)}); it must be a .msh, .geo or STEP file."
+        ) from error
+    if kind in STEP:
+        _name_parts(path, names or {})
+    if not is_drawing(path):
+        return 0
+    if size is not None:
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    return mesh_drawing(gmsh.model, path, curved, mend)
+
+
+@contextmanager
+def _new_model(name: str) -> Iterator[None]:
+    """Add a model and make it the current one; an error takes it away again."""
+    import gmsh
+
+    gmsh.model.add(name)
+    try:
+        yield
+    except BaseException:
+        gmsh.model.remove()
+        raise
 
 
 @contextmanager

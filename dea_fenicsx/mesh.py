@@ -201,20 +201,24 @@ def _is_family(source: Any) -> bool:
 
 @contextmanager
 def _gmsh(source: Any, comm: MPI.Comm) -> Iterator[None]:
-    """Have gmsh running on rank 0, and leave it as it was: a script may want it for itself.
+    """Have gmsh running on rank 0, and leave it as it was, for a script may use it, too.
 
     An object of the user's own may have started it for longer, so there it keeps running.
     """
-    mine = False
-    if comm.rank == 0 and (_is_family(source) or not hasattr(source, "build")):
-        mine = start()
+    if comm.rank:
+        yield
+        return
+    import gmsh
+
+    before = gmsh.model.getCurrent() if gmsh.isInitialized() else None
+    mine = (_is_family(source) or not hasattr(source, "build")) and start()
     try:
         yield
     finally:
         if mine:
-            import gmsh
-
             gmsh.finalize()
+        elif before is not None and before in gmsh.model.list():
+            gmsh.model.setCurrent(before)
 
 
 def _open(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from scipy.optimize import brentq
 import dea_fenicsx as dea
 from dea_fenicsx import cli
 from dea_fenicsx.cad import read_names
+from dea_fenicsx.cells import check_cells
 from dea_fenicsx.foreign.model import checked
 from dea_fenicsx.geometry import (
     HDEA,
@@ -82,7 +84,7 @@ def refused(path, *words: str, **options) -> str:
     return text
 
 
-# ------------------------------------------------------------------------- parts that are not joined
+# ----------------------------------------------------------------------- parts that are not joined
 
 
 def layers(low: int, high: int, gap: float = 0.0, recombine: bool = True) -> Callable:
@@ -205,7 +207,7 @@ def test_files_of_the_families_are_read_without_alarm(tmp_path, k):
     assert read.length == pytest.approx(made.length, rel=1e-12)
 
 
-# ------------------------------------------------------------------------------------ groups and names
+# -------------------------------------------------------------------------------- groups and names
 
 PLATE = """SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 10, 1};
 Physical Surface("film") = {1}; Physical Curve("left") = {4}; Physical Curve("ends") = {2, 4};
@@ -313,7 +315,7 @@ def test_groups_without_a_name_are_measured(tmp_path, capsys):
     assert set(device.regions) == {"group_3_7"} and set(device.surfaces) == {"group_2_5"}
 
 
-# ------------------------------------------------------------------------------------------- planes
+# ------------------------------------------------------------------------------------------ planes
 
 
 def square(ex, ey, at=(0, 0, 0), bent=0.0) -> Callable:
@@ -363,11 +365,12 @@ def test_dim_of_a_mesh_in_space(tmp_path):
     refused(tmp_path / "box.msh", "dimension 3, but dim is 2", dim=2)
 
 
-# --------------------------------------------------------------------------------------------- cells
+# ------------------------------------------------------------------------------------------- cells
 
 
 def extruded(part: str, curved: bool = False) -> Callable:
-    """A layer of prisms (part), of prisms beside bricks, or of bricks; flat, or of a quarter ring."""
+    """A layer of prisms, of prisms beside bricks, or of bricks; flat, or a quarter ring."""
+
     def build(model):
         occ = model.occ
         pieces = ["quads" if part == "bricks" else "triangles"]
@@ -520,3 +523,74 @@ def test_a_film_of_prisms_has_its_exact_stretch(tmp_path, quick_compile):
     }, quiet=True)  # fmt: skip
     assert run["x"] == pytest.approx(exact, rel=1e-8)
     assert run["z"] == pytest.approx(exact**-2, rel=1e-8)
+
+
+# ----------------------------------------------------------------------- drawings with curved cells
+
+HOLE = """SetFactory("OpenCASCADE");
+Box(1) = {-2, -2, 0, 4, 4, 0.6}; Cylinder(2) = {0, 0, -1, 0, 0, 4, 1};
+BooleanDifference(3) = { Volume{1}; Delete; }{ Volume{2}; Delete; };
+e() = Curve In BoundingBox {-1.1, -1.1, -0.1, 1.1, 1.1, 0.1};
+e() += Curve In BoundingBox {-1.1, -1.1, 0.5, 1.1, 1.1, 0.7};
+Fillet{3}{e()}{0.1}
+Physical Volume("film") = Volume{:}; Physical Surface("hull") = Surface{:};
+"""
+
+
+def test_fillets_do_not_invert_curved_cells(tmp_path, capsys):
+    """A plate with a hole and two fillets, from .geo and from STEP: sound cells, exact volume."""
+    drawing, step = tmp_path / "plate.geo", tmp_path / "plate.step"
+    drawing.write_text(HOLE)
+    gmsh.merge(str(drawing))
+    exact = gmsh.model.occ.getMass(3, gmsh.model.getEntities(3)[0][1])
+    gmsh.write(str(step))
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 2)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.mesh.setOrder(2)
+    tags = gmsh.model.mesh.getElementsByType(11)[0]
+    assert np.min(gmsh.model.mesh.getElementQualities(tags, "minSJ")) < 0  # as gmsh leaves them
+    gmsh.clear()
+    for path, size, unit in ((drawing, 2.0, 1.0), (step, 2e-3, 1e-3)):
+        device = dea.read_gmsh(path, MPI.COMM_SELF, size=size)
+        assert device.quality["least_scaled_jacobian"] > 0.02
+        check_cells(device, 4)
+        straight = dea.read_gmsh(path, MPI.COMM_SELF, size=size, curved=False)
+        assert straight.quality["least_scaled_jacobian"] == pytest.approx(1)
+        volumes = []
+        for option in ([], ["--straight"]):
+            assert cli.main(["mesh", str(path), "--size", str(size), *option]) == 0
+            line = next(x for x in capsys.readouterr().out.splitlines() if " m3 " in x)
+            volumes.append(float(line.split(" m3 ")[0].split()[-1]) / unit**3)
+        assert volumes[0] == pytest.approx(exact, rel=3e-4)
+        assert abs(volumes[1] - exact) > 5 * abs(volumes[0] - exact)
+
+
+def on_all_ranks(comm) -> list:
+    """What each mesh comes to on some ranks: facets of its groups, or a sentence."""
+    folder, found = Path(comm.bcast(os.environ["MESHES"], root=0)), []
+    for name in ("plate.geo", "prisms.msh", "loose.msh", "script.msh"):
+        try:
+            device = dea.read_gmsh(folder / name, comm)
+        except dea.InputError as error:
+            found.append(str(error).replace(str(folder), ""))
+            continue
+        owned = device.mesh.topology.index_map(device.dim - 1).size_local
+        counts = {n: int(np.sum(device.facets_of(n) < owned)) for n in sorted(device.surfaces)}
+        found.append({n: comm.allreduce(c) for n, c in counts.items()})
+    assert all(other == found for other in comm.allgather(found))
+    return found
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_the_same_on_several_ranks(tmp_path, on_ranks, monkeypatch, ranks):
+    (tmp_path / "plate.geo").write_text(PLATE)
+    (tmp_path / "script.msh").write_text(PLATE)
+    written(tmp_path / "prisms.msh", extruded("prisms"), 3, Mesh_MeshSizeMax=2)
+    written(tmp_path / "loose.msh", layers(3, 3), 2)
+    monkeypatch.setenv("MESHES", str(tmp_path))
+    gmsh.option.restoreDefaults()
+    alone = on_all_ranks(MPI.COMM_SELF)
+    assert alone[0] == COUNTS and isinstance(alone[1], dict)
+    assert "touch" in alone[2] and "$MeshFormat" in alone[3]
+    assert on_ranks("test_foreign_meshes", "on_all_ranks", ranks) == alone

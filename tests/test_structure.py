@@ -10,8 +10,8 @@ PACKAGE = ROOT / "dea_fenicsx"
 
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
-    "errors", "launch", "declared", "units", "geometry", "foreign", "cad", "compat", "mesh", "cells",
-    "materials", "kinematics", "conditions", "scene",
+    "errors", "launch", "declared", "units", "geometry", "foreign", "cad", "compat", "mesh",
+    "cells", "materials", "kinematics", "conditions", "scene",
     "exact", "origami",
     "forms", "loads", "constraints", "rigid", "ties", "weakform",
     "tangent", "factors", "corotation", "references", "solver",

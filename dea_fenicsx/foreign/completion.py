@@ -66,7 +66,7 @@ class _Points:
 def _completed(mesh: PlainMesh, added: _Points, number: int, nodes: Ints) -> Ints:
     """The same elements as rows of nodes of the complete type."""
     old, new = element_type(number), element_type(COMPLETE[number])
-    middles = [f for f in FACES[old.shape] if len(f) == 4]
+    middles: list[tuple[int, ...]] = [f for f in FACES[old.shape] if len(f) == 4]
     middles += [tuple(range(old.corners))] if old.shape in (QUAD, HEX) else []
     table = np.full((len(nodes), len(new.local)), -1, dtype=np.int64)
     for k, local in enumerate(new.local):
@@ -74,9 +74,9 @@ def _completed(mesh: PlainMesh, added: _Points, number: int, nodes: Ints) -> Int
         if far.min() < 1e-9:
             table[:, k] = nodes[:, int(np.argmin(far))]
     for corners in middles:
-        k = new.node_at(corners)
-        assert k is not None
-        table[:, k] = added.number(nodes[:, list(corners)], _middle(mesh, old, nodes, corners))
+        place = new.node_at(corners)
+        assert place is not None
+        table[:, place] = added.number(nodes[:, list(corners)], _middle(mesh, old, nodes, corners))
     return table
 
 

@@ -1,9 +1,9 @@
 """Parts that touch in the drawing, but share no nodes in the mesh, are told.
 
-Two bodies that were drawn on each other and meshed one by one have doubled nodes at their interface,
-or nodes that do not fit.  Nothing then holds one to the other, and the run gives the motion of loose
-sheets.  Such places are found by their shape alone: an exterior face of a cell lies on the exterior
-face of another one.
+Two bodies that were drawn on each other and meshed one by one have doubled nodes at their
+interface, or nodes that do not fit.  Nothing then holds one to the other, and the run gives the
+motion of loose sheets.  Such places are found by their shape alone: an exterior face of a cell lies
+on the exterior face of another one.
 
 A gap that is meant, however thin, is none of these, as long as it is wider than `NEAR` of the faces
 beside it.  Where the surfaces are curved, the faces of the two bodies leave each other by their
@@ -109,12 +109,13 @@ class _Exterior:
         face = np.repeat(np.arange(faces), width)
         order = np.argsort(corner, kind="stable")
         _, start, count = np.unique(corner[order], return_index=True, return_counts=True)
+        rank_of = np.repeat(np.arange(len(count)), count)
         total = np.zeros((faces * width, 3))
         for k in range(int(count.max(initial=0))):
             # each face at a corner takes the k-th face there, if there are as many
             has = count > k
             other = face[order[start[has] + k]]
-            own = np.concatenate([order[a : a + n] for a, n in zip(start[has], count[has])])
+            own = order[has[rank_of]]
             other = np.repeat(other, count[has])
             smooth = np.einsum("pi,pi->p", self.normal[face[own]], self.normal[other]) > SMOOTH
             total[own[smooth]] += self.normal[other[smooth]]
@@ -140,8 +141,8 @@ def check_joined(mesh: PlainMesh, unit: float) -> None:
     pairs = np.sort(np.column_stack([faces.region[first], faces.region[second]]), axis=1)
     pairs, counts = np.unique(pairs, axis=0, return_counts=True)
     one, two = pairs[int(np.argmax(counts))]
-    lowest = (np.sort(faces.region[[first, second]], axis=0).T == (one, two)).all(axis=1)
-    k = int(np.flatnonzero(lowest)[0])
+    low, high = np.sort(faces.region[[first, second]], axis=0)
+    k = int(np.flatnonzero((low == one) & (high == two))[0])
     count = len(np.unique(np.concatenate([first, second])))
     place = point(faces.middle[first[k]] * unit, mesh.dim)
     same = np.einsum("i,i->", faces.normal[first[k]], faces.normal[second[k]]) > 0
@@ -166,10 +167,10 @@ def _touching(faces: _Exterior, extent: float) -> tuple[Ints, Ints]:
             if high < low:
                 continue
             # faces that overlap have their middles within the sum of their half sizes
-            reach = (faces.size[small].max() + faces.size[large].max()) / 2
+            reach = (faces.size[small] + faces.size[large].max()) / 2
             for part in np.array_split(np.arange(len(small)), len(small) // 20_000 + 1):
                 near = trees[high].query_ball_point(
-                    faces.middle[small[part]], reach, return_sorted=False
+                    faces.middle[small[part]], reach[part], return_sorted=False
                 )
                 lengths = np.fromiter(map(len, near), dtype=np.int64, count=len(near))
                 if not lengths.sum():

@@ -99,8 +99,8 @@ def _check_plane(mesh: PlainMesh) -> None:
     else:
         lies = "is a curved surface in space, which has no plane"
     raise InputError(
-        f"{mesh.label} {lies}; a flat mesh must lie in a plane z = const (for Axisymmetric with the "
-        "radius along x and the axis along y), and a sheet in space must be drawn with its "
+        f"{mesh.label} {lies}; a flat mesh must lie in a plane z = const (for Axisymmetric with "
+        "the radius along x and the axis along y), and a sheet in space must be drawn with its "
         "thickness."
     )
 

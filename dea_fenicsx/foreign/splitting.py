@@ -1,9 +1,9 @@
 """Prisms, pyramids and mixed cells are divided into tetrahedra, or in the plane into triangles.
 
-DOLFINx 0.9 and 0.11 integrate over the facets of one shape of cells only.  Each cell is divided from
-its corner with the smallest number: the faces that do not hold this corner are divided likewise,
-each from its own corner with the smallest number, and each triangle makes a tetrahedron with the
-corner (Dompierre et al., How to subdivide pyramids, prisms and hexahedra into tetrahedra, 1999).
+DOLFINx 0.9 and 0.11 integrate over facets of one shape only.  Each cell is divided from its corner
+with the smallest number: the faces that do not hold this corner are divided likewise, each from its
+own corner with the smallest number, and each triangle makes a tetrahedron with the corner
+(Dompierre et al., How to subdivide pyramids, prisms and hexahedra into tetrahedra, 1999).
 Two cells that share a face divide it alike, so the result is conforming.
 
 Cells of second order keep their curved shape: a diagonal of a face takes the node in the middle of
@@ -117,7 +117,7 @@ def _alike(shape: str, corners: Ints) -> Iterator[tuple[Ints, list[tuple[int, ..
         members = np.flatnonzero(code == value)
         one = corners[members[0]]
         top = int(start[members[0]])
-        pieces = []
+        pieces: list[tuple[int, ...]] = []
         for face in faces:
             if top in face:
                 continue
