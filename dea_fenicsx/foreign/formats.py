@@ -50,7 +50,11 @@ def kind_of(path: Path) -> str:
             f"{path} has a suffix that is not known here, and gmsh would run it as a program; give "
             f"one of {', '.join(KNOWN)}."
         )
-    if kind == ".msh" and not _head(path).startswith(_HEADS):
+    try:
+        head = _head(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}); see to its rights.") from error
+    if kind == ".msh" and not head.startswith(_HEADS):
         raise InputError(
             f"{path} does not begin with $MeshFormat, so it is no mesh of gmsh; a script must be "
             "named .geo."
