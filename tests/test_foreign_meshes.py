@@ -169,6 +169,8 @@ def test_a_part_that_is_there_twice_is_told(tmp_path):
 
 FAMILIES = [
     BoxStack(1e-2, 1e-2, [Layer("a", 1e-4), Layer("b", 2e-6)], divisions=(3, 3)),
+    BoxStack(1e-2, 1e-2, [Layer("thin", 2e-8)], divisions=(3, 3)),
+    BoxStack(1e-2, None, [Layer("thin", 2e-8)], divisions=(3,)),
     DiskStack(7e-3, [Layer("a", 5e-4), Layer("c", 5e-5)], inset=3e-4, inner_radius=2e-3),
     HDEA(turns=3, angular=8, order=1),
     HDEA(ends="flat", cap=1e-3, through_cap=2, strands=2),

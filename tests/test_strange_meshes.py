@@ -94,6 +94,17 @@ def test_no_options_are_read_from_beside_a_mesh(tmp_path, ran, monkeypatch):
     assert not ran.exists()
 
 
+def test_no_module_is_taken_from_the_working_directory(tmp_path, ran, monkeypatch):
+    """A binary mesh is read by a second process, which stands where the stranger's files lie."""
+    mesh = tmp_path / "film.msh"
+    BoxStack(1e-3, 1e-3, [Layer("film", 1e-3)]).write(mesh)
+    for name in ("gmsh", "sys", "json", "numpy"):
+        (tmp_path / f"{name}.py").write_text(f"open({str(ran)!r}, 'w')\n")
+    monkeypatch.chdir(tmp_path)
+    assert set(dea.read_gmsh(mesh, MPI.COMM_SELF).regions) == {"film"}
+    assert not ran.exists()
+
+
 def test_programs_can_be_refused(tmp_path, ran, monkeypatch, capsys):
     path = tmp_path / "film.GEO"
     path.write_text(script(ran))

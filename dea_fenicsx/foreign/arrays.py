@@ -162,7 +162,7 @@ def to_arrays(model: Any, groups: dict[str, tuple[int, int]], dim: int, label: s
     surfaces = {name: tag for name, (d, tag) in groups.items() if d == dim - 1}
     cells, region = _gathered([raw[name] for name in regions])
     if not cells:
-        raise InputError(f"{label} has no cells in its named regions; mesh the parts that they name.")
+        raise InputError(f"{label} has no cells in its named regions; mesh what they name.")
     used = np.unique(np.concatenate([nodes.ravel() for nodes in cells.values()]))
     place_of = np.searchsorted(tags, used)
     known = tags[np.minimum(place_of, len(tags) - 1)] == used

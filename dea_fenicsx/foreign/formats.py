@@ -170,10 +170,11 @@ def _checked_copy(path: Path) -> Path:
 
     gmsh believes what a binary file says of its sizes: of damaged ones it dies at once, or it
     reports an error and has spoilt the memory of the process, which then dies anywhere.
+    Python's option -P keeps that process from importing modules out of the working directory.
     """
     copy = path.with_name("copy.msh")
     done = subprocess.run(
-        [sys.executable, "-c", _COPY, str(path), str(copy)], env=environment(),
+        [sys.executable, "-P", "-c", _COPY, str(path), str(copy)], env=environment(),
         stdin=subprocess.DEVNULL, capture_output=True, check=False, text=True, errors="replace",
     )  # fmt: skip
     if done.returncode < 0:

@@ -40,6 +40,7 @@ class _Exterior:
     x : their coordinates, shape (faces, corners, 3)
     normal : unit normals that point outwards, shape (faces, 3)
     middle, size : middle of each face, and its longest edge or diagonal
+    inside : middle of the cell behind it
     region : index of the region of the cell behind
     bulge : how far the true surface may be away from the flat face
     """
@@ -66,10 +67,11 @@ class _Exterior:
         self.middle = self.x.mean(axis=1)
         ends = self.x[:, :, None] - self.x[:, None, :]
         self.size = np.linalg.norm(ends, axis=3).max(axis=(1, 2))
-        self.normal = self._normals(np.concatenate(inside), mesh.dim)
+        self.inside = np.concatenate(inside)
+        self.normal = self._normals(mesh.dim)
         self.bulge = self._bulges()
 
-    def _normals(self, inside: np.ndarray, dim: int) -> np.ndarray:
+    def _normals(self, dim: int) -> np.ndarray:
         x = self.x
         if dim == 2:
             edge = x[:, 1] - x[:, 0]
@@ -79,7 +81,7 @@ class _Exterior:
             flat = (self.corners[:, 2] == self.corners[:, 3])[:, None]
             normal = np.where(flat, np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), normal)
         normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-        outwards = np.einsum("fi,fi->f", self.middle - inside, normal) >= 0
+        outwards = np.einsum("fi,fi->f", self.middle - self.inside, normal) >= 0
         return np.where(outwards[:, None], normal, -normal)
 
     def _bulges(self) -> np.ndarray:
@@ -192,9 +194,13 @@ def _coplanar(faces: _Exterior, a: Ints, b: Ints, extent: float) -> np.ndarray:
     """Whether faces are parallel, and their planes as near as faces that touch.
 
     Faces on one curved surface leave each other by their bulge, and more at one corner than at
-    another.  Faces on both sides of a gap are as far from each other everywhere.
+    another.  Faces on both sides of a gap are as far from each other everywhere.  The two faces of
+    a very thin film have its cells between them, and each looks away from the other one's cell.
     """
-    parallel = np.abs(np.einsum("pi,pi->p", faces.normal[a], faces.normal[b])) > 0.9
+    cosine = np.einsum("pi,pi->p", faces.normal[a], faces.normal[b])
+    sides = [np.einsum("pi,pi->p", faces.inside[j] - faces.middle[i], faces.normal[i]) > 0
+             for i, j in ((a, b), (b, a))]  # fmt: skip
+    parallel = (cosine > 0.9) | ((cosine < -0.9) & sides[0] & sides[1])
     allowed = NEAR * np.minimum(faces.size[a], faces.size[b]) + ROUNDING * extent
     bulge = faces.bulge[a] + faces.bulge[b]
     normal, origin = faces.normal[b], faces.middle[b]

@@ -132,7 +132,7 @@ def mend_elsewhere(path: Any, size: float | None, names: Any, target: Any) -> No
     plain = {k: v if isinstance(v, str) else list(v) for k, v in (names or {}).items()}
     given = json.dumps([str(path), size, plain, str(target)])
     done = subprocess.run(
-        [sys.executable, "-c", _MEND, given], env=environment(), stdin=subprocess.DEVNULL,
+        [sys.executable, "-P", "-c", _MEND, given], env=environment(), stdin=subprocess.DEVNULL,
         capture_output=True, check=False, text=True, errors="replace",
     )  # fmt: skip
     if done.returncode == 2 and done.stderr.strip():

@@ -87,14 +87,14 @@ def _check_plane(mesh: PlainMesh) -> None:
     """Refuse a flat mesh that does not lie in a plane z = const."""
     x = mesh.points - mesh.points.mean(axis=0)
     extent = np.ptp(x, axis=0)
-    flat = 1e-9 * extent.max()
+    flat = 1e-6 * extent.max()  # what seven digits in a file leave of a plane
     if extent[2] <= flat:
         return
     thin = [axis for axis, width in zip("xyz", extent, strict=True) if width <= flat]
     if thin:
         other = " and ".join(axis for axis in "xyz" if axis not in thin)
         lies = f"lies in a plane of {other}"
-    elif np.linalg.svd(x, compute_uv=False)[-1] <= 1e-9 * extent.max() * np.sqrt(len(x)):
+    elif np.linalg.svd(x, compute_uv=False)[-1] <= flat * np.sqrt(len(x)):
         lies = "lies in a plane that is tilted"
     else:
         lies = "is a curved surface in space, which has no plane"
