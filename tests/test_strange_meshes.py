@@ -121,6 +121,32 @@ def test_programs_can_be_refused(tmp_path, ran, monkeypatch, capsys):
     assert "is a program of gmsh" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("version", "old", "new"), [
+    (4.1, "\n1 4 0 ", "\n1 4 0 2147483648 "),  # two thousand million nodes on a curve
+    (4.0, "$MeshFormat\n4 ", "$MeshFormat\n4.1 "),  # the numbers of another format
+    (2.2, "\n2 2 2 1 1 ", "\n2 2 99999 1 1 "),
+])  # fmt: skip
+def test_false_numbers_do_not_end_the_program(tmp_path, version, old, new):
+    """gmsh asks for memory without end, or dies: in a process of its own, with limits."""
+    path = tmp_path / "mesh.msh"
+    mine = start()
+    gmsh.model.add("mesh")
+    gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(2, [1], name="film")
+    gmsh.option.setNumber("Mesh.MshFileVersion", version)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.5)
+    gmsh.option.setNumber("Mesh.SaveAll", 1)
+    gmsh.model.mesh.generate(2)
+    gmsh.write(str(path))
+    gmsh.option.restoreDefaults()
+    gmsh.model.remove()
+    if mine:
+        gmsh.finalize()
+    path.write_text(path.read_text().replace(old, new, 1))
+    refused(path)
+
+
 def test_what_is_no_file_is_told(tmp_path):
     os.mkfifo(tmp_path / "pipe.msh")
     (tmp_path / "folder.msh").mkdir()

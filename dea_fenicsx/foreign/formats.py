@@ -112,9 +112,7 @@ def merge(path: Path, kind: str) -> None:
             if not _head(copy).startswith(_HEADS):
                 raise InputError("it does not begin with $MeshFormat")
             one_group_each(copy)
-        if kind != ".msh" or _is_binary(copy):
-            copy = _checked_copy(copy)
-        gmsh.merge(str(copy))
+        gmsh.merge(str(_checked_copy(copy)))
 
 
 def _head(path: Path) -> bytes:
@@ -134,14 +132,11 @@ def _including(path: Path, folder: Path) -> Path:
     return script
 
 
-def _is_binary(path: Path) -> bool:
-    """Whether a file is a mesh in gmsh's binary format: its second line says so."""
-    head = _head(path).split()
-    return head[:1] == [b"$MeshFormat"] and head[2:3] == [b"1"]
-
-
 _COPY = """
-import sys, gmsh
+import resource, sys, gmsh
+for limit, most in ((resource.RLIMIT_DATA, sys.argv[3]), (resource.RLIMIT_CPU, sys.argv[4])):
+    resource.setrlimit(limit, (int(most), resource.getrlimit(limit)[1]))
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 gmsh.initialize([], readConfigFiles=False, interruptible=False)
 gmsh.option.setNumber("General.Terminal", 0)
 model = gmsh.model
@@ -168,18 +163,20 @@ except Exception as error:
 def _checked_copy(path: Path) -> Path:
     """A copy of a mesh that gmsh writes in a process of its own.
 
-    gmsh believes what a binary file says of its sizes: of damaged ones it dies at once, or it
-    reports an error and has spoilt the memory of the process, which then dies anywhere.
+    gmsh believes what a file says of its sizes: of damaged ones it dies at once, asks for memory
+    without end, or reports an error and has spoilt the memory of the process, which then dies
+    anywhere.  So that process has limits, far above what a sound file of its length needs.
     Python's option -P keeps that process from importing modules out of the working directory.
     """
-    copy = path.with_name("copy.msh")
+    copy, length = path.with_name("copy.msh"), path.stat().st_size
+    limits = [str(4_000_000_000 + 200 * length), str(20 + length // 50_000)]  # bytes, s
     done = subprocess.run(
-        [sys.executable, "-P", "-c", _COPY, str(path), str(copy)], env=environment(),
+        [sys.executable, "-P", "-c", _COPY, str(path), str(copy), *limits], env=environment(),
         stdin=subprocess.DEVNULL, capture_output=True, check=False, text=True, errors="replace",
     )  # fmt: skip
     if done.returncode < 0:
-        raise InputError("it ends gmsh itself, so its binary data must be damaged")
+        raise InputError("it ends gmsh itself, so its data must be damaged")
     if done.returncode:
         told = " ".join(done.stderr.split()).rstrip(".")
-        raise InputError(told or "its binary data must be damaged")
+        raise InputError(told or "its data must be damaged")
     return copy
