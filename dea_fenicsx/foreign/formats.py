@@ -149,11 +149,13 @@ try:
     for dim, tag in model.getEntities():
         for tags in model.mesh.getElements(dim, tag)[1]:
             if dim > 1:
-                model.mesh.getElementQualities(tags, "minSJ")
+                model.mesh.getElementQualities(tags, "minEdge")
     gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
     gmsh.option.setNumber("Mesh.Binary", 1)
     gmsh.option.setNumber("Mesh.SaveAll", 1)
     gmsh.write(sys.argv[2])
+    gmsh.clear()
+    gmsh.merge(sys.argv[2])
 except Exception as error:
     print(error, file=sys.stderr)
     sys.exit(1)
@@ -165,7 +167,8 @@ def _checked_copy(path: Path) -> Path:
 
     gmsh believes what a file says of its sizes: of damaged ones it dies at once, asks for memory
     without end, or reports an error and has spoilt the memory of the process, which then dies
-    anywhere.  So that process has limits, far above what a sound file of its length needs.
+    anywhere.  So that process has limits, far above what a sound file of its length needs, and it
+    reads its copy again, which gmsh may have spoilt as well.
     Python's option -P keeps that process from importing modules out of the working directory.
     """
     copy, length = path.with_name("copy.msh"), path.stat().st_size
