@@ -1,17 +1,15 @@
 """From a file to a meshed gmsh model with named groups: .msh, .geo and STEP.
 
-For one rank alone, and without DOLFINx.  A .msh file holds mesh and names.  A .geo script holds the
-names (its physical groups) and is meshed here if it does not do so itself.  A STEP file holds
-solids, some with a name, and no named surfaces: what has no name is numbered, as in ``surface_5``,
-and can be given a name of its own.
+For one rank alone, and without DOLFINx.  A .msh file holds mesh and names; nothing in it is run.
+A .geo script is a program of gmsh.  It holds the names (its physical groups), and is meshed here if
+it does not do so itself.  A STEP file holds solids, some with a name, and no named surfaces.  What
+has no name is numbered, as in ``surface_5``, and can be given a name of its own.
 """
 
 from __future__ import annotations
 
 import difflib
 import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -21,12 +19,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dea_fenicsx.errors import InputError
-from dea_fenicsx.geometry._gmsh import measure, start
-from dea_fenicsx.launch import environment
+from dea_fenicsx.foreign.formats import STEP, check_program, is_drawing, kind_of, merge
+from dea_fenicsx.foreign.meshing import mend_elsewhere, mesh_drawing
+from dea_fenicsx.geometry._gmsh import group_name, measure, start
 from dea_fenicsx.units import si
 
-GEO = (".geo", ".geo_unrolled")
-STEP = (".step", ".stp")
 STEP_UNIT = 1e-3
 """Coordinates of a STEP file in m: gmsh reads it, whatever its own unit, in mm."""
 
@@ -54,11 +51,6 @@ class Group(NamedTuple):
     high: np.ndarray
 
 
-def is_drawing(path: str | os.PathLike) -> bool:
-    """Whether a file holds a shape that is still to be meshed."""
-    return Path(path).suffix.lower() in (*GEO, *STEP)
-
-
 def lengths(path: str | os.PathLike, unit: Any, size: Any) -> tuple[float, float | None]:
     """A file's unit of length and the largest element size in m; None where not given.
 
@@ -83,28 +75,37 @@ def lengths(path: str | os.PathLike, unit: Any, size: Any) -> tuple[float, float
     return unit, size
 
 
-def open_file(path: Path, size: float | None = None, names: Names | None = None) -> Any:
+def open_file(
+    path: Path, size: float | None = None, names: Names | None = None, *, curved: bool = True,
+    programs: bool | None = None,
+) -> Any:
     """Make a new current gmsh model of a file, mesh it where it is not, and return it.
 
     Parameters
     ----------
     path
-        A .msh or .geo file, a STEP file (.step, .stp), or another file that gmsh can merge.
+        A .msh or .geo file, a STEP file (.step, .stp), or a mesh in another format that gmsh has a
+        reader for.
     size
         Largest size of an element, in the file's unit; of a STEP file in mm.
     names
         New names for the parts of a STEP file, each with the name or names it has without.
+    curved
+        Whether the cells of a drawing follow its curved surfaces.
+    programs
+        Whether a .geo file, which is a program, may run; by default, unless the environment
+        variable DEA_FENICSX_NO_PROGRAMS is set.
 
     Raises
     ------
     InputError
-        If there is no such file, gmsh cannot read or mesh it, or a name is not usable.
+        If there is no such file, gmsh cannot read or mesh it, it is a program that may not run, or
+        a name is not usable.
     """
     import gmsh
 
-    if not path.is_file():
-        raise InputError(f"There is no mesh file {path}; give a gmsh .msh or .geo, or a STEP file.")
-    kind = path.suffix.lower()
+    kind = kind_of(path)
+    check_program(path, programs)
     if size is not None and not is_drawing(path):
         raise InputError(f"{path} is meshed already, so size= has no effect; leave it out.")
     if names and kind not in STEP:
@@ -113,25 +114,66 @@ def open_file(path: Path, size: float | None = None, names: Names | None = None)
             "group."
         )
     start()
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.model.add(path.stem)
+    with _options({"Mesh.MeshSizeMax": None, "General.Terminal": 0}):
+        with _new_model(path.stem):
+            spoilt = _meshed(path, kind, size, names, curved)
+        if not spoilt:
+            return gmsh.model
+        gmsh.model.remove()
+        with _new_model(path.stem), tempfile.TemporaryDirectory(prefix="dea_mesh_") as folder:
+            target = Path(folder) / "mended.msh"
+            mend_elsewhere(path, size, names, target)
+            gmsh.merge(str(target))
+    return gmsh.model
+
+
+def mend(path: str, size: float | None, names: Names, target: str) -> None:
+    """Mesh a drawing with curved cells, mend those that are spoilt, and write it to a .msh file.
+
+    For a process of its own.  The parameters are those of `open_file`, and the file to write.
+    """
+    import gmsh
+
+    start()
+    with _options({"General.Terminal": 0}), _new_model(Path(path).stem):
+        _meshed(Path(path), kind_of(Path(path)), size, names, True, mend=True)
+        for key, value in {"MshFileVersion": 4.1, "Binary": 1, "SaveAll": 1}.items():
+            gmsh.option.setNumber(f"Mesh.{key}", value)
+        gmsh.write(target)
+
+
+def _meshed(
+    path: Path, kind: str, size: float | None, names: Names | None, curved: bool, mend: bool = False
+) -> int:
+    """Read a file into the current model and mesh it; the number of cells that are to be mended."""
+    import gmsh
+
     try:
-        with _options({"Mesh.MeshSizeMax": None}):
-            try:
-                _read(path, kind in STEP)
-            except Exception as error:
-                raise InputError(
-                    f"gmsh cannot read {path} ({_told(error)}); it must be a .msh, .geo or STEP "
-                    "file."
-                ) from error
-            if kind in STEP:
-                _name_parts(path, names or {})
-            if is_drawing(path):
-                _mesh(path, size)
+        _read(path, kind)
+    except Exception as error:
+        raise InputError(
+            f"gmsh cannot read {path} ({_told(error)}); it must be a .msh, .geo or STEP file."
+        ) from error
+    if kind in STEP:
+        _name_parts(path, names or {})
+    if not is_drawing(path):
+        return 0
+    if size is not None:
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    return mesh_drawing(gmsh.model, path, curved, mend)
+
+
+@contextmanager
+def _new_model(name: str) -> Iterator[None]:
+    """Add a model and make it the current one; an error takes it away again."""
+    import gmsh
+
+    gmsh.model.add(name)
+    try:
+        yield
     except BaseException:
         gmsh.model.remove()
         raise
-    return gmsh.model
 
 
 @contextmanager
@@ -155,75 +197,21 @@ def _told(error: Exception | str) -> str:
     return " ".join(str(error).split()).rstrip(".")
 
 
-def _read(path: Path, is_step: bool) -> None:
+def _read(path: Path, kind: str) -> None:
     """Merge a file into the current model; solids of a STEP file that touch share their face."""
     import gmsh
 
-    if not is_step:
-        if _is_binary(path):
-            _merge_binary(path)
-        else:
-            gmsh.merge(str(path))
+    if kind not in STEP:
+        merge(path, kind)
         return
     occ = gmsh.model.occ
     gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-    parts = occ.importShapes(str(path))
+    parts = occ.importShapes(str(path), format="step")
     if len(parts) > 1:
         pieces, _ = occ.fragment(parts, [])
         if len([p for p in pieces if p[0] == parts[0][0]]) != len(parts):
             raise InputError("two of its solids overlap")
     occ.synchronize()
-
-
-def _is_binary(path: Path) -> bool:
-    """Whether a file is a mesh in gmsh's binary format: its second line says so."""
-    with open(path, "rb") as file:
-        head = file.read(64).split()
-    return head[:1] == [b"$MeshFormat"] and head[2:3] == [b"1"]
-
-
-_COPY = """
-import sys, gmsh
-gmsh.initialize(interruptible=False)
-gmsh.option.setNumber("General.Terminal", 0)
-model = gmsh.model
-try:
-    gmsh.merge(sys.argv[1])
-    model.mesh.getNodes()
-    for group in model.getPhysicalGroups():
-        model.getPhysicalName(*group)
-        model.mesh.getNodesForPhysicalGroup(*group)
-    for entity in model.getEntities():
-        for tags in model.mesh.getElements(*entity)[1]:
-            model.mesh.getElementQualities(tags, "minSJ")
-    gmsh.option.setNumber("Mesh.Binary", 1)
-    gmsh.option.setNumber("Mesh.SaveAll", 1)
-    gmsh.write(sys.argv[2])
-except Exception as error:
-    print(error, file=sys.stderr)
-    sys.exit(1)
-"""
-
-
-def _merge_binary(path: Path) -> None:
-    """Merge a binary mesh by way of a copy that gmsh writes of it in a process of its own.
-
-    gmsh believes what a binary file says of its sizes: of damaged ones it dies at once, or it
-    reports an error and has spoilt the memory of the process, which then dies anywhere.
-    """
-    import gmsh
-
-    with tempfile.TemporaryDirectory(prefix="dea_mesh_") as folder:
-        copy = Path(folder) / "copy.msh"
-        done = subprocess.run(
-            [sys.executable, "-c", _COPY, str(path), str(copy)], env=environment(),
-            stdin=subprocess.DEVNULL, capture_output=True, check=False, text=True, errors="replace",
-        )  # fmt: skip
-        if done.returncode < 0:
-            raise InputError("it ends gmsh itself, so its binary data must be damaged")
-        if done.returncode:
-            raise InputError(_told(done.stderr) or "its binary data must be damaged")
-        gmsh.merge(str(copy))
 
 
 def _name_parts(path: Path, names: Names) -> None:
@@ -263,31 +251,15 @@ def _name_parts(path: Path, names: Names) -> None:
         model.addPhysicalGroup(members[0][0], [tag for _, tag in members], name=name)
 
 
-def _mesh(path: Path, size: float | None) -> None:
-    """Mesh the current model unless it has cells; with curved cells where anything is curved."""
-    import gmsh
-
-    model = gmsh.model
-    dim = model.getDimension()
-    if dim < 2:
-        raise InputError(f"{path} holds no surface and no volume, so there is nothing to mesh.")
-    if any(len(tags) for tags in model.mesh.getElements(dim)[1]):
-        return
-    if size is not None:
-        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-    shapes = {model.getType(*e) for d in (1, 2) for e in model.getEntities(d)}
-    try:
-        model.mesh.generate(dim)
-        if shapes - {"Line", "Plane"}:
-            model.mesh.setOrder(2)
-    except Exception as error:
-        raise InputError(
-            f"gmsh cannot mesh {path} ({_told(error)}); look at it in gmsh, or give another size."
-        ) from error
-
-
 def read_names(model: Any, label: str) -> tuple[dict[str, tuple[int, int]], int]:
-    """Names of the physical groups with (dimension, tag), and the dimension of the cells.
+    """Names of the groups of regions and of facets, and the dimension of the cells.
+
+    Groups of lower dimension are no part of a scene, so their names are free.
+
+    Returns
+    -------
+    dict, int
+        Dimension and tag of each physical group by name; dimension of the cells.
 
     Raises
     ------
@@ -299,16 +271,21 @@ def read_names(model: Any, label: str) -> tuple[dict[str, tuple[int, int]], int]
     if not len(types) or not sum(len(t) for t in tags):
         raise InputError(f"{label} holds no mesh elements; mesh it with gmsh before saving it.")
     cell_dim = max(model.mesh.getElementProperties(t)[1] for t in types)
+    if cell_dim < 2:
+        raise InputError(f"{label} holds points and lines only; mesh its surfaces or volumes, too.")
     if not any(d == cell_dim for d, _ in groups):
         raise InputError(
             f"{label} names no region; add a physical group of dimension {cell_dim} to each part."
         )
     names: dict[str, tuple[int, int]] = {}
     for d, tag in groups:
-        name = model.getPhysicalName(d, tag) or f"group_{d}_{tag}"
+        if d < cell_dim - 1:
+            continue
+        name = group_name(model, d, tag)
         if name in names:
             raise InputError(
-                f"{label} uses the name {name!r} for two physical groups; names must be unique."
+                f"{label} uses the name {name!r} for two physical groups of regions or facets; "
+                "their names must be unique."
             )
         names[name] = (d, tag)
     return names, cell_dim
@@ -316,12 +293,10 @@ def read_names(model: Any, label: str) -> tuple[dict[str, tuple[int, int]], int]
 
 def groups_of(model: Any, label: str) -> list[Group]:
     """The named groups of regions and of facets in the current model, regions first."""
-    names, cell_dim = read_names(model, label)
+    names, _ = read_names(model, label)
     measures = measure(model)
     found = []
     for name, (dim, tag) in names.items():
-        if dim < cell_dim - 1:
-            continue
         _, x = model.mesh.getNodesForPhysicalGroup(dim, tag)
         x = np.reshape(x, (-1, 3)) if len(x) else np.full((1, 3), np.nan)
         _, number, total = measures.get(name, (dim, 0, 0.0))

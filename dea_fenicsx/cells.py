@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from dea_fenicsx import compat
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.foreign.arrays import point
 from dea_fenicsx.mesh import Device
 
 FLAT = 1e-12
@@ -64,12 +65,6 @@ def _refuse(device: Device, bad: np.ndarray, how: str) -> None:
         f"{count} of {total} cells of {device.source or 'the mesh'} {verb} {how}, the first at "
         f"{place}; mesh the geometry anew, with smaller or straight cells there."
     )
-
-
-def point(x: np.ndarray, dim: int) -> str:
-    """A place in words, in metres; what rounding left of a zero is a zero."""
-    zero = 1e-9 * np.max(np.abs(x))
-    return f"({', '.join(f'{v if abs(v) > zero else 0.0:.4g}' for v in x[:dim])}) m"
 
 
 def _folded(device: Device, degree: int) -> np.ndarray:

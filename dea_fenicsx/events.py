@@ -151,8 +151,9 @@ class Sentinel:
                 found += [event] if event else []
                 self.fired.add(alarm.name)
         self._margins = margins
-        counted = self.stability and before is not None and count is not None
-        if counted and abs(count - before) > limits:
+        changed = before is not None and count is not None and abs(count - before) > limits
+        if self.stability and changed:
+            assert before is not None and count is not None
             found += self._bifurcations(place, before, count, rates)
         if found:
             problem.set_factors(factors)

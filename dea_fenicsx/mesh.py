@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -14,7 +16,8 @@ from dea_fenicsx import compat
 from dea_fenicsx.agreement import check_same, together
 from dea_fenicsx.cad import Names, lengths, open_file, read_names
 from dea_fenicsx.errors import InputError, install_hook
-from dea_fenicsx.geometry._gmsh import quality
+from dea_fenicsx.foreign.model import checked
+from dea_fenicsx.geometry._gmsh import quality, start
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +33,8 @@ class Device:
     cells, facets
         Tags of cells and of facets; `facets` is None where no facet group is named.
     regions, surfaces
-        Tag of each named group of cells and of facets.
+        Tag of each named group of cells and of facets.  A group of facets that overlaps another one
+        has further tags, and `facets_of` gives all of its facets.
     length
         Length unit of the coordinates in metres: the largest extent of the device.
     source
@@ -38,6 +42,8 @@ class Device:
     quality
         ``least_scaled_jacobian`` of its cells (1 in a cell with right angles) and
         ``largest_aspect``, the longest over the shortest edge of a cell.
+    further
+        For each group of facets that overlaps others, the tags of the facets that it shares.
     """
 
     mesh: Any
@@ -48,6 +54,7 @@ class Device:
     length: float
     source: str = ""
     quality: dict[str, float] = field(default_factory=dict)
+    further: dict[str, tuple[int, ...]] = field(default_factory=dict)
     _cache: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @property
@@ -66,11 +73,29 @@ class Device:
         """Local facets (owned and ghost) of a surface."""
         if self.facets is None:
             return np.empty(0, dtype=np.int32)
-        return self.facets.find(self.surfaces[name])
+        tags = (self.surfaces[name], *self.further.get(name, ()))
+        return np.sort(np.concatenate([self.facets.find(tag) for tag in tags]))
 
     def owned_cells(self) -> int:
         """Number of cells this rank owns."""
         return self.mesh.topology.index_map(self.dim).size_local
+
+
+class _Told(NamedTuple):
+    """What rank 0 tells the others of a gmsh model.
+
+    Attributes
+    ----------
+    groups, further : dimension and tag of each named group; tags that groups of facets share
+    dim : dimension of the cells
+    quality, source : as in `Device`
+    """
+
+    groups: dict[str, tuple[int, int]]
+    further: dict[str, tuple[int, ...]]
+    dim: int
+    quality: dict[str, float]
+    source: str
 
 
 def read_gmsh(
@@ -81,6 +106,9 @@ def read_gmsh(
     unit: float | None = None,
     size: float | None = None,
     names: Names | None = None,
+    curved: bool = True,
+    apart: bool = False,
+    programs: bool | None = None,
 ) -> Device:
     """Read a mesh, or mesh a drawing, and distribute it.
 
@@ -89,11 +117,13 @@ def read_gmsh(
     source
         A geometry of `dea_fenicsx.geometry` (anything with ``build()``), or the path of a file:
         .msh and .geo with a named physical group for each part and each surface that the scene
-        needs, or STEP (.step, .stp).  Only rank 0 builds or reads it.
+        needs, or STEP (.step, .stp).  Only rank 0 builds or reads it.  Groups of surfaces may
+        overlap.  Prisms, pyramids and mixed cells are divided into tetrahedra (in the plane:
+        triangles), and `Device.source` says so.
     comm
         The MPI communicator.
     dim
-        Dimension of the coordinates, 2 or 3; by default that of the cells.
+        Dimension that the cells must have, 2 or 3; any unless given.
     unit
         Length of the file's coordinate unit in metres (1e-3 for a mesh in millimetres); 1 unless
         given.  A STEP file states its own.
@@ -103,76 +133,148 @@ def read_gmsh(
         For STEP files: new names, each with the name or names that ``dea mesh FILE`` shows, as in
         ``{"root": "surface_1", "top": ["surface_8", "surface_9"]}``.  Solids keep the names they
         have in the file; what has none is numbered.
+    curved
+        Whether the cells of .geo and STEP files follow curved surfaces; False gives straight cells.
+    apart
+        Whether parts may touch that share no nodes, such as the two sides of a crack.  They move
+        independently of each other, and may run into each other.
+    programs
+        Whether a .geo file may run: it is a program, which can do all that its reader may.  By
+        default it may, unless the environment variable DEA_FENICSX_NO_PROGRAMS is set.
 
     Raises
     ------
     InputError
-        If the file is missing, gmsh cannot read or mesh it, or it has cells that no named group
-        holds.
+        If the file is missing, gmsh cannot read or mesh it, cells lie in no named group or in two,
+        facets of a group are faces of no cell, parts touch that are not joined, or a flat mesh does
+        not lie in a plane z = const.
     """
     install_hook()
     label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__
     check_same(comm, {"dim": dim, "unit": unit})
     unit, size = lengths(label, unit, size)
-    groups: dict[str, tuple[int, int]] = {}
-    cell_dim, model, good = 0, None, {}
+    _check_options(dim, curved=curved, apart=apart, programs=programs)
+    model, told = None, None
 
-    def open_and_name() -> None:
-        nonlocal model, groups, cell_dim, good
+    def open_and_check() -> None:
+        nonlocal model, told
         if comm.rank == 0:
-            model = _open(source, None if size is None else size / unit, names)
-            groups, cell_dim = read_names(model, label)
-            good = quality(model)
+            largest = None if size is None else size / unit
+            model = _open(source, largest, names, curved, programs)
+            model, told = _look_at(model, source, label, dim, unit, apart)
 
-    try:
-        together(comm, open_and_name, f"The mesh of {label}")
-    except Exception:
-        if model is not None:
-            model.remove()
-        raise
-    groups, cell_dim, good = comm.bcast((groups, cell_dim, good), root=0)
-    try:
-        mesh, cells, facets = compat.model_to_mesh(model, comm, dim or cell_dim)
-    except RuntimeError as error:
-        raise InputError(
-            f"The mesh of {label} cannot be used ({error}); every cell must lie in exactly one "
-            "named physical group."
-        ) from error
-    finally:
-        if comm.rank == 0 and model is not None:
-            model.remove()
-
-    tdim = mesh.topology.dim
-    for d in (tdim - 1, tdim):
-        mesh.topology.create_connectivity(d, tdim)
-    mesh.topology.create_connectivity(tdim, tdim - 1)
-    x = mesh.geometry.x
-    corners = comm.allgather((x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)))
-    low, high = np.min([c[0] for c in corners], axis=0), np.max([c[1] for c in corners], axis=0)
-    extent = float(np.max(high - low))
-    x /= extent
+    with _gmsh(source, comm):
+        try:
+            together(comm, open_and_check, f"The mesh of {label}")
+            told = comm.bcast(told, root=0)
+            try:
+                mesh, cells, facets = compat.model_to_mesh(model, comm, told.dim)
+            except RuntimeError as error:
+                told_by = " ".join(str(error).split()).rstrip(".")
+                raise InputError(f"The mesh of {label} cannot be used ({told_by}).") from error
+        finally:
+            if model is not None:
+                model.remove()
+    extent = _scale(mesh)
     return Device(
         mesh=mesh,
         cells=cells,
         facets=facets,
-        regions={n: tag for n, (d, tag) in groups.items() if d == tdim},
-        surfaces={n: tag for n, (d, tag) in groups.items() if d == tdim - 1},
+        regions={n: tag for n, (d, tag) in told.groups.items() if d == told.dim},
+        surfaces={n: tag for n, (d, tag) in told.groups.items() if d == told.dim - 1},
         length=extent * unit,
-        source=label,
-        quality=good,
+        source=told.source,
+        quality=told.quality,
+        further=told.further,
     )
 
 
-def _open(source: Any, size: float | None, names: Names | None) -> Any:
+def _check_options(dim: Any, **switches: Any) -> None:
+    """Raise InputError if `dim` is no dimension, or a switch is neither True nor False."""
+    if dim is not None and (not isinstance(dim, int | float | np.number) or dim not in (2, 3)):
+        raise InputError(f"dim is {dim!r}, but must be 2 or 3; leave it out to take the cells'.")
+    for name, value in switches.items():
+        if not isinstance(value, bool | np.bool_) and not (name == "programs" and value is None):
+            raise InputError(f"{name} is {value!r}, but must be True or False.")
+
+
+def _is_family(source: Any) -> bool:
+    """Whether a geometry is one of this package's own, whose meshes need no check."""
+    return type(source).__module__.startswith("dea_fenicsx.geometry.")
+
+
+@contextmanager
+def _gmsh(source: Any, comm: MPI.Comm) -> Iterator[None]:
+    """Have gmsh running on rank 0, and leave it as it was, for a script may use it, too.
+
+    An object of the user's own may have started it for longer, so there it keeps running.
+    """
+    if comm.rank:
+        yield
+        return
+    import gmsh
+
+    before = gmsh.model.getCurrent() if gmsh.isInitialized() else None
+    mine = (_is_family(source) or not hasattr(source, "build")) and start()
+    try:
+        yield
+    finally:
+        if mine:
+            gmsh.finalize()
+        elif before is not None and before in gmsh.model.list():
+            gmsh.model.setCurrent(before)
+
+
+def _open(
+    source: Any, size: float | None, names: Names | None, curved: bool, programs: bool | None
+) -> Any:
     """The gmsh model of a geometry or of a file (rank 0 only)."""
     if not hasattr(source, "build"):
-        return open_file(Path(source), size, names)
+        return open_file(Path(source), size, names, curved=curved, programs=programs)
     if size is not None or names:
         raise InputError(
             f"size= and names= are for files that are still to be meshed; {type(source).__name__} "
             "has its own."
         )
     return source.build()
+
+
+def _look_at(
+    model: Any, source: Any, label: str, dim: int | None, unit: float, apart: bool
+) -> tuple[Any, _Told]:
+    """Check a model, and bring it into cells that can be computed on (rank 0 only).
+
+    Raises
+    ------
+    InputError
+        If it cannot be used; the model stays then.
+    """
+    groups, cells = read_names(model, label)
+    if dim is not None and dim != cells:
+        raise InputError(
+            f"{label} has cells of dimension {cells}, but dim is {dim}; leave dim= out, or mesh "
+            f"{'the volumes' if dim == 3 else 'a flat section'}."
+        )
+    further: dict[str, tuple[int, ...]] = {}
+    notes: tuple[str, ...] = ()
+    if not _is_family(source):
+        model, groups, further, notes = checked(model, groups, cells, label, unit, apart)
+    name = f"{label} ({', '.join(notes)})" if notes else label
+    return model, _Told(groups, further, cells, quality(model), name)
+
+
+def _scale(mesh: Any) -> float:
+    """Divide the coordinates by the largest extent, and return it.  Collective."""
+    tdim = mesh.topology.dim
+    for d in (tdim - 1, tdim):
+        mesh.topology.create_connectivity(d, tdim)
+    mesh.topology.create_connectivity(tdim, tdim - 1)
+    x = mesh.geometry.x
+    corners = mesh.comm.allgather((x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)))
+    low, high = np.min([c[0] for c in corners], axis=0), np.max([c[1] for c in corners], axis=0)
+    extent = float(np.max(high - low))
+    x /= extent
+    return extent
 
 
 def one_sided(device: Device, surface: str, prefer: frozenset[int] | None = None) -> np.ndarray:

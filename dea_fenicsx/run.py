@@ -38,15 +38,7 @@ from dea_fenicsx.resuming import carry_on
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import LINEARISING, NewtonOptions, NewtonSolver, silent
 from dea_fenicsx.stepping import Cursor, Ramp, Step, follow
-from dea_fenicsx.summary import (
-    STATUS,
-    UNSTABLE,
-    count_changes,
-    ending,
-    settings,
-    versions,
-    work,
-)  # fmt: skip
+from dea_fenicsx.summary import STATUS, UNSTABLE, count_changes, ending, settings, versions, work
 from dea_fenicsx.tracing import Trace
 from dea_fenicsx.volume import check_volume
 from dea_fenicsx.weakform import Problem

@@ -7,6 +7,8 @@ checked.  Draw your own device, name its parts, and see what a file holds with
 
     dea mesh demos/own_geometry_data/clover.geo --unit 1e-3 --size 2e-3
 
+A .geo script is a program of gmsh, so run only those that you trust; .msh and STEP files are data.
+
 Run it with `mpirun -n 2 python demos/own_geometry.py`.
 """
 

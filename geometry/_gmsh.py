@@ -138,10 +138,19 @@ def write_current(path: Path) -> None:
         part.unlink(missing_ok=True)
 
 
+def group_name(model: Any, dim: int, tag: int) -> str:
+    """Name of a physical group without padding and control characters; numbered if it has none."""
+    given = "".join(c for c in model.getPhysicalName(dim, tag) if c.isprintable())
+    return given.strip() or f"group_{dim}_{tag}"
+
+
 def measure(model: Any, rule: str = "Gauss6") -> dict[str, tuple[int, int, float]]:
-    """Dimension, number of elements, and volume, area or length of every physical group."""
+    """Dimension, number of elements, and volume, area or length of every physical group.
+
+    Where groups of several dimensions share a name, the one of highest dimension is meant.
+    """
     found = {}
-    for dim, tag in model.getPhysicalGroups():
+    for dim, tag in sorted(model.getPhysicalGroups()):
         number, total = 0, 0.0
         for entity in model.getEntitiesForPhysicalGroup(dim, tag):
             kinds, elements, _ = model.mesh.getElements(dim, entity)
@@ -150,7 +159,7 @@ def measure(model: Any, rule: str = "Gauss6") -> dict[str, tuple[int, int, float
                 _, determinants, _ = model.mesh.getJacobians(kind, points, entity)
                 total += float(np.sum(determinants.reshape(-1, len(weights)) @ weights))
                 number += len(members)
-        found[model.getPhysicalName(dim, tag)] = (int(dim), number, total)
+        found[group_name(model, dim, tag)] = (int(dim), number, total)
     return found
 
 

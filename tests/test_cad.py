@@ -126,7 +126,7 @@ def test_device_of_a_step_file_is_solved(two_layers):
 
 FAULTS = {
     "no file": ("none.geo", {}, "There is no mesh file"),
-    "geo is empty": ("empty.geo", {}, "gmsh cannot read"),
+    "geo is empty": ("empty.geo", {}, "nothing to mesh"),
     "geo has no region": ("plain.geo", {}, "names no region"),
     "geo has no surface": ("point.geo", {}, "nothing to mesh"),
     "not STEP": ("bad.step", {}, "gmsh cannot read"),

@@ -11,7 +11,7 @@ PACKAGE = ROOT / "dea_fenicsx"
 # Each room may import from the rooms before it, and within itself in the order given.
 ORDER = [
     "errors", "agreement", "launch", "files", "stored", "lock", "declared", "units",
-    "geometry", "cad", "form_cache", "compat", "mesh", "cells",
+    "geometry", "foreign", "cad", "form_cache", "compat", "mesh", "cells",
     "materials", "kinematics", "conditions", "validation", "neighbours", "potentials",
     "electrode_checks", "scene",
     "exact", "origami",

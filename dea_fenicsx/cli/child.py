@@ -44,7 +44,7 @@ def start(what: str, seconds: float, before: Sequence[str] = ()) -> Done:
     before
         Command that starts it, such as mpirun.
     """
-    command = [*before, sys.executable, "-m", "dea_fenicsx.cli.probe", what]
+    command = [*before, sys.executable, "-P", "-m", "dea_fenicsx.cli.probe", what]
     try:
         process = subprocess.Popen(
             command, env=environment(), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
