@@ -1,0 +1,1 @@
+"""Random scenes, paths and files: what must hold for every one of them."""
