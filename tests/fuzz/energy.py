@@ -137,38 +137,27 @@ def _derivative(nodes: np.ndarray) -> np.ndarray:
 SLOPE = _derivative(NODES)
 
 
-def stops(panels: int) -> list[float]:
-    """Positions on a ramp, without its start, at which a rule of several panels needs states."""
-    inner = [(k + x) / panels for k in range(panels) for x in NODES[1:]]
-    return [*map(float, inner[:-1]), 1.0]
+def stops(panels: list[tuple[float, float]]) -> list[float]:
+    """Positions on a ramp, without its start, at which the rule needs states; the last is 1."""
+    inner = {float(a + x * (b - a)) for a, b in panels for x in NODES[1:-1]}
+    return sorted(inner | {b for _, b in panels})
 
 
-def balance(records: list[Record], moved: dict[str, float], panels: int) -> tuple[float, float]:
-    """Largest miss between change of energy and work over any panel, and the scale of both.
+def balance(records: list[Record], moved: dict[str, float], width: float) -> tuple[float, float]:
+    """The miss between change of energy and work over a panel, and the size of both.
 
     Parameters
     ----------
     records
-        The states at the start of the ramp and at all its `stops`.
+        The states at the five nodes.
     moved
         Change of each ramp's factor over the whole ramp.
-    panels
-        Panels of the rule, equally long.
-
-    Returns
-    -------
-    float, float
-        The scale is the sum of all changes' sizes and of the work's.
+    width
+        The panel's share of the ramp.
     """
-    assert len(records) == 4 * panels + 1
-    misses, scale = [], 0.0
-    for k in range(panels):
-        mine = records[4 * k : 4 * k + 5]
-        power = np.array([sum(r.rates[n] * m for n, m in moved.items()) / panels for r in mine])
-        if mine[0].force is not None:
-            velocity = SLOPE @ np.array([r.state for r in mine])
-            power += np.array([r.force @ v for r, v in zip(mine, velocity, strict=True)])
-        work, change = float(WEIGHTS @ power), mine[-1].energy - mine[0].energy
-        misses.append(abs(work - change))
-        scale += abs(change) + float(WEIGHTS @ np.abs(power))
-    return max(misses), scale
+    power = np.array([sum(r.rates[n] * m for n, m in moved.items()) * width for r in records])
+    if records[0].force is not None:
+        velocity = SLOPE @ np.array([r.state for r in records])
+        power += np.array([r.force @ v for r, v in zip(records, velocity, strict=True)])
+    work, change = float(WEIGHTS @ power), records[-1].energy - records[0].energy
+    return abs(work - change), abs(change) + float(WEIGHTS @ np.abs(power))

@@ -33,10 +33,10 @@ SAME = 1e-6
 """How far values at the end may lie apart, of the largest size of the value on the way.
 
 Near an instability the usual tolerance of Newton's method leaves more, so that all runs are made
-with `TIGHT`.
+with `TIGHT`.  A tolerance of 1e-12 is below what rounding leaves close to the lock-up of chains.
 """
 
-TIGHT = dea.NewtonOptions(tolerance=1e-12)
+TIGHT = dea.NewtonOptions(tolerance=1e-11)
 
 PLACE = 2e-3
 """How far apart equilibrium may be lost, as a share of a ramp: its smallest step is 1e-3 of the
@@ -114,9 +114,8 @@ def sheet(n: int) -> dea.Run:
         loads=[dea.DeadLoad("x_max", (load, 0, 0)), dea.DeadLoad("y_max", (0, 1.001 * load, 0))],
         supports=[dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")],
     )
-    return solve(scene, [dea.Ramp(steps=n)], {
-        "x": dea.MeanStretch(("x_min", "x_max"), "x"), "y": dea.MeanStretch(("y_min", "y_max"), "y"),
-    })  # fmt: skip
+    record = {a: dea.MeanStretch((f"{a}_min", f"{a}_max"), a) for a in "xy"}
+    return solve(scene, [dea.Ramp(steps=n)], record)
 
 
 def strip(elastic: dea.Material = FILM, load: float = 1.0, press: float = -1.2e-3,
@@ -209,9 +208,9 @@ def gent_film_there_and_back(n: int, m: int) -> dea.Run:
     ], Z)  # fmt: skip
 
 
-@way(1, "lost")
+@way(1, "lost", lost_at=0.33620)
 def plate_under_pressure(n: int) -> dea.Run:
-    """A clamped neo-Hookean plate, blown up past its highest pressure."""
+    """A clamped neo-Hookean plate, blown up past its highest pressure, that of 60 steps."""
     scene = dea.Scene(
         box((("film", 1e-3, 1),), 10e-3, None, (6,)), {"film": SOFT},
         supports=[dea.Clamp("x_max"), dea.Fix("x_min", "r")],
@@ -220,9 +219,9 @@ def plate_under_pressure(n: int) -> dea.Run:
     return solve(scene, [dea.Ramp(steps=n)], {"h": dea.LargestDisplacement("top", "z")})
 
 
-@way(2)
+@way(2, v_m=(2.07649874e-3, 1e-6))
 def arch_that_snaps(n: int, m: int) -> dea.Run:
-    """A strip that has buckled upwards is pushed down by a side load until it snaps through."""
+    """A strip that has buckled is pushed back by a side load until it snaps through; 80 steps."""
     scene = strip(SOFT, load=-1.0)
     path = [
         dea.Ramp("q", -1.0, steps=1), dea.Ramp("stretch", steps=n),
@@ -231,8 +230,8 @@ def arch_that_snaps(n: int, m: int) -> dea.Run:
     return solve(scene, path, {"v": dea.MeanDisplacement("top", "y")})
 
 
-GEO = """Point(1)={0,0,0}; Point(2)={20e-3,0,0}; Point(3)={20e-3,1e-3,0}; Point(4)={10e-3,1.01e-3,0};
-Point(5)={0,1e-3,0};
+GEO = """Point(1)={0,0,0}; Point(2)={20e-3,0,0}; Point(3)={20e-3,1e-3,0};
+Point(4)={10e-3,1.01e-3,0}; Point(5)={0,1e-3,0};
 Line(1)={1,2}; Line(2)={2,3}; Line(3)={3,4}; Line(4)={4,5}; Line(5)={5,1};
 Curve Loop(1)={1,2,3,4,5}; Plane Surface(1)={1};
 Transfinite Curve{1}=17; Transfinite Curve{3,4}=9; Transfinite Curve{2,5}=2;
@@ -251,9 +250,12 @@ def column_mesh() -> Any:
         return dea.read_gmsh(str(path), MPI.COMM_SELF)
 
 
-@way(1)
+@way(1, v_m=(1.42081138e-3, 1e-6))
 def column_with_an_imperfection(n: int) -> dea.Run:
-    """A column that is one per cent thicker in the middle, on one side; pressed past buckling."""
+    """A column that is one per cent thicker in the middle, on one side; pressed past buckling.
+
+    The value is that of a trace from rest by arc length.
+    """
     scene = dea.Scene(
         column_mesh(), {"film": SOFT}, supports=[dea.Clamp("left"), dea.Fix("right", "y")],
         prescribed=[dea.Displacement("right", "x", -1.2e-3)], kinematics=dea.PlaneStrain(1e-3),
@@ -261,9 +263,9 @@ def column_with_an_imperfection(n: int) -> dea.Run:
     return solve(scene, [dea.Ramp(steps=n)], {"v": dea.MeanDisplacement("top", "y")})
 
 
-@way(1)
+@way(1, v_m=(1.9720774e-4, 1e-6), F_N=(-0.0537844334, 1e-6))
 def skin_on_a_soft_base(n: int) -> dea.Run:
-    """A stiff skin on a soft base, clamped at one end; pressed past its wrinkling."""
+    """A stiff skin on a soft base, clamped at one end; pressed past its wrinkling.  120 steps."""
     scene = dea.Scene(
         box((("base", 1e-3, 2), ("skin", 1e-4, 1)), 4e-3, None, (16,)),
         {"base": SOFT, "skin": dea.Material(dea.NeoHookean(1e6))},
@@ -283,10 +285,14 @@ def two_electrodes_together(n: int) -> dea.Run:
     return solve(scene, [dea.Ramp(("left", "right"), steps=n)], Z)
 
 
-@way(3)
+@way(3, v_m=(1.01853365e-3, 1e-6), F_N=(-1.06868835e-3, 1e-6))
 def buckled_strip_with_voltage(n: int, m: int, k: int) -> dea.Run:
-    """A film pressed past buckling, then under voltage, then released while the voltage stays."""
-    scene = strip(press=-0.8e-3, electrodes=[dea.Electrode("top", 0.3 * UNIT), dea.Ground("bottom")])
+    """A film pressed past buckling, then under voltage, then released while the voltage stays.
+
+    The values are those of 60 steps each.
+    """
+    electrodes = [dea.Electrode("top", 0.3 * UNIT), dea.Ground("bottom")]
+    scene = strip(press=-0.8e-3, electrodes=electrodes)
     path = [dea.Ramp("q", steps=1), dea.Ramp("stretch", steps=n), dea.Ramp("voltage", steps=m),
             dea.Ramp("stretch", 0.0, steps=k)]  # fmt: skip
     return solve(scene, path, {"v": dea.MeanDisplacement("top", "y"),
@@ -366,8 +372,8 @@ def faults(name: str, answers: list[Answer]) -> list[str]:
         if it.status and a.status != it.status:
             wrong = f"{a.status} where it must be {it.status}"
         elif a.status == "completed":
-            off = {k: abs(a.values[k] / v - 1) if k != "v_m" else abs(abs(a.values[k]) / v - 1)
-                   for k, (v, _) in it.right.items()}  # fmt: skip
+            # to which side a strip buckles is a matter of the load's sign, and checked by `same`
+            off = {k: abs(abs(a.values[k]) / abs(v) - 1) for k, (v, _) in it.right.items()}
             wrong = ", ".join(f"{k} = {a.values[k]:.9g} instead of {it.right[k][0]:.9g}"
                               for k, miss in off.items() if miss > it.right[k][1])  # fmt: skip
             if a.inertia and not a.message:
@@ -391,7 +397,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=30)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="paths whose names hold this word")
-    parser.add_argument("--steps", type=int, nargs="*", help="these step counts, for each ramp alike")
+    parser.add_argument("--steps", type=int, nargs="*", help="these, for all ramps alike")
     args = parser.parse_args()
     short = 0
     print(f"seed {args.seed}", flush=True)

@@ -22,14 +22,11 @@ from mpi4py import MPI
 
 from dea_fenicsx import launch
 
-from .physics import TIGHT, path_of, solve
-from .scenes import Sketch, read
+from .checks import PLACE, TIGHT, path_of, solve
+from .sketch import Sketch, read
 
 SAME = 1e-6
 """Relative difference of sums on two ranks and on one; the order of sums leaves 1e-10 of it."""
-
-PLACE = 1e-2
-"""As in `physics`: how far apart two runs may lose equilibrium, as a share of a ramp."""
 
 
 def numbers(sketch: Sketch, comm: MPI.Comm, **options: Any) -> dict[str, Any]:
@@ -54,7 +51,8 @@ def numbers(sketch: Sketch, comm: MPI.Comm, **options: Any) -> dict[str, Any]:
 def differ(one: dict[str, Any], two: dict[str, Any]) -> str:
     """In which way two results differ; empty if they are the same."""
     if one["status"] != two["status"]:
-        return f"{one['status']} on one rank, {two['status']} on two ({one['message']} {two['message']})"
+        said = f"({one['message']} {two['message']})"
+        return f"{one['status']} on one rank, {two['status']} on two {said}"
     if one["status"] == "refused" and one["message"] != two["message"]:
         return f"one rank: {one['message']} two: {two['message']}"
     if abs(one["time"] - two["time"]) > PLACE:
@@ -78,7 +76,7 @@ def on_two_ranks(
     """What sketches find on several ranks that they do not find on one, by number."""
     mpirun = launch.mpirun()
     if mpirun is None:
-        return dict.fromkeys(sketches, [("no mpirun", "nothing runs on two ranks here")])
+        return {k: [("no mpirun", "nothing runs on two ranks here")] for k in sketches}
     found: dict[int, list[tuple[str, str]]] = {k: [] for k in sketches}
     left = list(sketches)
     with tempfile.TemporaryDirectory() as folder:
