@@ -1,1 +1,1 @@
-"""Random scenes, paths and files: what must hold for every one of them."""
+"""Random trials by the thousand, each from a seed that is told: ``make fuzz``."""
