@@ -334,20 +334,24 @@ def thin_film(draw: Any, site: Site, live: list[int], high: float) -> Call:
 
 @st.composite
 def paths(draw: Any, sketch: Sketch) -> tuple[tuple[tuple[str, ...], float, int], ...]:
-    """One ramp of all, or one for each name in some order, and at times a way back."""
+    """One ramp of all, or one for each name in some order, and at times a way back.
+
+    A third of the paths goes far beyond the moderate loads, towards instability and loss.
+    """
     defaults = {"Electrode": "voltage", "ThinFilm": "voltage", "ChargedElectrode": "charge",
                 "DeadLoad": "load", "DeadPressure": "load", "FollowerPressure": "load",
                 "AxialForce": "load", "Torque": "load", "PreStretch": "prestretch"}  # fmt: skip
     driven = [*sketch.prescribed, *sketch.loads,
               *(e for e in sketch.electrodes if e.args.get("volts", 1.0))]  # fmt: skip
     names = list(dict.fromkeys(c.ramp or defaults.get(c.name, "stretch") for c in driven))
-    steps = st.integers(1, 4)
+    steps, far = st.integers(1, 4), st.sampled_from((1.0, 1.0, 1.0, 1.0, 3.0, 8.0))
     if not names:
         return (((), 1.0, 1),)
     if len(names) == 1 or draw(st.booleans()):
-        found = [(tuple(names), 1.0, draw(steps))]
+        found = [(tuple(names), draw(far), draw(steps))]
     else:
         found = [((name,), 1.0, draw(steps)) for name in draw(st.permutations(names))]
+        found[-1] = (found[-1][0], draw(far), found[-1][2])
     if draw(st.integers(0, 4)) == 0:
         found.append((found[-1][0], draw(st.sampled_from((0.0, 0.5, -0.5))), draw(steps)))
     return tuple(found)
