@@ -134,6 +134,8 @@ def check(sketch: Sketch) -> Verdict:
     first = solve(sketch, path_of(sketch), device)
     verdict = Verdict(first.status)
     _check_outcome(first, verdict)
+    if first.status == "refused":
+        verdict.notes.append(f"refused: {first.message}")
     if first.status in ("completed", "lost", "solver failed"):
         second = solve(sketch, path_of(sketch, 2), device)
         _check_outcome(second, verdict)

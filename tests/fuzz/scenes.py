@@ -145,6 +145,9 @@ def sketches(draw: Any, small: bool = False) -> Sketch:
         loads = [*loads, *(c for c in more if c.name == "AxialForce")]
         prescribed = [*prescribed, *(c for c in more if c.name == "AxialStretch")]
     electrodes = [] if dry else draw(electrified(site))
+    if not (prescribed or loads or any(e.args.get("volts", 1) for e in electrodes)):
+        where, size = "x_max" if kin == "Helical" else "top", draw(signed(0.01, 0.3)) * MU
+        loads = [call("DeadPressure", where=where, pascal=float(f"{size:.3g}"))]
     sketch = Sketch(
         kinematics=draw(embedding(site)), length=site.length, width=site.width, x0=x0,
         divisions=tuple(draw(st.integers(1, 3)) for _ in range(1 if flat else 2)),
