@@ -2,6 +2,7 @@
 # make demo   the two-turn helical actuator on 2 ranks
 # make test   the test suite
 # make hard   the table of hard cases and the random kills, into hard_cases.csv
+# make fuzz   random scenes, paths near instabilities, and damaged files
 # make peers  the same scenes here, in NGSolve and as a plain script, timed into peers.csv
 # make lint   ruff and mypy
 # make api    pages of all public names from their docstrings, into build/api
@@ -16,7 +17,7 @@ SHELL := /bin/bash
 READY := .venv/ready-$(firstword $(shell pwd | cksum))
 RUN := PATH="$(CURDIR)/.venv/bin:$$PATH" OMP_NUM_THREADS=1
 
-.PHONY: env demo test hard peers lint api pictures docker clean
+.PHONY: env demo test hard fuzz peers lint api pictures docker clean
 
 env: $(READY)
 
@@ -33,6 +34,17 @@ test: env
 
 hard: env
 	$(RUN) .venv/bin/python tests/hard/run.py
+
+# What is compiled runs on a few cells only, and each scene twice or more.  All three run, whatever
+# the others find.
+FUZZ := DEA_FENICSX_CFLAGS="-O1 -g0" .venv/bin/python -m
+
+fuzz: env
+	$(RUN) sh -c 'found=0; \
+	  $(FUZZ) tests.fuzz.physics --count 500 --seed 1 --jobs 2 || found=1; \
+	  $(FUZZ) tests.fuzz.paths --count 30 --seed 1 || found=1; \
+	  $(FUZZ) tests.fuzz.readers --count 50000 --seed 1 || found=1; \
+	  exit $$found'
 
 peers: env
 	.venv/bin/python -m pip install --quiet ngsolve
