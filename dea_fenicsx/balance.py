@@ -78,7 +78,9 @@ def _check_free(
         work = forces[part.dofs[mine], None] * rows
         sums += np.array([work.sum(axis=0), np.abs(work).sum(axis=0)])
     total, size = scene.device.comm.allreduce(sums, op=MPI.SUM)
-    if np.linalg.norm(total) <= ROUNDING * np.linalg.norm(size):
+    # Forces across the motions leave rounding along them: the size of all forces counts, too.
+    everything = _size(scene, forces) * float(np.abs(motions).max(initial=0.0))
+    if np.linalg.norm(total) <= ROUNDING * max(float(np.linalg.norm(size)), everything):
         return
     along = in_words((total @ motions)[None], box, axes, scene.device.length)
     newtons = np.linalg.norm(total) * scales.force
@@ -92,14 +94,21 @@ def _check_free(
 def _check_cell(scene: Scene, parts: Sequence[Component], ramp: str, forces: np.ndarray) -> None:
     """In a periodic cell nothing can bear a resultant of surface loads."""
     _, hoop, axial = parts
+    everything = _size(scene, forces)
     for part, what in ((axial, "force"), (hoop, "torque")):
         mine = part.dofs < len(forces)
         arm = part.space.tabulate_dof_coordinates()[mine, 0] if what == "torque" else 1.0
         moments = forces[part.dofs[mine]] * arm
-        sums = scene.device.comm.allreduce(np.array([moments.sum(), abs(moments).sum()]))
-        if abs(sums[0]) > ROUNDING * sums[1]:
+        # The coordinates are at most 1, so `everything` bounds the rounding of a torque as well.
+        total = scene.device.comm.allreduce(float(moments.sum()), op=MPI.SUM)
+        if abs(total) > ROUNDING * everything:
             raise InputError(
                 f"The surface loads of ramp {ramp!r} have an axial {what} as resultant, "
                 "which nothing in a helical cell can bear; balance them, or apply "
                 f"{'AxialForce' if what == 'force' else 'Torque'}(...) to the cell."
             )
+
+
+def _size(scene: Scene, forces: np.ndarray) -> float:
+    """Sum of the sizes of all nodal forces, dimensionless.  Collective."""
+    return scene.device.comm.allreduce(float(np.abs(forces).sum()), op=MPI.SUM)

@@ -413,7 +413,7 @@ def _snap(
     at = Attempt("", 0, solver.residual_of(problem.residual()), problem.probe())
     yield Step(cursor, label, at, 0, False, kind)
     if landing is None:
-        log(f"{label}: the branch holds no stable state behind the limit point at this load")
+        log(f"{label}: no stable state was found behind the limit point at this load")
         raise lost
     problem.set_factors(factors)
     problem.set_state(landed)
