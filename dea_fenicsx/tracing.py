@@ -298,7 +298,7 @@ def over_the_limit(
             arc /= 2
             branch.restore(here)
             if arc < SHORTEST:
-                log(f"the branch could be followed to {here.factor:.8g} of the ramp only ({reason})")
+                log(f"the branch could be followed to {here.factor:.8g} only ({reason})")
                 break
             continue
         if limit is None and there.slope < 0 and (
