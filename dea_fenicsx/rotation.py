@@ -40,8 +40,8 @@ class Rotation:
     where
         A facet group, or two: of the second relative to the first, R_2 R_1^T.
     about
-        ``"x"``, ``"y"`` or ``"z"``, fixed in space; in plane strain ``"z"``, the only one about
-        which anything can turn there.
+        ``"x"``, ``"y"`` or ``"z"``, fixed in space; in plane strain all turns about ``"z"``, and
+        about the others it is 0.
     """
 
     where: str | tuple[str, str]
@@ -50,11 +50,7 @@ class Rotation:
 
     def bind(self, problem: Problem) -> Measurement:
         k = _axis(self.about)
-        if _is_flat(problem) and self.about != "z":
-            raise InputError(
-                f"The rotation of {self.where!r} is about {self.about!r}, but in plane strain "
-                "everything turns about 'z' alone; name that."
-            )
+        _is_flat(problem)  # refuses kinematics without rotations
         rotation = _relative(problem, self.where)
         return lambda: float(_vector(rotation())[k])
 

@@ -329,7 +329,7 @@ def test_names_from_a_mesh(tmp_path, capsys):
     raw = (tmp_path / "film.msh").read_bytes()
     (tmp_path / "film.msh").write_bytes(raw.replace(b'"film"', b'"fi\x1b[31mlm"'))
     status, out, _ = dea_prints(capsys, "mesh", tmp_path / "film.msh")
-    assert status == 0 and "fi [31mlm" in out
+    assert status == 0 and "fi[31mlm" in out
 
 
 @pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "error,wall_s,fidelity\nx,1,a\n", "\0", '"'])
