@@ -104,9 +104,9 @@ def split_factor(comm):
 
 
 def tetrahedra(comm, geometry=TETRAHEDRA):
+    """Slanted faces; one electrode alone, so that there is a potential and no field."""
     scene = dea.Scene(
-        dea.read_gmsh(geometry, comm), {"film": FILM},
-        [dea.ThinFilm("film", 1e3, start=0.0, end=L, along="z")],
+        dea.read_gmsh(geometry, comm), {"film": FILM}, [dea.Electrode("bottom", 1e3)],
         [dea.Clamp("bottom")], loads=[dea.DeadLoad("front", (0.0, 0.0, 2e3))],
     )  # fmt: skip
     record = {"up": dea.LargestDisplacement("front", "z"), "hold": dea.Reaction("bottom", "z")}
