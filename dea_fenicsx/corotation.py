@@ -134,6 +134,7 @@ def polar(F: np.ndarray) -> np.ndarray:
     R = F
     for _ in range(30):
         cofactor, size = _cofactors(R)
+        size = np.where(size == 0, np.nan, size)  # a trial state may be flat; see `_rotations`
         scale = np.abs(size)[:, None, None] ** (-1 / F.shape[1])
         new = (R * scale + cofactor / (size[:, None, None] * scale)) / 2
         change = np.max(np.abs(new - R), initial=0.0)

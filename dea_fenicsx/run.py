@@ -236,9 +236,12 @@ class _Session:
         self._finish(result, *ending(self.history, isinstance(self.path[-1], Trace)))
         return result
 
-    def _is_electric(self, item: Ramp | Trace) -> bool:
-        """Whether an item of the path moves voltages or charges and nothing else."""
-        return all(self.scene.is_electric(name) for name in item.names(self.scene))
+    def _is_pull_in(self, step: Step) -> bool:
+        """Whether a step is a maximum of voltages or charges alone, at either polarity."""
+        item = self.path[step.cursor.ramp]
+        reverse = isinstance(item, Trace) and step.cursor.factors[item.what] < 0
+        electric = all(self.scene.is_electric(name) for name in item.names(self.scene))
+        return electric and step.event == ("minimum" if reverse else "maximum")
 
     def _share(self, cursor: Cursor) -> float:
         """Share of the path that is behind, each of its items taken alike."""
@@ -333,7 +336,7 @@ class _Session:
         self.history.append(row)
         if step.event in worst:
             self._note_failure(step.event, row, worst[step.event])
-        elif step.event == "maximum" and self._is_electric(self.path[step.cursor.ramp]):
+        elif self._is_pull_in(step):
             self._note_failure("pull-in", row, None)
         if self.folder and self.writer:
             self._write(step, row, {f.column: values for f, _, values in read})

@@ -399,11 +399,11 @@ class NewtonSolver:
             or self._wasted > ASSEMBLY[self.problem.mesh.topology.dim] + self._factor.worth
         )
 
-    def _factorise(self, factor: WholeFactor | SplitFactor) -> bool:
+    def _factorise(self, factor: WholeFactor | SplitFactor, counting: bool = False) -> bool:
         """Make a new factor of the tangent; False if MUMPS fails however much room it gets."""
         self._factor.make_room()
         self._corotation.factor = None
-        matrix = self._assemble()
+        matrix = self._assemble(counting)
         self.notify("factorising")
         start = time.perf_counter()
         self.counters.factorisations += 1
@@ -418,11 +418,11 @@ class NewtonSolver:
         self.counters.factor_s += time.perf_counter() - start
         return ok
 
-    def _assemble(self) -> Any:
+    def _assemble(self, counting: bool) -> Any:
         """The tangent as a matrix, which the caller destroys."""
         self.notify("assembling")
         start = time.perf_counter()
-        matrix = self.tangent.matrix(MASS)
+        matrix = self.tangent.matrix(MASS, counting)
         self.counters.assembly_s += time.perf_counter() - start
         return matrix
 
@@ -442,13 +442,13 @@ class NewtonSolver:
             self._stale = True
         if self._split and self._proves_stable(self._split):
             self.inertia = Inertia(0, dict(self.problem.factors), settled=True)
-        elif self._factorise(self._whole):
+        elif self._factorise(self._whole, counting=True):
             self.inertia.settled = True
         else:
             self.inertia = Inertia()
 
     def _proves_stable(self, split: SplitFactor) -> bool:
-        matrix = self._assemble()
+        matrix = self._assemble(counting=True)
         self.notify("counting negative eigenvalues")
         start = time.perf_counter()
         found = split.excess(matrix)

@@ -18,7 +18,14 @@ from dea_fenicsx.predictor import Known, Predictor
 from dea_fenicsx.scene import Scene, finite, known
 from dea_fenicsx.solver import REASONS, Attempt, NewtonSolver
 from dea_fenicsx.tracing import Trace, over_the_limit, trace
-from dea_fenicsx.verdicts import describe, is_near_limit, ramp_lost, trace_lost, trace_short
+from dea_fenicsx.verdicts import (
+    UNCERTAIN,
+    describe,
+    is_near_limit,
+    ramp_lost,
+    trace_lost,
+    trace_short,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -109,7 +116,7 @@ SMALLEST = 2.0**-10
 """Smallest step in units of the first one, before equilibrium counts as lost."""
 
 SMALLEST_JUMP = 2.0**-16
-"""The same where Newton's method finds states, but on another branch.
+"""The same where Newton's method finds states, but on another branch, or no limit point is seen.
 
 The path turns sharply there, the more so the smaller an imperfection is: with two loads that differ
 by 1e-5 the sheet of Treloar and Kearsley needs steps of 1e-4.
@@ -148,6 +155,8 @@ def check_path(scene: Scene, path: Sequence[Ramp | Trace]) -> None:
 
 def _check_trace(trace: Trace) -> None:
     finite(trace.first, f"The first step of the trace in {trace.what}")
+    for value in (*trace.at, *(trace.until[1:] if trace.until else ())):
+        finite(value, f"A value at which the trace in {trace.what} is to land or end")
     if not 0 < abs(trace.first) <= 1e6 or trace.steps < 1 or not trace.longest > 0:
         raise InputError(
             f"The trace in {trace.what} needs a first step other than 0 (at most a million "
@@ -312,7 +321,7 @@ def _follow_ramp(
     predictor = Predictor(solver, names, lead)
     predictor.add(cursor.factors)
     evidence = Evidence(solver, predictor, sentinel)
-    origin = problem.get_state()
+    origin = predictor.known[-1]
     retries = 0
     while cursor.position < 1.0:
         position = cursor.position
@@ -359,7 +368,9 @@ def _follow_ramp(
         )
         if size >= first * (SMALLEST_JUMP if attempt.reason == "jumped" else SMALLEST):
             continue
-        near_limit = is_near_limit(solver, start, cursor.factors, origin)
+        near_limit = is_near_limit(predictor, origin, factors_at(target))
+        if not near_limit and attempt.reason in UNCERTAIN and size >= first * SMALLEST_JUMP:
+            continue
         lost = ramp_lost(
             scene, names, label, cursor.factors, factors_at(target), attempt, near_limit
         )
@@ -416,7 +427,9 @@ def _snap(
     )
     problem.set_factors(factors)
     problem.set_state(limit.state)
-    kind = "maximum" if abs(ramp.to) > abs(cursor.start[lead]) else "minimum"
+    # of the load's size: a voltage has its maximum at either polarity
+    outwards = factors[lead] * (ramp.to - cursor.start[lead]) > 0
+    kind = "maximum" if outwards else "minimum"
     at = Attempt("", 0, solver.residual_of(problem.residual()), problem.probe())
     yield Step(cursor, label, at, 0, False, kind)
     if landing is None:

@@ -122,11 +122,11 @@ class Tangent:
     def _along_times(self) -> np.ndarray:
         return assembled(self._product, self._action)
 
-    def matrix(self, mass: float = 0.0) -> Any:
+    def matrix(self, mass: float = 0.0, counting: bool = False) -> Any:
         """Assemble the block in the free unknowns.  Collective.
 
-        It holds a free body's orientation, even while dead loads turn the body: as a preconditioner
-        it is never singular for that, and what it tells of stability is at a given orientation.
+        Unless it is for counting, it holds a free body's orientation even while dead loads turn
+        the body: a preconditioner made before the loads have brought stresses would be singular.
         For the caller to destroy.  Of a problem of at most `SMALL` unknowns he may keep it: the
         next call then fills the same matrix anew, whose pattern a factor knows.
 
@@ -136,6 +136,9 @@ class Tangent:
             This multiple of `scalar_masses` is taken from the diagonal of p and phi.  Then each p
             and each phi gives one negative eigenvalue, whether the tangent determines it or not.
             With 0 the matrix is the tangent itself.
+        counting
+            Whether its eigenvalues are to be counted, at an equilibrium: then springs hold the
+            orientation only where no dead load acts on it.
         """
         problem, form = self.problem, self._matrix_form
         whole, free = self._kept
@@ -157,8 +160,11 @@ class Tangent:
             diagonal.destroy()
         if problem.turning.ramps:
             first = free.getOwnershipRange()[0]
-            for row in problem.turning.rows:
-                free.setValue(first + row, first + row, problem.turning.STIFFNESS, addv=True)
+            springs = problem.turning.stiffness(problem.factors)
+            if not counting:
+                springs = np.full(len(springs), problem.turning.STIFFNESS)
+            for row, spring in zip(problem.turning.rows, springs, strict=True):
+                free.setValue(first + row, first + row, spring, addv=True)
             free.assemble()
         if problem.unknowns <= SMALL:
             self._kept = whole, free

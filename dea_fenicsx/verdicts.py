@@ -8,16 +8,27 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.errors import EquilibriumLost, NotReached, PathError, SolverError
+from dea_fenicsx.predictor import Known, Predictor
 from dea_fenicsx.scene import Scene
-from dea_fenicsx.solver import REASONS, Attempt, NewtonSolver
+from dea_fenicsx.solver import REASONS, Attempt
 from dea_fenicsx.stability import load_derivative
 
 STEEP = 3.0
-"""Speed at the last state, over the mean speed of the ramp, from which it is near a limit point.
+"""Speed at the last state, over the mean speed on a way to it, that only a limit point explains.
 
 Towards a limit point the speed grows like an inverse square root.  A ramp ends when its steps have
 been halved to a thousandth of the first one; that near, the speed is more than ten times the mean.
 """
+
+STEEPER = 1.1
+"""The same for a way that is as short as the last trial.
+
+There a smooth path is straight to a thousandth; that of a limit point, as far ahead as the way is
+long, has a ratio of 1.2.
+"""
+
+NEIGHBOUR = 8.0
+"""Length of such a way, in units of the last trial's step."""
 
 UNCERTAIN = ("slow", "diverged", "jumped")
 """Reasons of a last trial that alone do not tell a lost equilibrium from a failure of Newton's.
@@ -39,42 +50,43 @@ def describe(scene: Scene, factors: dict[str, float], names: Sequence[str]) -> s
     return ", ".join(words)
 
 
-def is_near_limit(
-    solver: NewtonSolver, start: dict[str, float], now: dict[str, float], origin: np.ndarray
-) -> bool:
-    """Whether the present state shows a limit point ahead.  Collective.
+def is_near_limit(predictor: Predictor, origin: Known, failed: dict[str, float]) -> bool:
+    """Whether the last accepted state shows a limit point ahead.  Collective.
 
     Parameters
     ----------
-    solver
-        The solver, whose problem holds the last accepted state.
-    start, now
-        Factors of the ramps at the start of the ramp and at this state.
+    predictor
+        Holds the last accepted states; the problem holds the very last one.
     origin
         The state at the start of the ramp.
+    failed
+        Factors of the last trial.
 
     Returns
     -------
     bool
-        True if the displacement grows at least `STEEP` times as fast with the load as on the whole
-        way from the start, or if the tangent is too near to singular to tell.
+        True if the displacement grows so much faster with the load than on the way there as only a
+        limit point explains (see `STEEP` and `STEEPER`), or if the tangent cannot be solved for.
     """
-    problem = solver.problem
-    rates = {name: now[name] - factor for name, factor in start.items()}
-    if not any(rates.values()):  # no step of this ramp was accepted: the way from rest counts
-        rates, origin = dict(now), np.zeros_like(origin)
-    if not any(rates.values()):
-        return False
+    solver, problem, last = predictor.solver, predictor.problem, predictor.known[-1]
+    now = last.factors[predictor.name]
+    step = failed[predictor.name] - now
+    rates = {name: (failed[name] - factor) / step for name, factor in last.factors.items()}
     slope = solver.linear_solve(-load_derivative(solver.tangent, rates), SLOPE_TOLERANCE)
     if slope is None:
         return True
-    free, dofs = problem.free_fields["u"], problem.fields["u"]
-    moved = problem.get_state()[dofs] - origin[dofs]
-    mine = np.array([np.max(np.abs(slope[free]), initial=0.0), np.max(np.abs(moved), initial=0.0)])
-    speed, mean = problem.comm.allreduce(mine[0], op=MPI.MAX), problem.comm.allreduce(
-        mine[1], op=MPI.MAX
-    )
-    return bool(speed > STEEP * mean)
+    mine = float(np.max(np.abs(slope[problem.free_fields["u"]]), initial=0.0))
+    speed = problem.comm.allreduce(mine, op=MPI.MAX)
+    rest = Known(dict.fromkeys(last.factors, 0.0), np.zeros_like(last.state))
+    for earlier in (origin, *predictor.known[:-1], rest):
+        way = abs(now - earlier.factors[predictor.name])
+        if way == 0:
+            continue
+        short = earlier is not rest and way <= NEIGHBOUR * abs(step)
+        mean = predictor.moved(earlier.state, last.state) / way
+        if speed > (STEEPER if short else STEEP) * mean > 0:
+            return True
+    return False
 
 
 def ramp_lost(
