@@ -10,8 +10,9 @@ of its ends:
     point the speed of a smooth path grows like an inverse square root, by a factor of 2.4 in the
     last of two equal steps.)
 2.  Else the tangent of the path at the last state is compared with a state half-way.  That state
-    must be found at once, lie near the tangent, and have the same number of negative eigenvalues,
-    and neither half of the way may be much faster than the other.
+    must be found at once, lie near the tangent, and have the same number of negative eigenvalues;
+    neither half of the way may be much faster than the other, and the second half must lie where
+    the parabola through the first leads.
 3.  The number of negative eigenvalues of the tangent is the same at both ends, wherever the model
     is small enough that counting costs little.  If it is not, the place of the change is searched
     by bisection.  On one and the same branch the two sides of that place are neighbours (a
@@ -49,9 +50,8 @@ WANDERING = 8
 A state half-way that itself needs more is no evidence.
 """
 
-ASTRAY = 0.5
-"""Distance of a solution from its extrapolation, as a share of the step's motion, above which a
-state half-way is asked for."""
+ASTRAY = 0.25
+"""Distance of a solution from where it is expected, as a share of the motion, that is in doubt."""
 
 HALFWAY_TOLERANCE = 1e-3
 """Newton's tolerance for a state half-way: it tells a path from a jump and nothing else."""
@@ -161,7 +161,8 @@ class Evidence:
 
         The way may not be much faster than the tangent at its start.  Newton's method, started
         between two states, must find the one half-way at once and near that tangent, and neither
-        half may be passed much faster than the other.  Where one half is faster by more than a
+        half may be passed much faster than the other, and the second half must go on where the
+        parabola of the first leads.  Where one half is faster by more than a
         smooth path explains, that half is looked into in the same way: over a jump the ratio
         doubles each time, on a path with a limit point at its end it stays.
         """
@@ -183,6 +184,12 @@ class Evidence:
             first, second = predictor.speed(low, middle), predictor.speed(middle, high)
             slow, fast = min(first, second), max(first, second)
             verdict = fast <= FASTER * slow and not self._is_other(middle, start)
+            if verdict and start is not None and high is found:
+                # A jump in the second half leaves the speed as it is where most of the motion is
+                # prescribed; but then the parabola through the first half does not lead there.
+                parabola = predictor.through([start, predictor.known[-1], middle], found.factors)
+                way = predictor.moved(middle.state, found.state)
+                verdict = predictor.moved(parabola, found.state) <= ASTRAY * way
             if fast <= QUICKENED * slow:
                 break
             low, high = (low, middle) if first > second else (middle, high)
