@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.foreign.arrays import check_known
 from dea_fenicsx.foreign.formats import STEP, check_program, is_drawing, kind_of, merge
 from dea_fenicsx.foreign.meshing import mend_elsewhere, mesh_drawing
 from dea_fenicsx.geometry._gmsh import group_name, measure, start
@@ -270,6 +271,7 @@ def read_names(model: Any, label: str) -> tuple[dict[str, tuple[int, int]], int]
     types, tags, _ = model.mesh.getElements()
     if not len(types) or not sum(len(t) for t in tags):
         raise InputError(f"{label} holds no mesh elements; mesh it with gmsh before saving it.")
+    check_known(types, label)
     cell_dim = max(model.mesh.getElementProperties(t)[1] for t in types)
     if cell_dim < 2:
         raise InputError(f"{label} holds points and lines only; mesh its surfaces or volumes, too.")

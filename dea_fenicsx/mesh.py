@@ -146,8 +146,8 @@ def read_gmsh(
     ------
     InputError
         If the file is missing, gmsh cannot read or mesh it, cells lie in no named group or in two,
-        facets of a group are faces of no cell, parts touch that are not joined, or a flat mesh does
-        not lie in a plane z = const.
+        facets of a group are faces of no cell, parts touch that are not joined, parts lie in one
+        another, or a flat mesh does not lie in a plane z = const.
     """
     install_hook()
     label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__

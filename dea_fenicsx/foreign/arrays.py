@@ -65,6 +65,26 @@ class ElementType:
         return int(np.argmin(far)) if far.min() < 1e-9 else None
 
 
+def check_known(numbers: Ints, label: str) -> None:
+    """Raise InputError, naming the cells, if gmsh itself cannot describe a type of element.
+
+    gmsh writes prisms of third and higher order, but has no functions of their faces.  Asked for
+    these, it fails at the first time, and ends the process at a later one.
+    """
+    import gmsh
+
+    orders = {
+        gmsh.model.mesh.getElementType("Prism", order, incomplete): order
+        for order in range(3, 10) for incomplete in (False, True)
+    }  # fmt: skip
+    for number in (int(n) for n in numbers if n > 0):
+        if number in orders:
+            raise InputError(
+                f"{label} has cells of gmsh's type 'Prism of order {orders[number]}', which cannot "
+                "be computed on; mesh it with Mesh.ElementOrder 1 or 2."
+            )
+
+
 def element_type(number: int) -> ElementType:
     """gmsh's description of a type of element."""
     import gmsh

@@ -31,7 +31,7 @@ SMOOTH = np.cos(np.radians(30))
 """Cosine of the angle between neighbouring faces up to which it comes from curvature."""
 
 
-class _Exterior:
+class Exterior:
     """The exterior faces of a mesh, all with four corners: a triangle has its last one twice.
 
     Attributes
@@ -42,10 +42,12 @@ class _Exterior:
     middle, size : middle of each face, and its longest edge or diagonal
     inside : middle of the cell behind it
     region : index of the region of the cell behind
+    smooth : cosine of the angle between neighbouring faces up to which it comes from curvature
     bulge : how far the true surface may be away from the flat face
     """
 
-    def __init__(self, mesh: PlainMesh) -> None:
+    def __init__(self, mesh: PlainMesh, smooth: float = SMOOTH) -> None:
+        self.smooth = smooth
         blocks = mesh.faces()
         keys = [mesh.keys(corners) for _, _, corners in blocks]
         _, inverse, counts = np.unique(
@@ -119,9 +121,10 @@ class _Exterior:
             other = face[order[start[has] + k]]
             own = order[has[rank_of]]
             other = np.repeat(other, count[has])
-            smooth = np.einsum("pi,pi->p", self.normal[face[own]], self.normal[other]) > SMOOTH
+            smooth = np.einsum("pi,pi->p", self.normal[face[own]], self.normal[other]) > self.smooth
             total[own[smooth]] += self.normal[other[smooth]]
-        total /= np.linalg.norm(total, axis=1)[:, None]
+        # a face without area, of a cell with a repeated corner, has no normal
+        total /= np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
         return total.reshape(faces, width, 3)
 
 
@@ -135,7 +138,7 @@ def check_joined(mesh: PlainMesh, unit: float) -> None:
     unit
         Its unit of length in m, for the message.
     """
-    faces = _Exterior(mesh)
+    faces = Exterior(mesh)
     first, second = _touching(faces, np.ptp(mesh.points, axis=0).max())
     if not len(first):
         return
@@ -149,16 +152,17 @@ def check_joined(mesh: PlainMesh, unit: float) -> None:
     place = point(faces.middle[first[k]] * unit, mesh.dim)
     same = np.einsum("i,i->", faces.normal[first[k]], faces.normal[second[k]]) > 0
     how = "lie in one another" if same else "touch, but are not joined"
+    leave = "" if same else ", or pass apart=True if they are to move apart"
     what = f"regions {names[one]!r} and {names[two]!r}" if one != two else (
         f"two faces of region {names[one]!r}")  # fmt: skip
     raise InputError(
         f"{mesh.label}: {what} {how}, first at {place} ({count} facets lie on facets of other "
-        "nodes): join them in gmsh before meshing (BooleanFragments, or Coherence), or pass "
-        "apart=True if they are to move apart."
+        "nodes): join them in gmsh before meshing (BooleanFragments, or Coherence)"
+        f"{leave}."
     )
 
 
-def _touching(faces: _Exterior, extent: float) -> tuple[Ints, Ints]:
+def _touching(faces: Exterior, extent: float) -> tuple[Ints, Ints]:
     """Pairs of faces that lie on each other: numbers of the smaller and of the larger one."""
     found: list[tuple[Ints, Ints]] = []
     level = np.floor(np.log2(np.maximum(faces.size, 1e-12 * extent) / extent)).astype(int)
@@ -190,7 +194,7 @@ def _touching(faces: _Exterior, extent: float) -> tuple[Ints, Ints]:
     return np.concatenate([a for a, _ in found]), np.concatenate([b for _, b in found])
 
 
-def _coplanar(faces: _Exterior, a: Ints, b: Ints, extent: float) -> np.ndarray:
+def _coplanar(faces: Exterior, a: Ints, b: Ints, extent: float) -> np.ndarray:
     """Whether faces are parallel, and their planes as near as faces that touch.
 
     Faces on one curved surface leave each other by their bulge, and more at one corner than at
@@ -205,13 +209,19 @@ def _coplanar(faces: _Exterior, a: Ints, b: Ints, extent: float) -> np.ndarray:
     bulge = faces.bulge[a] + faces.bulge[b]
     normal, origin = faces.normal[b], faces.middle[b]
     middle = np.abs(np.einsum("pi,pi->p", faces.middle[a] - origin, normal))
-    ends = np.abs(np.einsum("pki,pi->pk", faces.x[a] - origin[:, None], normal))
-    near, far = ends.min(axis=1), ends.max(axis=1)
-    gap = (far > allowed) & (near > far / 2)
+    signed = np.einsum("pki,pi->pk", faces.x[a] - origin[:, None], normal)
+    near, far = np.abs(signed).min(axis=1), np.abs(signed).max(axis=1)
+    # Two chords of one arc that are turned against each other are equally far apart at both ends,
+    # but they cross.  The middle of each then lies near the other one's plane, which the planes of
+    # two arcs with a gap between them do not do both.
+    one_side = (signed > 0).all(axis=1) | (signed < 0).all(axis=1)
+    back = np.abs(np.einsum("pi,pi->p", origin - faces.middle[a], faces.normal[a]))
+    crossing = ~one_side & (middle <= allowed + bulge / 3) & (back <= allowed + bulge)
+    gap = ~crossing & (far > allowed) & (near > far / 2)
     return parallel & ~gap & (middle <= allowed + bulge) & (far <= allowed + 4 * bulge)
 
 
-def _overlap(faces: _Exterior, a: Ints, b: Ints) -> np.ndarray:
+def _overlap(faces: Exterior, a: Ints, b: Ints) -> np.ndarray:
     """Whether faces overlap when they are seen along the normal of the second.
 
     Two convex polygons overlap unless some line along an edge of one of them separates them.

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.errors import InputError
+from dea_fenicsx.foreign.arrays import check_known
 from dea_fenicsx.launch import environment
 
 GOOD = 0.02
@@ -58,11 +59,15 @@ def mesh_drawing(model: Any, path: Any, curved: bool = True, mend: bool = False)
         if not shapes - {"Line", "Plane"}:
             return 0
         model.mesh.setOrder(max(2, round(gmsh_option("Mesh.ElementOrder"))))
+        # gmsh ends the process when it is asked for the quality of cells that it cannot describe
+        check_known(model.mesh.getElements(dim)[0], str(path))
         left = len(_poor(model, dim, GOOD))
         for method in _METHODS if mend and left else ():
             model.mesh.optimize(method)
             if not len(_poor(model, dim, GOOD)):
                 break
+    except InputError:
+        raise
     except Exception as error:
         told = " ".join(str(error).split()).rstrip(".")
         raise InputError(

@@ -10,6 +10,7 @@ from dea_fenicsx.errors import InputError
 from dea_fenicsx.foreign.arrays import Ints, PlainMesh, to_arrays
 from dea_fenicsx.foreign.completion import complete
 from dea_fenicsx.foreign.joining import check_joined
+from dea_fenicsx.foreign.overlap import check_overlap
 from dea_fenicsx.foreign.splitting import to_one_shape
 
 Groups = dict[str, tuple[int, int]]
@@ -54,7 +55,7 @@ def checked(
     unit
         Its unit of length in m.
     apart
-        Whether parts may touch that are not joined.
+        Whether parts may touch that are not joined; they may not lie in one another.
 
     Raises
     ------
@@ -70,6 +71,7 @@ def checked(
             _check_plane(mesh)
         complete(mesh)
         to_one_shape(mesh)
+        check_overlap(mesh, unit, apart)
         if not apart:
             check_joined(mesh, unit)
     except InputError:

@@ -67,7 +67,7 @@ def to_one_shape(mesh: PlainMesh) -> None:
 
 
 def _plural(shape: str) -> str:
-    return shape[:-2] + "ra" if shape.endswith("hedron") else shape + "s"
+    return shape[:-2] + "a" if shape.endswith("hedron") else shape + "s"
 
 
 def _nodes_of_second_order(number: int) -> int:
