@@ -8,6 +8,7 @@ here make such a difference an error on all ranks.
 from __future__ import annotations
 
 import re
+import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
@@ -68,6 +69,16 @@ def complete(comm: MPI.Comm, request: MPI.Request) -> None:
             raise RankLeft(f"Rank {rank} has ended its script, so the others cannot go on.")
         if time.monotonic() > begun + 1e-3:
             time.sleep(1e-3)
+
+
+def before_petsc() -> None:
+    """Raise `RankLeft` if a rank has ended, before PETSc starts and waits for all ranks.
+
+    Collective over all ranks of the job, as the start of PETSc is; where that has been, nothing is
+    done.
+    """
+    if "petsc4py.PETSc" not in sys.modules and MPI.COMM_WORLD.size > 1:
+        complete(MPI.COMM_WORLD, MPI.COMM_WORLD.Ibarrier())
 
 
 def together[T](comm: MPI.Comm, action: Callable[[], T], what: str) -> T:

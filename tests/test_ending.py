@@ -89,7 +89,7 @@ SCRIPTS = {
     "sys.exit(0) in what is recorded, on one rank": (
         RECORDED.replace('raise ValueError("no such thing")', "sys.exit(0)"), 2, 1, LEFT, 0),
     "sys.exit(0) on one rank, the other solves alone": (
-        solving("if rank == 1: sys.exit(0)").replace(
+        solving("", "if rank == 1: sys.exit(0)").replace(
             "divisions=(4,))", "divisions=(4,)), MPI.COMM_SELF")
         + "print('Error: at the end', file=sys.stderr)", 2, 0, "Error: at the end", 0),
     "sys.exit(0) on both ranks after a solution": (
