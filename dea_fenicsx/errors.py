@@ -184,7 +184,7 @@ def _unwound(code: CodeType, offset: int, error: BaseException) -> None:
         return
     _ended.append(given)
     if given is None or (isinstance(given, int) and given == 0):
-        _agree(world, EXIT_GRACE_S, tag=_LEFT)  # the others may only be slower
+        _agree(world, GRACE_S, tag=_LEFT)  # MPI's own end waits for slower ranks
         return
     end = _agree(world, EXIT_GRACE_S)
     if end.together:
