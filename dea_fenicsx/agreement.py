@@ -8,6 +8,7 @@ here make such a difference an error on all ranks.
 from __future__ import annotations
 
 import re
+import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
@@ -34,6 +35,50 @@ class OtherRankFailed(DeaError):
     """
 
     failed_rank: int
+
+
+class RankLeft(DeaError):
+    """Another rank has ended its script without an error, so a collective call never ends."""
+
+    of_another = True
+    """The cause lies on another rank, whichever rank tells of it."""
+
+
+def complete(comm: MPI.Comm, request: MPI.Request) -> None:
+    """Wait until all ranks have joined a collective call that was begun.
+
+    A rank that has left after its part of the call leaves it to complete within moments; so a call
+    that does not complete within `errors.GRACE_S` after a rank has left never will.
+
+    Parameters
+    ----------
+    comm
+        The ranks of the call.
+    request
+        The call.
+
+    Raises
+    ------
+    RankLeft
+        If one of the ranks has ended its script without an error and did not join the call.
+    """
+    begun = time.monotonic()
+    while not request.Test():
+        rank = errors.rank_that_left(comm)
+        if rank is not None and not _arrives(request, errors.GRACE_S):
+            raise RankLeft(f"Rank {rank} has ended its script, so the others cannot go on.")
+        if time.monotonic() > begun + 1e-3:
+            time.sleep(1e-3)
+
+
+def before_petsc() -> None:
+    """Raise `RankLeft` if a rank has ended, before PETSc starts and waits for all ranks.
+
+    Collective over all ranks of the job, as the start of PETSc is; where that has been, nothing is
+    done.
+    """
+    if "petsc4py.PETSc" not in sys.modules and MPI.COMM_WORLD.size > 1:
+        complete(MPI.COMM_WORLD, MPI.COMM_WORLD.Ibarrier())
 
 
 def together[T](comm: MPI.Comm, action: Callable[[], T], what: str) -> T:
@@ -65,7 +110,7 @@ def together[T](comm: MPI.Comm, action: Callable[[], T], what: str) -> T:
         request = comm.Iallgather(np.array([fault is not None], dtype=np.int32), failed)
         if fault is not None and not _arrives(request, errors.GRACE_S):
             raise fault  # the other ranks wait in another collective call: they have to be ended
-        request.Wait()
+        complete(comm, request)
         if failed.any():
             other = _from_rank(comm, int(np.flatnonzero(failed)[0]), fault, what)
             raise fault or other
@@ -133,7 +178,7 @@ def measured_alike(
         numbers = comm.allgather(number)
         faulty = [rank for rank, one in enumerate(numbers) if one is None]
         if faulty:
-            given = comm.bcast(repr(mine)[:60], root=faulty[0])
+            given = comm.bcast(_told(mine), root=faulty[0])
             where = f" on rank {faulty[0]}" if comm.size > 1 else ""
             raise SolverError(
                 f"What is recorded as {name!r} is {given}{where}, but must be a number."
@@ -153,12 +198,20 @@ def measured_alike(
 
 def _number(value: Any) -> float | None:
     """A value as a number, or None if it is none; an array with a single entry is one."""
-    if isinstance(value, str | bytes) or np.size(value) != 1:
+    if isinstance(value, str | bytes) or np.size(value) != 1 or np.ma.is_masked(value):
         return None
     try:
         return float(np.asarray(value).item())
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):  # the last one: a whole number above 1e308
         return None
+
+
+def _told(value: Any) -> str:
+    """A value for a message, not too long; its type where it cannot be printed."""
+    try:
+        return repr(value)[:60]
+    except Exception:  # Python does not print whole numbers of thousands of digits
+        return f"of type {type(value).__name__}"
 
 
 def _equal(a: float, b: float) -> bool:
@@ -185,9 +238,12 @@ def check_same(comm: MPI.Comm, facts: Mapping[str, Any]) -> None:
     ------
     InputError
         Naming the input and the ranks that differ.
+    RankLeft
+        If a rank has ended its script without an error.
     """
     if comm.size == 1:
         return
+    complete(comm, comm.Ibarrier())
     mine = {name: _in_words(value) for name, value in facts.items()}
     everyone = comm.allgather(mine)
     for name in everyone[0]:

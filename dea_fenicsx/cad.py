@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dea_fenicsx.declared import is_number, shown
 from dea_fenicsx.errors import InputError
 from dea_fenicsx.foreign.arrays import check_known
 from dea_fenicsx.foreign.formats import STEP, check_program, is_drawing, kind_of, merge
@@ -67,12 +68,10 @@ def lengths(path: str | os.PathLike, unit: Any, size: Any) -> tuple[float, float
         unit = STEP_UNIT
     unit = 1.0 if unit is None else unit
     for value, what in ((unit, "mesh unit"), (1.0 if size is None else size, "element size")):
-        try:
-            good = np.isfinite(value) and value > 0
-        except TypeError:
-            good = False
-        if not good:
-            raise InputError(f"The {what} is {value!r}, but must be a length in metres > 0.")
+        if not is_number(value) or not 0 < value < np.inf:
+            raise InputError(
+                f"The {what} is {shown(value)}, but must be a length in metres > 0."
+            )
     return unit, size
 
 

@@ -12,7 +12,10 @@ from contextlib import suppress
 from functools import singledispatchmethod
 from typing import Any
 
+from dea_fenicsx.agreement import before_petsc
+
 with suppress(ImportError):
+    before_petsc()  # the first import of petsc4py waits for all ranks
     import dolfinx_solver  # noqa: F401  (loads the wheel's libraries)
 
 import basix

@@ -171,9 +171,9 @@ class Stretch:
     """Prescribed affine stretch of a facet group: u_a = (stretch - 1) (X_a - C_a).
 
     C is the plane that stays in place.  It is the one in which the surfaces lie that `Fix`, `Clamp`
-    or `Displacement` hold along the same axis; 0 where none is held, or where each of them reaches
-    X_a = 0, and always along the radius of an axisymmetric section.  Where held surfaces lie at
-    different coordinates, it must be given.
+    or `Displacement` hold along the same axis, the stretched one itself left out; 0 where none is
+    held, or where each of them reaches X_a = 0, and always along the radius of an axisymmetric
+    section.  Where held surfaces lie at different coordinates, it must be given.
 
     Parameters
     ----------

@@ -81,7 +81,10 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.ndarray):
         if value.dtype.kind not in "biufUO" or value.ndim > 1:
             return value
-        return plain(value[()]) if value.ndim == 0 else tuple(plain(v) for v in value)
+        if value.ndim:
+            return tuple(plain(v) for v in value)
+        inner = value[()]  # numpy's masked constant holds itself
+        return value if isinstance(inner, np.ndarray) else plain(inner)
     if isinstance(value, np.generic):
         if isinstance(value, np.bool_):
             return bool(value)
@@ -105,15 +108,18 @@ def plain(value: Any) -> Any:
 def settle(item: Any) -> None:
     """Let the fields of a dataclass hold Python's own numbers, see `plain`.
 
-    An array becomes a tuple where a tuple is declared; elsewhere it stays.
+    An array or a list becomes a tuple where a tuple is declared; elsewhere it stays.
     """
     kind: Any = type(item)
     hints = _hints(kind)
     for name in item.__dataclass_fields__:
         value = getattr(item, name, None)
-        if isinstance(value, np.ndarray) and value.ndim and not _is_tuple(hints.get(name)):
+        due = _is_tuple(hints.get(name))
+        if isinstance(value, np.ndarray) and value.ndim and not due:
             continue
         found = plain(value)
+        if type(found) is list and due:
+            found = tuple(found)
         if found is not value:
             object.__setattr__(item, name, found)
 

@@ -90,6 +90,8 @@ EXIT_GRACE_S = 10.0
 """Seconds that a rank which ends by ``sys.exit`` waits for the others, which may only be slower."""
 
 _TAG = 31_999
+_LEFT = 31_998
+"""Tags of the notes of a rank that fails, and of one that ends its script without an error."""
 
 
 def install_hook() -> None:
@@ -104,6 +106,8 @@ def install_hook() -> None:
     that was there before.  As a rule all ranks raise together, and the lowest one speaks.  A rank
     that fails alone waits for a moment, speaks, and ends the others, which would wait for it for
     ever.  The same holds for a rank that ends by ``sys.exit`` with an error.
+    A rank that ends by ``sys.exit`` without an error is waited for by none and ends none; but the
+    package's collective calls on the other ranks end with one sentence, see `agreement.complete`.
 
     Nothing is installed in an interactive interpreter or a notebook.  On a single rank a hook that
     the application has installed before stays in its place.
@@ -128,6 +132,7 @@ def install_hook() -> None:
             end = _agree(world, GRACE_S, getattr(error, "failed_rank", None))
             if end.speaks:
                 alone = f" on rank {world.rank} alone" if end.alone else ""
+                alone = "" if getattr(error, "of_another", False) else alone
                 _tell(previous, kind, error, trace, alone)
             if not end.together:
                 _end_all(world, end.speaks, GRACE_S, status)
@@ -175,11 +180,12 @@ def _unwound(code: CodeType, offset: int, error: BaseException) -> None:
         return
     world = _world()
     given = error.code
-    if world is None or given is None or (isinstance(given, int) and given == 0):
-        return
-    if threading.current_thread() is not threading.main_thread():
+    if world is None or threading.current_thread() is not threading.main_thread():
         return
     _ended.append(given)
+    if given is None or (isinstance(given, int) and given == 0):
+        _agree(world, GRACE_S, tag=_LEFT)  # MPI's own end waits for slower ranks
+        return
     end = _agree(world, EXIT_GRACE_S)
     if end.together:
         return
@@ -241,7 +247,28 @@ class _End(NamedTuple):
     alone: bool
 
 
-def _agree(world: Any, seconds: float, source: int | None = None) -> _End:
+def rank_that_left(comm: Any) -> int | None:
+    """The rank of the job that has ended its script without an error, if it is one of `comm`.
+
+    Each such rank has sent a note to all others.  The note is not taken out of the queue: this rank
+    may still end its script, too.  Nothing here is collective.
+    """
+    mpi = sys.modules["mpi4py.MPI"]
+    world = mpi.COMM_WORLD
+    for rank in range(world.size):
+        if rank != world.rank and world.iprobe(source=rank, tag=_LEFT):
+            group, everyone = comm.Get_group(), world.Get_group()
+            (here,) = mpi.Group.Translate_ranks(everyone, [rank], group)
+            group.Free()
+            everyone.Free()
+            if here != mpi.UNDEFINED:
+                return rank
+    return None
+
+
+def _agree(
+    world: Any, seconds: float, source: int | None = None, tag: int = _TAG
+) -> _End:
     """Find out whether the other ranks fail, too, and which of them speaks.
 
     Each rank that fails tells all others so, and listens for some seconds; a rank that goes on
@@ -251,13 +278,13 @@ def _agree(world: Any, seconds: float, source: int | None = None) -> _End:
     mpi = sys.modules["mpi4py.MPI"]
     others = [rank for rank in range(world.size) if rank != world.rank]
     mine = world.rank if source is None else source
-    sent = [world.isend(mine, dest=rank, tag=_TAG) for rank in others]
+    sent = [world.isend(mine, dest=rank, tag=tag) for rank in others]
     failed = {world.rank: mine}
     status = mpi.Status()
     end = time.monotonic() + seconds
     while len(failed) < world.size and time.monotonic() < end:
-        if world.iprobe(tag=_TAG, status=status):
-            told = world.recv(source=status.Get_source(), tag=_TAG)
+        if world.iprobe(tag=tag, status=status):
+            told = world.recv(source=status.Get_source(), tag=tag)
             failed[status.Get_source()] = told
         else:
             time.sleep(0.01)

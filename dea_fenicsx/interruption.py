@@ -10,8 +10,10 @@ from contextlib import suppress
 from types import FrameType, TracebackType
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.agreement import complete
 from dea_fenicsx.errors import Interrupted
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -49,7 +51,7 @@ class Interruption:
         for number, handler in self._before.items():
             signal.signal(number, handler)
         # all ranks come here without an error, or none; a signal may have struck one of them alone
-        if error is None and self.comm.allreduce(self.number, op=MPI.MAX):
+        if error is None and self._on_any_rank():
             raise KeyboardInterrupt  # it came after the last check
 
     def _note(self, number: int, frame: FrameType | None) -> None:
@@ -59,9 +61,18 @@ class Interruption:
 
     def check(self) -> None:
         """Raise `Interrupted` if any rank has been sent a signal.  Collective."""
-        number = self.comm.allreduce(self.number, op=MPI.MAX)
+        number = self._on_any_rank()
         if number:
             raise Interrupted(f"Interrupted by {signal.Signals(number).name}")
+
+    def _on_any_rank(self) -> int:
+        """The largest number of a signal that any rank has noted; 0 for none.  Collective."""
+        if self.comm.size == 1:
+            return self.number
+        found = np.zeros(1, dtype=np.int32)
+        mine = np.array([self.number], dtype=np.int32)
+        complete(self.comm, self.comm.Iallreduce(mine, found, op=MPI.MAX))
+        return int(found[0])
 
 
 def _only_once(number: int) -> None:

@@ -131,11 +131,14 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
 
     It is the one that the user gives.  Without it, a radial stretch is about the axis of rotation;
     any other one is about the origin if every surface that is held along the axis reaches across
-    the origin, and otherwise about the one plane in which all held surfaces lie.
+    the origin, and otherwise about the one plane in which all held surfaces lie.  What is held or
+    moved on the very nodes of the stretched surface does not count.  Collective.
     """
     item, axis, length = stretched.item, stretched.axis, scene.device.length
     assert isinstance(item, Stretch)
     given = item.centres[item.axes.index(axis)]
+    if item.stretch == 1 and given is None:
+        return 0.0  # nothing moves, whatever the centre is
     if axis == "r":
         return (given or 0.0) / length
     others = [s for s in surfaces if s.axis == axis]
@@ -148,7 +151,11 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
         )
     if given is not None:
         return given / length
-    held = [s for s in others if not isinstance(s.item, Stretch)]
+    # a condition on the stretched nodes themselves says how they move, not what stays in place
+    held = [
+        s for s in others
+        if not isinstance(s.item, Stretch) and not _same_nodes(scene.device.comm, s, stretched)
+    ]  # fmt: skip
     low = max((s.low for s in held), default=0.0)
     high = min((s.high for s in held), default=0.0)
     if low <= FLAT and high >= -FLAT:
@@ -161,6 +168,12 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
         f"but {names} {'reach' if high < low else 'spread'} over several coordinates {axis}; give "
         f"Stretch(..., about=...), the coordinate {axis} in m that stays in place."
     )
+
+
+def _same_nodes(comm: MPI.Comm, a: _Surface, b: _Surface) -> bool:
+    """Whether two conditions act on the same nodes.  Collective."""
+    same = np.array_equal(np.unique(a.local), np.unique(b.local))
+    return comm.allreduce(same, op=MPI.LAND)
 
 
 # ---------------------------------------------------------------------------- do they agree?

@@ -38,7 +38,7 @@ from dea_fenicsx.resuming import carry_on
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import LINEARISING, NewtonOptions, NewtonSolver, silent
 from dea_fenicsx.stepping import Cursor, Ramp, Step, follow
-from dea_fenicsx.summary import STATUS, UNSTABLE, count_changes, ending, settings, versions, work
+from dea_fenicsx.summary import STATUS, count_changes, ending, settings, versions, work
 from dea_fenicsx.tracing import Trace
 from dea_fenicsx.volume import check_volume
 from dea_fenicsx.weakform import Problem
@@ -233,7 +233,7 @@ class _Session:
             raise
         finally:
             self.solver.notify = silent  # it holds this session, which holds the solver
-        self._finish(result, *ending(self.history, isinstance(self.path[-1], Trace)))
+        self._finish(result, *ending(self.scene, self.history, self.path))
         return result
 
     def _is_pull_in(self, step: Step) -> bool:
@@ -451,7 +451,7 @@ class _Session:
                 error.run = result
                 raise
         steps = len(self.history) - 1
-        told = f"; {message}" if status == UNSTABLE else ""
+        told = f"; {message}" if message and self.lost is None else ""
         wall_s = result.summary["wall_s"]
         self.progress.end(f"{status}: {max(steps, 0)} steps, {wall_s:.1f} s{told}")
 

@@ -6,8 +6,10 @@ import resource
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.columns import load_column
 from dea_fenicsx.compat import PETSc, dolfinx
 from dea_fenicsx.errors import (
     EquilibriumLost,
@@ -18,7 +20,10 @@ from dea_fenicsx.errors import (
 )
 from dea_fenicsx.identity import described
 from dea_fenicsx.provenance import package_versions
+from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import NewtonSolver
+from dea_fenicsx.stepping import Ramp
+from dea_fenicsx.tracing import Trace
 
 
 def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -80,16 +85,51 @@ def count_changes(history: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return found
 
 
-def ending(history: Sequence[Mapping[str, Any]], is_trace: bool) -> tuple[str, str]:
+def ending(
+    scene: Scene, history: Sequence[Mapping[str, Any]], path: Sequence[Ramp | Trace]
+) -> tuple[str, str]:
     """Status and message of a path that was followed to its end.
 
     Parameters
     ----------
+    scene
+        The scene.
     history
         The accepted steps.
-    is_trace
-        Whether the path ends with a trace.  A trace is followed for the sake of states that are
-        not stable, a ramp is not.
+    path
+        The ramps and traces.
+    """
+    status, message = _stability(history, isinstance(path[-1], Trace))
+    told = [message] if message else []
+    return status, " ".join(told + loads_not_passed(scene, history, path))
+
+
+def loads_not_passed(
+    scene: Scene, history: Sequence[Mapping[str, Any]], path: Sequence[Ramp | Trace]
+) -> list[str]:
+    """A sentence for each trace that has no step at some of the loads that it was asked for."""
+    found = []
+    for k, item in enumerate(path):
+        if not isinstance(item, Trace) or not item.at:
+            continue
+        column, unit = load_column(scene, item.what)
+        mine = [row for row in history if k < row["time"] <= k + 1]
+        start = [row for row in history if row["time"] <= k][-1:]
+        factors = np.array([row[column] / unit for row in start + mine])
+        missed = [
+            f"{wanted:g}" for wanted in item.at
+            if not np.isclose(factors, wanted, rtol=1e-9, atol=1e-12).any()
+        ]  # fmt: skip
+        if missed:
+            loads = f"load{'s' * (len(missed) > 1)} {', '.join(missed)}"
+            found.append(f"The trace in {item.what} did not pass the {loads} of at=.")
+    return found
+
+
+def _stability(history: Sequence[Mapping[str, Any]], is_trace: bool) -> tuple[str, str]:
+    """Status of a completed path, and what its negative eigenvalues say about it.
+
+    A trace is followed for the sake of states that are not stable, a ramp is not.
     """
     last = history[-1]
     negative = last["inertia"] if last["inertia_is_of_this_step"] else None

@@ -33,6 +33,17 @@ scene = dea.Scene(strip, {"film": rubber}, [dea.Electrode("top", 100.0), dea.Gro
                   [dea.Clamp("bottom")], kinematics=dea.PlaneStrain())
 dea.solve(scene, dea.Ramp(steps=4), {"x": Mine()}, out=sys.argv[1], quiet=True)
 """
+SOLVING = RECORDED.replace("{\"x\": Mine()}", "{}").replace("strip = ", "AT_READING\nstrip = ", 1)
+SOLVING = SOLVING.replace("dea.solve", "AT_SOLVING\ndea.solve", 1)
+
+
+def solving(reading="", at_solving=""):
+    """A script that reads a mesh and solves, with a line before each of the two."""
+    return SOLVING.replace("AT_READING", reading).replace("AT_SOLVING", at_solving)
+
+
+LEFT = "Error: Rank 1 has ended its script, so the others cannot go on."
+LATE = "import time\nif rank == 1: time.sleep(1); "
 # script, ranks, exit status, the one message, whether there is a traceback
 SCRIPTS = {
     "bad input on all ranks": (
@@ -70,6 +81,20 @@ SCRIPTS = {
     "sys.exit without an error on one rank": (
         "import time\nif rank == 1: sys.exit(0)\ntime.sleep(2)\n"
         "print('Error: at the end', file=sys.stderr)", 2, 0, "Error: at the end", 0),
+    "sys.exit(0) on one rank before a mesh is read": (
+        solving(reading="if rank == 1: sys.exit(0)"), 2, 1, LEFT, 0),
+    "sys.exit() on one rank, the others wait in solve": (
+        solving(at_solving=f"{LATE}sys.exit()"), 2, 1, LEFT, 0),
+    "quit() on one of three": (solving(at_solving="if rank == 1: quit()"), 3, 1, LEFT, 0),
+    "sys.exit(0) in what is recorded, on one rank": (
+        RECORDED.replace('raise ValueError("no such thing")', "sys.exit(0)"), 2, 1, LEFT, 0),
+    "sys.exit(0) on one rank, the other solves alone": (
+        solving("", "if rank == 1: sys.exit(0)").replace(
+            "divisions=(4,))", "divisions=(4,)), MPI.COMM_SELF")
+        + "print('Error: at the end', file=sys.stderr)", 2, 0, "Error: at the end", 0),
+    "sys.exit(0) on both ranks after a solution": (
+        solving() + "if rank == 0: print('Error: at the end', file=sys.stderr)\nsys.exit(0)",
+        2, 0, "Error: at the end", 0),
     "SystemExit raised on one rank": (
         "if rank == 1: raise SystemExit(256)\neveryone.barrier()", 2, 1,
         "Error on rank 1 alone: the script has ended by sys.exit; all ranks are ended.", 0),
@@ -95,7 +120,7 @@ def test_one_message_and_no_rank_left(quick_compile, start, tmp_path, case):
     begun = time.monotonic()
     done = start(script, tmp_path / "out", ranks=ranks, timeout=120)
     # most of it is Python's start, and the compiler of the one that solves something
-    assert time.monotonic() - begun < (120 if text is RECORDED else 30)
+    assert time.monotonic() - begun < (120 if "dea.solve" in text else 30)
     assert done.returncode == status or (status is None and done.returncode)
     told = done.stderr.splitlines()
     assert told.count(message) == 1, done.stderr

@@ -167,3 +167,15 @@ def test_changes_of_the_count_are_listed():
         {"from": 0, "to": 1, "after_step": 0, "step": 2, "located": False},
         {"from": 1, "to": 2, "after_step": 2, "step": 4, "located": True},
     ]
+
+
+def test_loads_that_a_trace_does_not_pass_are_told(tmp_path):
+    """Two steps come to 0.3 at most: 0.02 is landed on, the end of the ramp is where it begins."""
+    path = [dea.Ramp(to=0.01, steps=1),
+            dea.Trace("voltage", first=0.05, steps=3, at=(0.01, 0.02, 0.9, 1.7))]  # fmt: skip
+    run = dea.solve(block(), path, out=tmp_path / "out", quiet=True)
+    words = "The trace in voltage did not pass the loads 0.9, 1.7 of at=."
+    assert run.summary["status"] == "completed"
+    assert run.summary["message"] == words
+    assert words in (tmp_path / "out" / "run.log").read_text()
+    assert [e["voltage_V"] for e in run.summary["events"]] == pytest.approx([0.02 * 5e3])

@@ -247,3 +247,46 @@ def test_finite_numbers_only():
     for value in (np.nan, np.inf, None, "1"):
         with pytest.raises(dea.InputError, match="finite number"):
             finite(value, "The value")
+
+
+class Recorded:
+    """An observable of a user's that returns what it is given."""
+
+    unit = ""
+
+    def __init__(self, value):
+        self.value = value
+
+    def bind(self, problem):
+        return lambda: self.value
+
+
+@pytest.mark.parametrize("value, words", [
+    (10**400, "is 1000"), (10**5000, "is of type int"), (np.ma.masked, "is masked"),
+], ids=["400 digits", "5000 digits", "masked"])  # fmt: skip
+def test_recorded_values_that_are_no_float(device, value, words):
+    scene = dea.Scene(device, {"film": RUBBER}, electrodes=DRIVEN, supports=HELD)
+    with pytest.raises(dea.SolverError, match=f"'odd' {words}.*, but must be a number"):
+        dea.solve(scene, dea.Ramp(steps=1), {"odd": Recorded(value)}, quiet=True)
+
+
+def test_a_masked_voltage_is_no_number(device):
+    with pytest.raises(dea.InputError, match="masked, but must be"):
+        dea.Scene(
+            device, {"film": RUBBER}, supports=HELD, electrodes=[dea.Electrode("top", np.ma.masked)]
+        )
+
+
+@pytest.mark.parametrize("unit", [np.array([1e-3]), True, np.ma.masked, "mm", 10**400, -1.0])
+def test_a_mesh_unit_is_one_number(unit):
+    from dea_fenicsx.cad import lengths
+
+    with pytest.raises(dea.InputError, match=r"mesh unit is .*, but must be a length in metres"):
+        lengths("a.msh", unit, None)
+
+
+def test_lists_are_taken_where_tuples_are():
+    assert dea.Ogden([5e4], [2.0]) == dea.Ogden((5e4,), (2.0,))
+    assert dea.Ramp(at=[0.5]).at == (0.5,)
+    assert dea.DeadLoad("top", [0, 0, 1.0]) == dea.DeadLoad("top", (0, 0, 1.0))
+    assert hash(dea.Electrode(["top", "bottom"], 1.0))

@@ -88,10 +88,10 @@ def test_interrupt(tmp_path, whole, monkeypatch, place, number):
     original = getattr(owner, name)
     calls = iter(range(1000))
 
-    def struck(*arguments):
+    def struck(*arguments, **named):
         if next(calls) == (3 if place in ("assembly", "factorisation") else 9):
             signal.raise_signal(number)
-        return original(*arguments)
+        return original(*arguments, **named)
 
     before = signal.getsignal(number)
     with monkeypatch.context() as patch:

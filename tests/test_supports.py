@@ -322,6 +322,10 @@ def far(comm=MPI.COMM_SELF):
     ([], [Stretch("x_min", "x", 1.5), Stretch("x_max", "x", 1.5)], 1.5),
     ([Fix("x_min", "x")], [Stretch("x_max", "x", 1.5, about=5.2e-3)], 1.4),
     ([Move("x_min", "x", -1e-4)], [Stretch("x_max", "x", 1.5)], 1.6),
+    # the stretched surface is held or moved, too, and both agree
+    ([Fix("x_min", "x"), Move("x_max", "x", 5e-4)], [Stretch("x_max", "x", 1.5)], 1.5),
+    ([Fix("x_min", "x"), Fix("x_max", "x")], [Stretch("x_max", "x", 1.0)], 1.0),
+    ([Fix("x_max", "x")], [Stretch("x_max", "x", 1.0)], 1.0),
 ])  # fmt: skip
 def test_a_stretch_is_about_what_is_held(supports, prescribed, wanted):
     moved = [s for s in supports if isinstance(s, Move)]
@@ -337,7 +341,8 @@ def test_a_stretch_is_about_what_is_held(supports, prescribed, wanted):
 
 @pytest.mark.parametrize("supports, words", [
     ([Clamp("bottom")], "'bottom' spread over several coordinates x; give Stretch(..., about=...)"),
-    ([Fix("x_min", "x"), Clamp("bottom"), Fix("x_max", "x")], "reach over several"),
+    ([Clamp("bottom"), Fix("x_max", "x")], "'bottom' spread over several"),
+    ([Fix("x_min", "x"), Fix("x_max", "x")], "give the same nodes different displacements"),
     ([Fix("bottom", "y")], "no other surface is held or stretched along x"),
 ])  # fmt: skip
 def test_a_stretch_about_nowhere_is_told(supports, words):
