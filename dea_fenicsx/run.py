@@ -38,7 +38,7 @@ from dea_fenicsx.resuming import carry_on
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import LINEARISING, NewtonOptions, NewtonSolver, silent
 from dea_fenicsx.stepping import Cursor, Ramp, Step, follow
-from dea_fenicsx.summary import STATUS, count_changes, ending, settings, versions, work
+from dea_fenicsx.summary import STATUS, count_changes, ending, settings, unlocated, versions, work
 from dea_fenicsx.tracing import Trace
 from dea_fenicsx.volume import check_volume
 from dea_fenicsx.weakform import Problem
@@ -122,10 +122,8 @@ def solve(
     })  # fmt: skip
     watched = default_failures(scene) if failures is None else tuple(failures)
     columns.check_names(scene, record or {}, watched)
-    return _Session(
-        scene, path, dict(record or {}), out, resume, quiet, verbose, stability, watched, options,
-        settings,
-    ).run()  # fmt: skip
+    return _Session(scene, path, dict(record or {}), out, resume, quiet, verbose, stability,
+                    watched, options, settings).run()  # fmt: skip
 
 
 @dataclass
@@ -222,10 +220,11 @@ class _Session:
                 ):
                     self._accept(step)
         except PathError as error:
-            error.run = result
-            self.lost = error
+            error.run, self.lost = result, error
             if isinstance(error, Interrupted):
                 error.args = (f"{error}; {self._kept()}.",)
+            elif note := unlocated(self.history):
+                error.args = (f"{error} {note}",)
             self._finish(result, STATUS[type(error)], str(error))
             raise
         except BaseException as error:

@@ -54,8 +54,11 @@ STATUS = {
 UNSTABLE = "completed, unstable"
 """Status of a run whose last ramp ends at an equilibrium that is not stable."""
 
-EXPLAINING = ("maximum", "minimum", "bifurcation", "snap")
-"""Events that change the number of negative eigenvalues."""
+LIMITS = ("maximum", "minimum")
+"""Events that change the number of negative eigenvalues by one."""
+
+CRITICAL = (*LIMITS, "bifurcation", "snap")
+"""Events that change it; several eigenvalues may pass zero in a bifurcation or a snap."""
 
 
 def count_changes(history: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -65,23 +68,27 @@ def count_changes(history: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     -------
     list of dict
         For each change between two steps at which it was counted: ``from`` and ``to``, the two
-        numbers; ``after_step`` and ``step``, the two steps; ``located``, whether an event between
-        them (a limit point, a bifurcation, a snap) explains it.
+        numbers; ``after_step`` and ``step``, the two steps; ``located``, whether events between
+        them (limit points, of which each explains a change by one, a bifurcation or a snap)
+        explain it.
     """
     found: list[dict[str, Any]] = []
-    before, located = None, False
+    before: Mapping[str, Any] | None = None
+    passed: list[str] = []
     for row in history:
-        located = located or row["event"] in EXPLAINING
+        if row["event"] in CRITICAL:  # the tangent is singular there
+            passed.append(row["event"])
+            continue
         if not row["inertia_is_of_this_step"] or row["inertia"] is None:
             continue
-        if row["event"] in EXPLAINING:  # the tangent is singular there
-            continue
         if before is not None and before["inertia"] != row["inertia"]:
+            limits = sum(event in LIMITS for event in passed)
+            located = limits < len(passed) or abs(row["inertia"] - before["inertia"]) <= limits
             found.append({
                 "from": before["inertia"], "to": row["inertia"], "after_step": before["step"],
                 "step": row["step"], "located": located,
             })  # fmt: skip
-        before, located = row, False
+        before, passed = row, []
     return found
 
 
@@ -139,15 +146,20 @@ def _stability(history: Sequence[Mapping[str, Any]], is_trace: bool) -> tuple[st
             f"The tangent of the last state has {many}: this equilibrium is not stable, and a real "
             "device does not rest there."
         )
+    return "completed", unlocated(history)
+
+
+def unlocated(history: Sequence[Mapping[str, Any]]) -> str:
+    """A sentence on changes of the number of negative eigenvalues that no event explains, or ""."""
     passed = [change for change in count_changes(history) if not change["located"]]
     if not passed:
-        return "completed", ""
+        return ""
     first, others = passed[0], len(passed) - 1
-    also = f" (and at {others} other places)" if others else ""
-    return "completed", (
+    also = f" (and at {others} other place{'s' * (others > 1)})" if others else ""
+    return (
         f"The number of negative eigenvalues changes from {first['from']} to {first['to']} between "
-        f"steps {first['after_step']} and {first['step']}{also}, where nothing was located; "
-        'stability="every" looks for the bifurcation.'
+        f"steps {first['after_step']} and {first['step']}{also}, where nothing was located: there "
+        'the path may have changed its branch; stability="every" looks for the bifurcation.'
     )
 
 
