@@ -53,8 +53,18 @@ A state half-way that itself needs more is no evidence.
 ASTRAY = 0.25
 """Distance of a solution from where it is expected, as a share of the motion, that is in doubt."""
 
-HALFWAY_TOLERANCE = 1e-3
-"""Newton's tolerance for a state half-way: it tells a path from a jump and nothing else."""
+OFF_PARABOLA = 0.5
+"""Largest distance of a step's end from the parabola through its first half.
+
+As a share of the motion in the second half; a step that lands right on a limit point has 0.46.
+"""
+
+HALFWAY_TOLERANCE = 1e-8
+"""Newton's tolerance for a state half-way.
+
+Close to a limit point a loose one leaves more of an error than the step's motion: with 1e-3 good
+steps were refused there.
+"""
 
 TANGENT_TOLERANCE = 1e-7
 """Relative tolerance of the linear solve for the tangent of a path.
@@ -189,7 +199,7 @@ class Evidence:
                 # prescribed; but then the parabola through the first half does not lead there.
                 parabola = predictor.through([start, predictor.known[-1], middle], found.factors)
                 way = predictor.moved(middle.state, found.state)
-                verdict = predictor.moved(parabola, found.state) <= ASTRAY * way
+                verdict = predictor.moved(parabola, found.state) <= OFF_PARABOLA * way
             if fast <= QUICKENED * slow:
                 break
             low, high = (low, middle) if first > second else (middle, high)

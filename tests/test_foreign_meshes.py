@@ -214,6 +214,8 @@ def test_groups_that_overlap_are_whole(tmp_path, form):
         path = path.with_suffix(".med" if form == "med" else ".msh")
         gmsh.write(str(path))
         gmsh.clear()
+        if not path.exists():
+            pytest.skip("this gmsh is built without the library of .med files")
     device = dea.read_gmsh(path, MPI.COMM_SELF)
     assert facets(device) == COUNTS
     assert set(device.regions) == {"film"}
