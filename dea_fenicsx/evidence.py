@@ -30,7 +30,7 @@ import numpy as np
 from dea_fenicsx.events import Sentinel
 from dea_fenicsx.predictor import Known, Predictor
 from dea_fenicsx.solver import AT_REST, Attempt, NewtonSolver
-from dea_fenicsx.stability import load_derivative
+from dea_fenicsx.stability import path_slope
 
 FASTER = 4.0
 """Largest ratio of speeds (displacement per load coordinate) along one path.
@@ -64,13 +64,6 @@ HALFWAY_TOLERANCE = 1e-8
 
 Close to a limit point a loose one leaves more of an error than the step's motion: with 1e-3 good
 steps were refused there.
-"""
-
-TANGENT_TOLERANCE = 1e-7
-"""Relative tolerance of the linear solve for the tangent of a path.
-
-The residual tells little of the bending of a thin part: with 1e-3 the tangent of a bilayer of 60
-layers' length was wrong by a factor of ten.
 """
 
 BACKWARDS = 1e-3
@@ -212,12 +205,12 @@ class Evidence:
         The tangent is extrapolated as the secant through the two.  None where the tangent says
         nothing: at zero voltage, in whose square the displacement grows, or if it cannot be had.
         """
-        solver, problem, last = self.solver, self.problem, self.predictor.known[-1]
+        problem, last = self.problem, self.predictor.known[-1]
         rates = {name: found.factors[name] - f for name, f in last.factors.items()}
         if self.predictor.even and last.factors[self.predictor.name] == 0:
             return None
         self._restore(last)
-        slope = solver.linear_solve(-load_derivative(solver.tangent, rates), TANGENT_TOLERANCE)
+        slope = path_slope(self.solver, rates)
         if slope is None:
             return None
         problem.add_free(-BACKWARDS * slope)

@@ -11,7 +11,7 @@ from dea_fenicsx.errors import EquilibriumLost, NotReached, PathError, SolverErr
 from dea_fenicsx.predictor import Known, Predictor
 from dea_fenicsx.scene import Scene
 from dea_fenicsx.solver import REASONS, Attempt
-from dea_fenicsx.stability import load_derivative
+from dea_fenicsx.stability import path_slope
 
 STEEP = 3.0
 """Speed at the last state, over the mean speed on a way to it, that only a limit point explains.
@@ -35,9 +35,6 @@ UNCERTAIN = ("slow", "diverged", "jumped")
 
 A chain past its lock-up and a cell turned inside out tell of the material.
 """
-
-SLOPE_TOLERANCE = 1e-7
-"""Relative tolerance of the linear solve for that speed, as in `evidence`."""
 
 
 def describe(scene: Scene, factors: dict[str, float], names: Sequence[str]) -> str:
@@ -68,11 +65,11 @@ def is_near_limit(predictor: Predictor, origin: Known, failed: dict[str, float])
         True if the displacement grows so much faster with the load than on the way there as only a
         limit point explains (see `STEEP` and `STEEPER`), or if the tangent cannot be solved for.
     """
-    solver, problem, last = predictor.solver, predictor.problem, predictor.known[-1]
+    problem, last = predictor.problem, predictor.known[-1]
     now = last.factors[predictor.name]
     step = failed[predictor.name] - now
     rates = {name: (failed[name] - factor) / step for name, factor in last.factors.items()}
-    slope = solver.linear_solve(-load_derivative(solver.tangent, rates), SLOPE_TOLERANCE)
+    slope = path_slope(predictor.solver, rates)
     if slope is None:
         return True
     mine = float(np.max(np.abs(slope[problem.free_fields["u"]]), initial=0.0))
