@@ -14,7 +14,48 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dea_fenicsx import design, exact, materials, origami, pictures
-    from dea_fenicsx.conditions import (
+    from dea_fenicsx.materials import (
+        ArrudaBoyce,
+        Breakdown,
+        Conductor,
+        Gent,
+        IdealDielectric,
+        Material,
+        MooneyRivlin,
+        NeoHookean,
+        Ogden,
+        Yeoh,
+    )
+    from dea_fenicsx.measure.axial import (
+        OverallContraction,
+        OverallForce,
+        OverallStretch,
+        OverallTorque,
+        OverallTwist,
+    )
+    from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
+    from dea_fenicsx.measure.observables import (
+        Area,
+        Capacitance,
+        Charge,
+        Contraction,
+        LargestDisplacement,
+        MeanDisplacement,
+        MeanStretch,
+        Potential,
+        Reaction,
+    )
+    from dea_fenicsx.measure.rotation import BendingAngle, Rotation
+    from dea_fenicsx.mesh.device import Device, read_gmsh
+    from dea_fenicsx.path.ramping import Ramp
+    from dea_fenicsx.path.tracing import Trace
+    from dea_fenicsx.results.folder import Run
+    from dea_fenicsx.results.per_turn import per_turn
+    from dea_fenicsx.results.reading import read_history, read_summary
+    from dea_fenicsx.run.fidelity_ladder import speed_vs_error
+    from dea_fenicsx.run.parser import Parser
+    from dea_fenicsx.run.session import solve
+    from dea_fenicsx.scene.conditions import (
         AxialForce,
         AxialStretch,
         ChargedElectrode,
@@ -35,7 +76,16 @@ if TYPE_CHECKING:
         Torque,
         Twist,
     )
-    from dea_fenicsx.errors import (
+    from dea_fenicsx.scene.kinematics import (
+        Axisymmetric,
+        GeneralisedPlaneStrain,
+        Helical,
+        PlaneStrain,
+        ThreeD,
+    )
+    from dea_fenicsx.scene.scene import Scene
+    from dea_fenicsx.solvers.newton import NewtonOptions
+    from dea_fenicsx.support.errors import (
         DeaError,
         EquilibriumLost,
         InputError,
@@ -44,94 +94,44 @@ if TYPE_CHECKING:
         NotReached,
         SolverError,
     )
-    from dea_fenicsx.failures import ElectricalBreakdown, LossOfTension, StretchLimit
-    from dea_fenicsx.kinematics import (
-        Axisymmetric,
-        GeneralisedPlaneStrain,
-        Helical,
-        PlaneStrain,
-        ThreeD,
-    )
-    from dea_fenicsx.ladder import speed_vs_error
-    from dea_fenicsx.materials import (
-        ArrudaBoyce,
-        Breakdown,
-        Conductor,
-        Gent,
-        IdealDielectric,
-        Material,
-        MooneyRivlin,
-        NeoHookean,
-        Ogden,
-        Yeoh,
-    )
-    from dea_fenicsx.mesh import Device, read_gmsh
-    from dea_fenicsx.observables import (
-        Area,
-        Capacitance,
-        Charge,
-        Contraction,
-        LargestDisplacement,
-        MeanDisplacement,
-        MeanStretch,
-        Potential,
-        Reaction,
-    )
-    from dea_fenicsx.overall import (
-        OverallContraction,
-        OverallForce,
-        OverallStretch,
-        OverallTorque,
-        OverallTwist,
-    )
-    from dea_fenicsx.reading import read_history, read_summary
-    from dea_fenicsx.results import Run
-    from dea_fenicsx.rotation import BendingAngle, Rotation
-    from dea_fenicsx.run import solve
-    from dea_fenicsx.scene import Scene
-    from dea_fenicsx.script import Parser
-    from dea_fenicsx.solver import NewtonOptions
-    from dea_fenicsx.stepping import Ramp
-    from dea_fenicsx.tracing import Trace
-    from dea_fenicsx.turns import per_turn
 
 _HOME = {
-    "conditions": (
+    "scene.conditions": (
         "AxialForce", "AxialStretch", "ChargedElectrode", "Clamp", "DeadLoad", "DeadPressure",
         "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure", "FreeBody",
         "Ground", "PreStretch", "Stretch", "Taper", "ThinFilm", "Torque", "Twist",
     ),
-    "errors": (
+    "support.errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
         "SolverError",
     ),
-    "failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
-    "kinematics": (
+    "measure.failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
+    "scene.kinematics": (
         "Axisymmetric", "GeneralisedPlaneStrain", "Helical", "PlaneStrain", "ThreeD",
     ),
-    "ladder": ("speed_vs_error",),
+    "run.fidelity_ladder": ("speed_vs_error",),
     "materials": (
         "ArrudaBoyce", "Breakdown", "Conductor", "Gent", "IdealDielectric", "Material",
         "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh",
     ),
-    "mesh": ("Device", "read_gmsh"),
-    "observables": (
+    "mesh.device": ("Device", "read_gmsh"),
+    "measure.observables": (
         "Area", "Capacitance", "Charge", "Contraction", "LargestDisplacement", "MeanDisplacement",
         "MeanStretch", "Potential", "Reaction",
     ),
-    "overall": (
+    "measure.axial": (
         "OverallContraction", "OverallForce", "OverallStretch", "OverallTorque", "OverallTwist",
     ),
-    "reading": ("read_history", "read_summary"),
-    "rotation": ("BendingAngle", "Rotation"),
-    "results": ("Run",),
-    "run": ("solve",),
-    "scene": ("Scene",),
-    "script": ("Parser",),
-    "solver": ("NewtonOptions",),
-    "stepping": ("Ramp",),
-    "tracing": ("Trace",),
-    "turns": ("per_turn",),
+    "results.reading": ("read_history", "read_summary"),
+    "measure.rotation": ("BendingAngle", "Rotation"),
+    "results.folder": ("Run",),
+    "run.session": ("solve",),
+    "scene.scene": ("Scene",),
+    "run.parser": ("Parser",),
+    "solvers.newton": ("NewtonOptions",),
+    "path.ramping": ("Ramp",),
+    "path.tracing": ("Trace",),
+    "results.per_turn": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}
 _MODULES = ("design", "exact", "geometry", "materials", "origami", "pictures")

@@ -19,10 +19,10 @@ from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import HDEA, HelicalCell
-from dea_fenicsx.launch import environment, mpirun
 from dea_fenicsx.materials import EPSILON_0
-from dea_fenicsx.reading import read_frame, read_summary
-from dea_fenicsx.turns import per_turn
+from dea_fenicsx.results.per_turn import per_turn
+from dea_fenicsx.results.reading import read_frame, read_summary
+from dea_fenicsx.support.subprocesses import environment, mpirun
 
 # cells per turn, over the electrode's width, over each rim, through each elastomer layer
 MESHES = {

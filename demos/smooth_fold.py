@@ -13,7 +13,6 @@ import numpy as np
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.fields import Grid
 from dea_fenicsx.geometry import KreslingCell
 from dea_fenicsx.origami import (
     INCH,
@@ -24,7 +23,8 @@ from dea_fenicsx.origami import (
     least_fold_width,
 )
 from dea_fenicsx.origami.picture import draw_pattern
-from dea_fenicsx.results import Folder
+from dea_fenicsx.results.fields import Grid
+from dea_fenicsx.results.folder import Folder
 
 THESIS = SmoothFold((0.0, 0.0), (3.0, 4.0), 0.05, (0.6, 0.6))  # in units of its 3:4:5
 # VTK's order of the 27 nodes of a hexahedron, in a lattice of 3 x 3 x 3 with the last index fastest

@@ -24,7 +24,7 @@ from dea_fenicsx.exact import FREE, Film, Held, Laminate, Ply, bend, elastic_str
 from dea_fenicsx.geometry import BoxStack, Layer, StiffenedFilm, StiffenedSection
 from dea_fenicsx.materials import EPSILON_0, bulk_modulus_of
 from dea_fenicsx.origami import INCH, SmoothFold
-from dea_fenicsx.reading import read_frame
+from dea_fenicsx.results.reading import read_frame
 
 MODELS = ("neo-hookean", "mooney-rivlin", "ogden", "gent")
 CASES = {  # stretches along x and y, column of Table 5.5; x is under a dead load

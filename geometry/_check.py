@@ -6,8 +6,8 @@ import math
 from numbers import Integral
 from typing import Any
 
-from dea_fenicsx.declared import is_number, shown
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import is_number, shown
 
 LONGEST = 1e6
 """Lengths in m beyond which no device lies; squares of larger ones may overflow."""

@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import MISSING, fields
 from typing import Any, NoReturn
 
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.support.errors import InputError
 
 from . import _gmsh
 from .base import Geometry, Layer

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.support.errors import InputError
 
 from ._structured import Ints, StructuredMesh
 

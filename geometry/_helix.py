@@ -10,21 +10,62 @@ one cell, as rows that run into an edge would be no hexahedra.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
 from ._structured import Floats, Ints, StructuredMesh, block, compact, lattice_points
 from .sectors import Sector
 
-if TYPE_CHECKING:
-    from .hdea import HDEA
-
 Mask = np.ndarray
 HELIX, WEDGE_BELOW, WEDGE_ABOVE, DISC_BELOW, DISC_ABOVE = range(5)
 
 
-def helix_mesh(device: HDEA) -> StructuredMesh:
+class HelixShape(Protocol):
+    """What a mesh of a helix needs to know of its device, `HDEA`; lengths in metres."""
+
+    @property
+    def order(self) -> int: ...
+
+    @property
+    def turns(self) -> int: ...
+
+    @property
+    def angular(self) -> int: ...
+
+    @property
+    def strands(self) -> int: ...
+
+    @property
+    def ends(self) -> str: ...
+
+    @property
+    def inset(self) -> float: ...
+
+    @property
+    def electrode(self) -> float: ...
+
+    @property
+    def cap(self) -> float: ...
+
+    @property
+    def through_cap(self) -> int: ...
+
+    @property
+    def pitch(self) -> float: ...
+
+    @property
+    def pattern(self) -> Sequence[Sector]: ...
+
+    def radial_ends(self) -> tuple[Floats, int, int]: ...
+
+    def layer_ends(self) -> tuple[Floats, Ints]: ...
+
+    def angular_ends(self) -> Floats: ...
+
+
+def helix_mesh(device: HelixShape) -> StructuredMesh:
     """Nodes, cells and named parts of a helical actuator."""
     return _Builder(device).build()
 
@@ -40,7 +81,7 @@ class _Builder:
         ``HELIX``, or which piece of the end caps.
     """
 
-    def __init__(self, device: HDEA) -> None:
+    def __init__(self, device: HelixShape) -> None:
         self.device, self.q = device, device.order
         self.radii, self.first, self.beyond = device.radial_ends()
         self.ends, self.rows = device.layer_ends()

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
-from dea_fenicsx.units import in_si
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.units import in_si
 
 from . import _check
 from ._structured import StructuredMesh, joined_ends, lattice

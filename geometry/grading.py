@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dea_fenicsx.declared import shown
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
 
 from . import _check
 

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.declared import shown
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
 
 from . import _check
 from ._structured import Floats

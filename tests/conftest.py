@@ -12,9 +12,10 @@ import pytest
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx import launch, solver
-from dea_fenicsx.corotation import Corotation
 from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx.solvers import newton
+from dea_fenicsx.solvers.corotation import Corotation
+from dea_fenicsx.support import subprocesses
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -44,7 +45,7 @@ def pytest_configure(config):
     names = dea.NewtonOptions.__dataclass_fields__
     dea.NewtonOptions.__init__.__defaults__ = tuple(getattr(changed, name) for name in names)
     if engine == "cheap":
-        solver.LARGE = 0
+        newton.LARGE = 0
     if engine == "unturned":
         Corotation.update = lambda self: None
 
@@ -58,12 +59,12 @@ def pytest_collection_modifyitems(config, items):
 
 def needed_mpirun() -> str:
     """mpirun; without one the test is skipped, for nothing runs on several ranks there."""
-    return launch.mpirun() or pytest.skip("there is no mpirun")
+    return subprocesses.mpirun() or pytest.skip("there is no mpirun")
 
 
 def clean_environment() -> dict[str, str]:
     """The environment for a new mpirun: without this process's own place in an MPI job."""
-    return launch.environment() | {
+    return subprocesses.environment() | {
         "OMP_NUM_THREADS": "1",
         "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",

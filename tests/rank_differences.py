@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import dea_fenicsx as dea
-from dea_fenicsx import errors
+from dea_fenicsx.support import errors
 
 from rank_scenes import FILM, L, strip  # isort: skip
 

@@ -12,9 +12,9 @@ from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx import cli
-from dea_fenicsx.cad import groups_of, open_file
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.geometry._gmsh import start
+from dea_fenicsx.mesh.cad import groups_of, open_file
 
 CLOVER = ROOT / "demos" / "own_geometry_data"
 # union of three circles of radius 4 about the corners of a triangle with the sides 4 sqrt(3)

@@ -10,9 +10,9 @@ from conftest import block
 from test_path import MU, STRETCH, free_film
 
 import dea_fenicsx as dea
-from dea_fenicsx.checks import check_step
-from dea_fenicsx.solver import NewtonSolver
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.run.step_checks import check_step
+from dea_fenicsx.solvers.newton import NewtonSolver
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def test_the_volume_bound_holds_and_is_sharp(solver):
 
     size = 1e-10 * tolerance / rows(1e-10)
     assert rows(size) == pytest.approx(tolerance, rel=1e-3)
-    from dea_fenicsx.checks import volume
+    from dea_fenicsx.run.step_checks import volume
 
     _, error, bound = volume(problem, tolerance * solver.references.volume)
     assert bound / 50 < error < bound < 10 * tolerance

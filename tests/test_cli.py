@@ -175,7 +175,7 @@ def test_nonsense_never_ends_in_a_traceback(capsys, tmp_path, monkeypatch, words
 
 
 def test_debug_shows_the_traceback(run):
-    from dea_fenicsx.errors import InputError
+    from dea_fenicsx.support.errors import InputError
 
     for line in (["--debug", "show", "nowhere"], ["show", "nowhere", "--debug"]):
         with pytest.raises(InputError):
@@ -288,7 +288,7 @@ def test_film(dea, run, monkeypatch):
     bars = [f[:, int(0.88 * f.shape[1]) :] for f in frames]  # the colour scale stands still
     assert np.abs(bars[0] - bars[2]).mean() < 2
     assert np.abs(frames[0] - frames[2]).mean() > 5
-    monkeypatch.setattr("dea_fenicsx.pictures_movie.ffmpeg", lambda: None)
+    monkeypatch.setattr("dea_fenicsx.pictures.movie.ffmpeg", lambda: None)
     refused(*dea("show", run, "--animate", run / "film.mp4"), "needs ffmpeg")
 
 

@@ -11,16 +11,16 @@ from pathlib import Path
 import pytest
 from conftest import clean_environment
 
-from dea_fenicsx import form_cache
 from dea_fenicsx.cli import child, doctor
+from dea_fenicsx.support import form_cache
 
 LENGTH = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 import ufl
 from mpi4py import MPI
-from dea_fenicsx import compat
-from dea_fenicsx.errors import install_hook
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.errors import install_hook
 install_hook()
 {before}
 mesh = compat.dolfinx.mesh.create_interval(MPI.COMM_WORLD, 5, (0.0, 2.0))

@@ -8,10 +8,10 @@ from mpi4py import MPI
 from scipy.spatial.transform import Rotation as Turn
 
 import dea_fenicsx as dea
-from dea_fenicsx.corotation import Corotation, polar
 from dea_fenicsx.geometry import BoxStack, Layer
-from dea_fenicsx.solver import NewtonSolver
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.solvers.corotation import Corotation, polar
+from dea_fenicsx.solvers.newton import NewtonSolver
 
 ROUNDING = 1e-12
 

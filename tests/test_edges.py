@@ -53,7 +53,7 @@ def test_taper_falls_from_full_potential_to_zero():
         [dea.Fix("bottom", "z"), dea.Fix("axis", "r"), dea.Fix("rim", "r")],
         kinematics=dea.Axisymmetric(),
     )  # fmt: skip
-    from dea_fenicsx.constraints import potential_at
+    from dea_fenicsx.model.fixed_values import potential_at
 
     X = np.zeros((5, 3))
     X[:, 0] = (0, 4e-3, 5e-3, 6e-3, 9e-3)

@@ -8,11 +8,11 @@ import ufl
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx import compat
-from dea_fenicsx.compat import dolfinx
-from dea_fenicsx.forms import measure
 from dea_fenicsx.geometry import BoxStack, HelicalCell, Layer, MembraneDisc
 from dea_fenicsx.materials import EPSILON_0
+from dea_fenicsx.model.energy import measure
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.compat import dolfinx
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 RUBBER = dea.NeoHookean(5e4)

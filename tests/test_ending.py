@@ -9,7 +9,7 @@ import pytest
 HEAD = """
 import sys
 import dea_fenicsx as dea
-from dea_fenicsx import errors
+from dea_fenicsx.support import errors
 from mpi4py import MPI
 errors.GRACE_S = errors.EXIT_GRACE_S = 0.5
 dea.Parser("From here on an error ends all ranks.", "out")
@@ -99,7 +99,7 @@ SCRIPTS = {
         "if rank == 1: raise SystemExit(256)\neveryone.barrier()", 2, 1,
         "Error on rank 1 alone: the script has ended by sys.exit; all ranks are ended.", 0),
     "sys.exit with words on one rank, PETSc loaded": (
-        "from dea_fenicsx.compat import PETSc\nif rank == 0: sys.exit('Nothing to do.')\n"
+        "from dea_fenicsx.support.compat import PETSc\nif rank == 0: sys.exit('Nothing to do.')\n"
         "everyone.barrier()", 2, 1, "Nothing to do.", 0),
     "sys.exit that is caught": (
         "import time\ntry:\n    if rank == 1: sys.exit(7)\nexcept SystemExit: pass\n"
@@ -107,7 +107,7 @@ SCRIPTS = {
         2, 0, "Error: at the end", 0),
     "bad input, to be debugged": (
         "sys.argv.append('--debug')\nraise dea.InputError('Wrong.')", 2, 2,
-        "dea_fenicsx.errors.InputError: Wrong.", 1),
+        "dea_fenicsx.support.errors.InputError: Wrong.", 1),
 }  # fmt: skip
 
 

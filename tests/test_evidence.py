@@ -8,8 +8,8 @@ from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
-from dea_fenicsx.solver import Attempt, NewtonSolver
-from dea_fenicsx.summary import count_changes
+from dea_fenicsx.results.summary import count_changes
+from dea_fenicsx.solvers.newton import Attempt, NewtonSolver
 
 RUBBER = dea.NeoHookean(5e4)
 FILM = dea.Material(RUBBER, dea.IdealDielectric(3.0))

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from dea_fenicsx import exact
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.exact import Dead, Film, Held, TrueStress, trace
 from dea_fenicsx.materials import (
     EPSILON_0,
@@ -27,6 +26,7 @@ from dea_fenicsx.materials import (
     Ogden,
     Yeoh,
 )
+from dea_fenicsx.support.errors import InputError
 
 DATA = tomllib.loads((Path(__file__).parent / "data" / "hyperelastic_curves.toml").read_text())
 CURVES = DATA["curve"]

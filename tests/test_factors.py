@@ -7,12 +7,12 @@ import pytest
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.factors import SplitFactor, WholeFactor
 from dea_fenicsx.geometry import HDEA, BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0
-from dea_fenicsx.solver import NewtonSolver
-from dea_fenicsx.tangent import Tangent
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.solvers.factors import SplitFactor, WholeFactor
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.tangent import Tangent
 
 MU, EPS_R = 73.7e3, 4.7
 RUBBER = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(EPS_R))

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from dea_fenicsx import materials
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials import (
     ArrudaBoyce,
     Gent,
@@ -23,6 +22,7 @@ from dea_fenicsx.materials import (
 )
 from dea_fenicsx.materials.presets import MARKS
 from dea_fenicsx.materials.stretches import nominal_stress
+from dea_fenicsx.support.errors import InputError
 
 DATA = Path(__file__).parent / "data"
 TRELOAR = Path(__file__).parents[1] / "demos" / "fit_rubber_data"

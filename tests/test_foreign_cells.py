@@ -14,11 +14,12 @@ from scipy.optimize import brentq
 from test_foreign_meshes import COUNTS, PLATE, layers, own_gmsh, refused, square, written
 
 import dea_fenicsx as dea
-from dea_fenicsx import cli, compat
-from dea_fenicsx.cad import read_names
-from dea_fenicsx.cells import check_cells
-from dea_fenicsx.foreign.model import checked
+from dea_fenicsx import cli
 from dea_fenicsx.geometry._gmsh import measure
+from dea_fenicsx.mesh.cad import read_names
+from dea_fenicsx.mesh.cell_quality import check_cells
+from dea_fenicsx.mesh.foreign.model import checked
+from dea_fenicsx.support import compat
 
 __all__ = ["own_gmsh"]  # the fixture serves this module, too
 

@@ -12,7 +12,7 @@ from test_foreign_meshes import MSH2, own_gmsh, refused, written
 
 import dea_fenicsx as dea
 from dea_fenicsx import cli
-from dea_fenicsx.foreign.splitting import _plural
+from dea_fenicsx.mesh.foreign.splitting import _plural
 
 __all__ = ["own_gmsh"]  # the fixture serves this module, too
 

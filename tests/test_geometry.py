@@ -18,7 +18,6 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.geometry import (
     HDEA,
     BoxStack,
@@ -32,6 +31,7 @@ from dea_fenicsx.geometry import (
     graded,
 )
 from dea_fenicsx.geometry import _gmsh as to_gmsh
+from dea_fenicsx.support.errors import InputError
 
 gmsh = pytest.importorskip("gmsh")
 

@@ -9,12 +9,12 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import dea_fenicsx as dea
-from dea_fenicsx.fields import FieldWriter
 from dea_fenicsx.geometry import HDEA, HelicalCell
 from dea_fenicsx.materials import EPSILON_0
-from dea_fenicsx.tangent import Tangent
-from dea_fenicsx.turns import measure_turns
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.results.fields import FieldWriter
+from dea_fenicsx.results.per_turn import measure_turns
+from dea_fenicsx.solvers.tangent import Tangent
 
 MU, EPS_R = 50e3, 4.7
 RING = HelicalCell(electrode=0, inset=0, radial=4, through=2, grading=1, grading_through=1)

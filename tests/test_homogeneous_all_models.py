@@ -13,10 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dea_fenicsx import compat  # noqa: F401  (first, for the wheel's libraries)
-from dea_fenicsx.conditions import DeadLoad, Electrode, Fix, Ground, Stretch
 from dea_fenicsx.exact import Dead, Film, Held, trace
-from dea_fenicsx.kinematics import Axisymmetric, PlaneStrain, ThreeD
 from dea_fenicsx.materials import (
     ArrudaBoyce,
     Gent,
@@ -27,12 +24,15 @@ from dea_fenicsx.materials import (
     Ogden,
     Yeoh,
 )
-from dea_fenicsx.mesh import Device
-from dea_fenicsx.scene import Scene
-from dea_fenicsx.solver import NewtonOptions, NewtonSolver
-from dea_fenicsx.stepping import Ramp, follow
-from dea_fenicsx.tangent import Tangent
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.path.ramping import Ramp, follow
+from dea_fenicsx.scene.conditions import DeadLoad, Electrode, Fix, Ground, Stretch
+from dea_fenicsx.scene.kinematics import Axisymmetric, PlaneStrain, ThreeD
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.solvers.newton import NewtonOptions, NewtonSolver
+from dea_fenicsx.solvers.tangent import Tangent
+from dea_fenicsx.support import compat  # noqa: F401  (first, for the wheel's libraries)
 
 import dolfinx  # isort: skip
 from mpi4py import MPI  # isort: skip

@@ -242,7 +242,7 @@ def test_twenty_lines_are_enough():
 
 
 def test_finite_numbers_only():
-    from dea_fenicsx.scene import finite
+    from dea_fenicsx.scene.scene import finite
 
     for value in (np.nan, np.inf, None, "1"):
         with pytest.raises(dea.InputError, match="finite number"):
@@ -279,7 +279,7 @@ def test_a_masked_voltage_is_no_number(device):
 
 @pytest.mark.parametrize("unit", [np.array([1e-3]), True, np.ma.masked, "mm", 10**400, -1.0])
 def test_a_mesh_unit_is_one_number(unit):
-    from dea_fenicsx.cad import lengths
+    from dea_fenicsx.mesh.cad import lengths
 
     with pytest.raises(dea.InputError, match=r"mesh unit is .*, but must be a length in metres"):
         lengths("a.msh", unit, None)

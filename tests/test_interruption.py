@@ -17,9 +17,9 @@ from hard.table import LIMIT, Z, film
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx import results
-from dea_fenicsx.interruption import Interruption
-from dea_fenicsx.solver import NewtonSolver
+from dea_fenicsx.results import folder as folder_module
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.support.interruption import Interruption
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
@@ -76,7 +76,7 @@ PLACES = {
     "assembly": (NewtonSolver, "_assemble"),
     "factorisation": (NewtonSolver, "_factorise"),
     "solve": (NewtonSolver, "_krylov"),
-    "write": (results, "replace_file"),
+    "write": (folder_module, "replace_file"),
 }
 
 
@@ -115,7 +115,8 @@ def test_a_signal_after_the_last_step_is_not_lost():
 
 BUSY = """
 from mpi4py import MPI
-from dea_fenicsx.interruption import Interruption
+from dea_fenicsx.results import folder as folder_module
+from dea_fenicsx.support.interruption import Interruption
 with Interruption(MPI.COMM_SELF):
     print("busy", flush=True)
     sum(range(10**11))  # hours, in which Python looks at no signal

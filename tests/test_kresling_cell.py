@@ -10,11 +10,11 @@ import pytest
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.geometry import BoxStack, KreslingCell, Layer
 from dea_fenicsx.geometry import _gmsh as to_gmsh
 from dea_fenicsx.materials import bulk_modulus_of
 from dea_fenicsx.origami import INCH, Kresling, fold_angles, vertices
+from dea_fenicsx.support.errors import InputError
 
 SIDE, HEIGHT, TWIST, T = 2.125 * INCH, 1.65 * INCH, math.pi / 4, 0.02 * INCH
 CELL = KreslingCell(SIDE, HEIGHT, TWIST, T, hinge=2e-3, along=2, strip=2)

@@ -9,7 +9,7 @@ import pytest
 from test_helical import RING, ring, tube
 
 import dea_fenicsx as dea
-from dea_fenicsx.ladder import extrapolated
+from dea_fenicsx.run.fidelity_ladder import extrapolated
 
 LAM, TWIST = 1.2, 150.0
 

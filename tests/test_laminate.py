@@ -11,8 +11,8 @@ import dea_fenicsx as dea
 from dea_fenicsx.exact import Film, Laminate, Ply, stoney_curvature, timoshenko_curvature, trace
 from dea_fenicsx.geometry import DEAHinge
 from dea_fenicsx.materials import EPSILON_0
-from dea_fenicsx.rotation import Rotation
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.measure.rotation import Rotation
+from dea_fenicsx.model.problem import Problem
 
 MU, EPS_R, T = 73.7e3, 4.7, 50e-6
 RUBBER = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(EPS_R))

@@ -158,13 +158,13 @@ BASES = {
 def power_sum_in_ufl():
     """Evaluates stress : H1 and H1 : tangent : H2 of sum lam^alpha, all cases in one call."""
     pytest.importorskip("dolfinx")
-    from dea_fenicsx import compat  # first, for the wheel's libraries
+    from dea_fenicsx.support import compat  # first, for the wheel's libraries
 
     import dolfinx  # isort: skip
     import ufl  # isort: skip
     from mpi4py import MPI  # isort: skip
 
-    from dea_fenicsx.kinematics import StrainOf
+    from dea_fenicsx.scene.kinematics import StrainOf
 
     def evaluate(F, H1, H2, alpha):
         mesh = dolfinx.mesh.create_interval(MPI.COMM_SELF, len(F), (0.0, 1.0))

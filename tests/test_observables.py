@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, HelicalCell, Layer
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.model.problem import Problem
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 RUBBER = dea.NeoHookean(5e4)

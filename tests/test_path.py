@@ -16,11 +16,11 @@ from conftest import ROOT, block, clean_environment, needed_mpirun
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.events import Sentinel
-from dea_fenicsx.evidence import WANDERING, Evidence
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0
-from dea_fenicsx.predictor import Known, Predictor
+from dea_fenicsx.path.events import Sentinel
+from dea_fenicsx.path.evidence import WANDERING, Evidence
+from dea_fenicsx.path.predictor import Known, Predictor
 
 MU, EPS_R, T = 50e3, 2.86, 1e-3
 LIMIT = 0.68736 * T * np.sqrt(MU / (EPS_R * EPSILON_0))  # free neo-Hookean film, anchors.md

@@ -14,7 +14,9 @@ import pytest
 from conftest import clean_environment, needed_mpirun
 
 from dea_fenicsx import pictures
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.pictures import drawing
+from dea_fenicsx.pictures.command import title_of
+from dea_fenicsx.support.errors import InputError
 
 needs_matplotlib = pytest.mark.skipif(
     importlib.util.find_spec("matplotlib") is None, reason="matplotlib is not installed"
@@ -247,11 +249,11 @@ def test_rendering_of_other_fields_by_command_line(run: Path, tmp_path: Path) ->
 
 
 def test_title_names_load_step_and_scale(run: Path) -> None:
-    assert pictures._title(run, 5.0, 0.5) == (
+    assert title_of(run, 5.0, 0.5) == (
         "voltage 2 kV, step 1, displacements × 5, undeformed in red"
     )
     (run / "summary.json").unlink()
-    assert pictures._title(run, 1.0, 1.0).startswith("step 2, ")
+    assert title_of(run, 1.0, 1.0).startswith("step 2, ")
 
 
 @needs_matplotlib
@@ -298,7 +300,7 @@ def test_without_display_and_opengl(run: Path, monkeypatch: pytest.MonkeyPatch) 
     """VTK really ends its process; this one goes on and is told why."""
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "vtkXOpenGLRenderWindow")
-    monkeypatch.setattr(pictures.shutil, "which", lambda name: None)
+    monkeypatch.setattr(drawing.shutil, "which", lambda name: None)
     reasons: list[str] = []
     assert pictures.deformed(run, say=reasons.append) is None
     assert pictures.animated(run, run / "film.gif", say=reasons.append) is None

@@ -10,8 +10,8 @@ from mpi4py import MPI
 import dea_fenicsx as dea
 from dea_fenicsx.exact import FREE, Film, Held, trace
 from dea_fenicsx.geometry import StiffenedSection
-from dea_fenicsx.tangent import Tangent
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.solvers.tangent import Tangent
 
 EPS_R, T = 4.7, 1e-3
 pytestmark = pytest.mark.usefixtures("quick_compile")

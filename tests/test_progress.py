@@ -14,8 +14,8 @@ from conftest import clean_environment, needed_mpirun
 from hard.table import LIMIT, Z, film
 
 import dea_fenicsx as dea
-from dea_fenicsx import progress
-from dea_fenicsx.progress import Progress, on_terminal
+from dea_fenicsx.support import progress
+from dea_fenicsx.support.progress import Progress, on_terminal
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
@@ -141,7 +141,7 @@ def test_time_left(monkeypatch):
 def test_a_terminal_is_found_through_mpirun():
     """mpirun's ranks write into a pipe, which it passes on to its own terminal, or file."""
     mpirun = needed_mpirun()
-    code = "from dea_fenicsx.progress import on_terminal; print('terminal', on_terminal())"
+    code = "from dea_fenicsx.support.progress import on_terminal; print('terminal', on_terminal())"
     command = [mpirun, "-n", "1", sys.executable, "-c", code]
     main, its = pty.openpty()
     options = {"env": clean_environment(), "stdin": subprocess.DEVNULL, "timeout": 60}

@@ -13,8 +13,8 @@ from conftest import block
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx import provenance
-from dea_fenicsx.results import Folder
+from dea_fenicsx.results import provenance
+from dea_fenicsx.results.folder import Folder
 
 
 def scene(volts: float) -> dea.Scene:

@@ -15,10 +15,13 @@ import pytest
 from conftest import block
 
 import dea_fenicsx as dea
-from dea_fenicsx import cli, files, pictures, reading
+from dea_fenicsx import cli, pictures
 from dea_fenicsx.geometry import BoxStack, Layer
-from dea_fenicsx.pictures_curves import axis_label, bare, file_stem, lettering
-from dea_fenicsx.pictures_paraview import write as write_view
+from dea_fenicsx.pictures.command import title_of
+from dea_fenicsx.pictures.curves import axis_label, bare, file_stem, lettering
+from dea_fenicsx.pictures.paraview import write as write_view
+from dea_fenicsx.results import reading
+from dea_fenicsx.support import files
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
@@ -319,7 +322,7 @@ def test_a_title_of_a_picture(run):
     told = json.loads((run / "summary.json").read_text())
     told["settings"]["path"] = [{"what": "voltage"}, {"what": "$x^$"}]
     (run / "summary.json").write_text(json.dumps(told))
-    assert "$" not in pictures._title(run, 1.0, 1.0).replace(r"\$", "")
+    assert "$" not in title_of(run, 1.0, 1.0).replace(r"\$", "")
 
 
 def test_names_from_a_mesh(tmp_path, capsys):

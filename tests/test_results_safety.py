@@ -18,8 +18,9 @@ from conftest import ROOT, clean_environment
 from stopped_runs import HEIGHT, Stop, refused, scene, solve
 
 import dea_fenicsx as dea
-from dea_fenicsx import columns, lock
 from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx.results import columns
+from dea_fenicsx.support import file_lock
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
@@ -80,7 +81,7 @@ def test_a_lock_is_given_up_after_an_error(tmp_path):
 HOLDS = """
 import sys, time
 from pathlib import Path
-from dea_fenicsx.lock import FolderLock
+from dea_fenicsx.support.file_lock import FolderLock
 held = FolderLock(Path(sys.argv[1]))
 held.take()
 print("held", flush=True)
@@ -92,7 +93,7 @@ def test_a_lock_ends_with_its_process(tmp_path):
     process = subprocess.Popen([sys.executable, "-c", HOLDS, str(tmp_path)], cwd=ROOT, text=True,
                                stdout=subprocess.PIPE, env=clean_environment())  # fmt: skip
     assert process.stdout.readline() == "held\n"
-    mine = lock.FolderLock(tmp_path)
+    mine = file_lock.FolderLock(tmp_path)
     refused(mine.take, "Another run")
     process.kill()
     process.wait()
@@ -103,7 +104,7 @@ def test_a_lock_ends_with_its_process(tmp_path):
 
 @pytest.mark.filterwarnings("ignore:.*use of fork")
 def test_a_forked_process_does_not_keep_the_lock(tmp_path):
-    mine = lock.FolderLock(tmp_path)
+    mine = file_lock.FolderLock(tmp_path)
     mine.take()
     child = os.fork()
     if child == 0:
@@ -112,7 +113,7 @@ def test_a_forked_process_does_not_keep_the_lock(tmp_path):
     try:
         time.sleep(0.2)
         mine.release()
-        again = lock.FolderLock(tmp_path)
+        again = file_lock.FolderLock(tmp_path)
         again.take()
         again.release()
     finally:
@@ -131,7 +132,7 @@ def test_where_folders_cannot_be_locked(tmp_path, monkeypatch, kept):
         flock(descriptor, operation)
 
     monkeypatch.setattr(fcntl, "flock", other)
-    first, second = lock.FolderLock(tmp_path), lock.FolderLock(tmp_path)
+    first, second = file_lock.FolderLock(tmp_path), file_lock.FolderLock(tmp_path)
     first.take()
     assert first.kept == kept
     if kept:

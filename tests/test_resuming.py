@@ -16,7 +16,7 @@ from numpy.lib import format as npy
 from stopped_runs import HEIGHT, Stop, contents, refused, scene, solve
 
 import dea_fenicsx as dea
-from dea_fenicsx import checkpoint, columns
+from dea_fenicsx.results import checkpoint, columns
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 

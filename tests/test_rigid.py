@@ -12,12 +12,12 @@ from mpi4py import MPI
 from test_input import one_sentence
 
 import dea_fenicsx as dea
-from dea_fenicsx import compat
-from dea_fenicsx.cells import check_cells
-from dea_fenicsx.compat import dolfinx
-from dea_fenicsx.constraints import Component, Constraints, apply_supports
-from dea_fenicsx.mesh import Device
-from dea_fenicsx.rigid import check_rigid, joined_parts
+from dea_fenicsx.mesh.cell_quality import check_cells
+from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.model.fixed_values import Component, Constraints, apply_supports
+from dea_fenicsx.model.rigid_motions import check_rigid, joined_parts
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.compat import dolfinx
 
 RUBBER = dea.Material(dea.NeoHookean(50e3))
 SPACE, PLANE, ROUND = dea.ThreeD(), dea.PlaneStrain(), dea.Axisymmetric()

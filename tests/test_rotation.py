@@ -7,9 +7,9 @@ import pytest
 from conftest import block
 
 import dea_fenicsx as dea
-from dea_fenicsx.errors import InputError
-from dea_fenicsx.rotation import BendingAngle, Rotation
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.measure.rotation import BendingAngle, Rotation
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.support.errors import InputError
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ import math
 import numpy as np
 import pytest
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.geometry import HDEA
+from dea_fenicsx.support.errors import InputError
 
 
 def test_sectors_lie_where_they_are_asked_for():

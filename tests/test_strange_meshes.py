@@ -11,9 +11,9 @@ from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx import cli
-from dea_fenicsx.foreign.formats import KNOWN, NO_PROGRAMS
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.geometry._gmsh import start
+from dea_fenicsx.mesh.foreign.formats import KNOWN, NO_PROGRAMS
 
 FORMAT = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n"
 

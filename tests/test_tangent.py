@@ -10,9 +10,9 @@ import pytest
 from conftest import block
 
 import dea_fenicsx as dea
-from dea_fenicsx.solver import NewtonSolver
-from dea_fenicsx.tangent import Tangent
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.tangent import Tangent
 
 CASES = {
     "neo-Hookean": (dea.NeoHookean(50e3), None),

@@ -9,10 +9,10 @@ import pytest
 from conftest import block
 
 import dea_fenicsx as dea
-from dea_fenicsx.arclength import Branch, Cubic
 from dea_fenicsx.materials import EPSILON_0
-from dea_fenicsx.solver import NewtonSolver
-from dea_fenicsx.weakform import Problem
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.path.arclength import Branch, Cubic
+from dea_fenicsx.solvers.newton import NewtonSolver
 
 MU, EPS_R, T = 50e3, 4.7, 1e-3
 UNIT = T * np.sqrt(MU / (EPS_R * EPSILON_0))
@@ -153,8 +153,8 @@ def test_traces_in_dead_load_charge_and_pressure():
 
 def test_load_derivative_is_exact():
     """dR/df against central differences, at a loaded state, voltage and dead load."""
-    from dea_fenicsx.tangent import Tangent
-    from dea_fenicsx.weakform import Problem
+    from dea_fenicsx.model.problem import Problem
+    from dea_fenicsx.solvers.tangent import Tangent
 
     s = 20e3
     scene = film(dea.NeoHookean(MU), [dea.DeadLoad("x_max", (s, 0, 0))])

@@ -10,9 +10,10 @@ from dataclasses import fields
 import pytest
 
 import dea_fenicsx as dea
-from dea_fenicsx import exact, units
+from dea_fenicsx import exact
 from dea_fenicsx.geometry import HDEA, BoxStack, DiskStack, Layer
 from dea_fenicsx.materials import TestData, bulk_modulus_of
+from dea_fenicsx.support import units
 
 pint = pytest.importorskip("pint")
 ureg = pint.UnitRegistry()

@@ -16,8 +16,8 @@ from conftest import clean_environment, needed_mpirun
 
 pyvista = pytest.importorskip("pyvista")
 
-from dea_fenicsx import pictures_paraview  # noqa: E402
-from dea_fenicsx.reading import read_frame  # noqa: E402
+from dea_fenicsx.pictures import paraview  # noqa: E402
+from dea_fenicsx.results.reading import read_frame  # noqa: E402
 
 LENGTH, WIDTH, HEIGHT, VOLTS = 2e-3, 1.5e-3, 5e-4, 4e3
 NODAL = {"displacement_m", "potential_V"}
@@ -127,8 +127,8 @@ def xdmf_frames(folder: Path) -> list:
      ("tetrahedron", "vtkQuadraticTetra"), ("hexahedron", "vtkTriQuadraticHexahedron")],
 )  # fmt: skip
 def test_node_order_is_vtks(kind: str, name: str) -> None:
-    importlib.import_module("dea_fenicsx.compat")  # before DOLFINx itself
-    fields = importlib.import_module("dea_fenicsx.fields")
+    importlib.import_module("dea_fenicsx.support.compat")  # before DOLFINx itself
+    fields = importlib.import_module("dea_fenicsx.results.fields")
     basix = importlib.import_module("basix")
     model = importlib.import_module("vtkmodules.vtkCommonDataModel")
     cell = getattr(model, name)()
@@ -283,7 +283,7 @@ def test_paraview_readers(clamped: Path, tmp_path: Path) -> None:
 def test_paraview_shows_the_run(clamped: Path, tmp_path: Path) -> None:
     """view.py finds its files wherever they went, and shows the warped film in its colour."""
     moved = Path(shutil.copytree(clamped, tmp_path / "moved"))
-    pictures_paraview.write(moved)
+    paraview.write(moved)
     elsewhere = moved.rename(tmp_path / "elsewhere")
     for tool in ("pvpython", "xvfb-run"):
         if shutil.which(tool) is None:

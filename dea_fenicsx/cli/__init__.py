@@ -22,8 +22,8 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import NoReturn
 
-from dea_fenicsx.errors import DeaError, InputError, install_hook
-from dea_fenicsx.files import clean
+from dea_fenicsx.support.errors import DeaError, InputError, install_hook
+from dea_fenicsx.support.files import clean
 
 __all__ = ["main"]
 

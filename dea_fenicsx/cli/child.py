@@ -13,7 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from dea_fenicsx.launch import environment
+from dea_fenicsx.support.subprocesses import environment
 
 
 @dataclass(frozen=True)

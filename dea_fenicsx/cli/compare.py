@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
-from dea_fenicsx.files import clean, listed
-from dea_fenicsx.reading import read_history, read_summary
+from dea_fenicsx.results.reading import read_history, read_summary
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.files import clean, listed
 
 HELP = "two runs, column by column"
 

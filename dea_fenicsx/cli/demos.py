@@ -9,7 +9,7 @@ import shutil
 from importlib import resources
 from pathlib import Path
 
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.support.errors import InputError
 
 HELP = "the demos; copy one out to edit"
 

@@ -16,8 +16,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from dea_fenicsx import launch
 from dea_fenicsx.cli.child import start
+from dea_fenicsx.support import subprocesses
 
 HELP = "is this machine set up, and if not, how to mend it"
 
@@ -167,7 +167,7 @@ def threads() -> Iterator[Finding]:
 
 def ranks(seconds: float) -> Iterator[Finding]:
     """Start mpirun -n 2: hello, and a reduction."""
-    mpirun = launch.mpirun()
+    mpirun = subprocesses.mpirun()
     if mpirun is None:
         yield Finding(BAD, "mpi", "there is no mpirun",
                       "Install that of this MPI (Debian: openmpi-bin), or `make env`.")  # fmt: skip

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from dea_fenicsx.errors import InputError
-from dea_fenicsx.files import clean
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.files import clean
 
 HELP = "the names in a .msh, .geo or STEP file"
 
@@ -30,10 +30,10 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    from dea_fenicsx.cad import groups_of, lengths, open_file, read_names
-    from dea_fenicsx.foreign.formats import GEO
-    from dea_fenicsx.foreign.model import checked
     from dea_fenicsx.geometry._gmsh import quality
+    from dea_fenicsx.mesh.cad import groups_of, lengths, open_file, read_names
+    from dea_fenicsx.mesh.foreign.formats import GEO
+    from dea_fenicsx.mesh.foreign.model import checked
 
     file, label = options.file, str(options.file)
     unit, size = lengths(file, options.unit, options.size)

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx import form_cache
+from dea_fenicsx.support import form_cache
 
 
 def tell(**facts: Any) -> None:
@@ -46,7 +46,7 @@ def _mpi_name(text: str) -> str:
 def solver() -> None:
     """DOLFINx, PETSc's BLAS, MUMPS and the compiler of forms, in this order."""
     try:
-        compat = import_module("dea_fenicsx.compat")
+        compat = import_module("dea_fenicsx.support.compat")
     except Exception as error:
         found = getattr(sys.modules.get("dolfinx"), "__version__", None)
         tell(dolfinx=found, failed=f"{type(error).__name__}: {error}")

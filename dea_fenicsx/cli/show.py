@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
-from dea_fenicsx.files import clean, listed
-from dea_fenicsx.reading import field_names, load_columns, read_history, read_summary
+from dea_fenicsx.results.reading import field_names, load_columns, read_history, read_summary
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.files import clean, listed
 
 HELP = "summary, curves and pictures of a run"
 LONGEST_PATH = 1000
@@ -52,7 +52,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from dea_fenicsx import pictures
-    from dea_fenicsx.pictures_curves import file_stem
+    from dea_fenicsx.pictures.curves import file_stem
 
     if not np.isfinite(options.warp):
         raise InputError(f"--warp is {options.warp}, but must be a finite number.")
@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
         field = options.field or _field(first)
         _tell(pictures.animated(first, options.animate, field, options.warp, missed.append))
     if options.paraview:
-        from dea_fenicsx.pictures_paraview import write
+        from dea_fenicsx.pictures.paraview import write
 
         _tell(write(first))
     for reason in missed:

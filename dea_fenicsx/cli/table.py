@@ -7,7 +7,7 @@ import difflib
 import textwrap
 from pathlib import Path
 
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.support.errors import InputError
 
 HELP = "the thesis, number by number"
 

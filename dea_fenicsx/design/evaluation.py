@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.agreement import together
 from dea_fenicsx.design.evolution import Columns
 from dea_fenicsx.design.front import Front
-from dea_fenicsx.errors import InputError, Interrupted, MachineError
-from dea_fenicsx.files import free_name, replace_file
-from dea_fenicsx.lock import FolderLock
+from dea_fenicsx.support.agreement import together
+from dea_fenicsx.support.errors import InputError, Interrupted, MachineError
+from dea_fenicsx.support.file_lock import FolderLock
+from dea_fenicsx.support.files import free_name, replace_file
 
 Key = tuple[float, ...]
 Record = dict[str, Any]

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.design.front import Front, first_front
 from dea_fenicsx.design.variables import Limit, Range, signs, violations
-from dea_fenicsx.errors import InputError, install_hook
+from dea_fenicsx.support.errors import InputError, install_hook
 
 Columns = dict[str, np.ndarray]
 Evaluate = Callable[[np.ndarray], Columns]

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from dea_fenicsx.design.variables import signs
-from dea_fenicsx.errors import InputError
-from dea_fenicsx.files import replace_file
-from dea_fenicsx.pictures_curves import STYLE, axis_label, write_whole
+from dea_fenicsx.pictures.curves import STYLE, axis_label, write_whole
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.files import replace_file
 
 
 @dataclass(frozen=True, eq=False)

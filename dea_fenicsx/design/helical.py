@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.design.variables import Limit, Range, one_of
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.exact import Helicoid, stable_limit
 from dea_fenicsx.materials import Breakdown, IdealDielectric, Material, get
 from dea_fenicsx.materials.stretches import taylor
+from dea_fenicsx.support.errors import InputError
 
 ENVELOPE: dict[str, Range] = {
     "outer_radius": (2e-3, 5e-3),

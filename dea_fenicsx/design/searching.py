@@ -19,8 +19,8 @@ from dea_fenicsx.design.helical import (
     material_of,
 )
 from dea_fenicsx.design.variables import goals, limits, one_of, ranges
-from dea_fenicsx.errors import DeaError, InputError
 from dea_fenicsx.materials import Material
+from dea_fenicsx.support.errors import DeaError, InputError
 
 
 def search(

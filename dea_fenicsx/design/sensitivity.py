@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dea_fenicsx.errors import InputError
-from dea_fenicsx.files import replace_file
-from dea_fenicsx.pictures_curves import STYLE, write_whole
+from dea_fenicsx.pictures.curves import STYLE, write_whole
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.files import replace_file
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.support.errors import InputError
 
 Range = tuple[float, float]
 Limit = tuple[float | None, float | None]

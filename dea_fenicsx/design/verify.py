@@ -13,17 +13,17 @@ import numpy as np
 from mpi4py import MPI
 from scipy.interpolate import CubicSpline
 
-from dea_fenicsx.conditions import Clamp, Displacement, Electrode, Fix, FreeBody, Ground
-from dea_fenicsx.errors import EquilibriumLost, InputError
 from dea_fenicsx.geometry import HDEA, BoxStack, Layer
-from dea_fenicsx.kinematics import Axisymmetric
 from dea_fenicsx.materials import Conductor, Material, NeoHookean
-from dea_fenicsx.mesh import read_gmsh
-from dea_fenicsx.observables import MeanDisplacement, Reaction
-from dea_fenicsx.results import Run
-from dea_fenicsx.run import solve
-from dea_fenicsx.scene import Scene
-from dea_fenicsx.stepping import Ramp
+from dea_fenicsx.measure.observables import MeanDisplacement, Reaction
+from dea_fenicsx.mesh.device import read_gmsh
+from dea_fenicsx.path.ramping import Ramp
+from dea_fenicsx.results.folder import Run
+from dea_fenicsx.run.session import solve
+from dea_fenicsx.scene.conditions import Clamp, Displacement, Electrode, Fix, FreeBody, Ground
+from dea_fenicsx.scene.kinematics import Axisymmetric
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.support.errors import EquilibriumLost, InputError
 
 BASES = ("sliding", "bonded")
 

@@ -9,7 +9,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from dea_fenicsx.errors import InputError, install_hook
+from dea_fenicsx.support.errors import InputError, install_hook
 
 ROOMS = ("", ".geometry", ".materials", ".exact", ".origami", ".design", ".pictures")
 """Modules with a public ``__all__``."""

@@ -12,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from dea_fenicsx.errors import InputError, install_hook
+from dea_fenicsx.support.errors import InputError, install_hook
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]

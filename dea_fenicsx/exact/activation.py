@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.exact.states import elastic_stress
 from dea_fenicsx.materials import IdealDielectric, Material
-from dea_fenicsx.units import si
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.units import si
 
 
 def activation_voltage(material: Material, thickness: float, k: Any, stretch: float = 1.0) -> Any:

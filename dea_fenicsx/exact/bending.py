@@ -23,11 +23,11 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.optimize import root
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.exact.laminate import Laminate, Ply
 from dea_fenicsx.materials import IdealDielectric
 from dea_fenicsx.materials.stretches import taylor
-from dea_fenicsx.units import si
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.units import si
 
 POINTS = 20
 """Gauss points a layer; the integrands are smooth, so that rounding is all the error."""

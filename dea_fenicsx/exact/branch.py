@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.exact.film import Film, Held, known_control
+from dea_fenicsx.support.errors import InputError
 
 STEP = 0.01
 """Distance between sampled states in logarithmic stretch."""

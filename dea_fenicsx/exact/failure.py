@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.exact.states import _elastic_stiffness, elastic_stress
 from dea_fenicsx.materials import IdealDielectric, Material
 from dea_fenicsx.materials.stretches import margin
-from dea_fenicsx.units import si
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.units import si
 
 MODES = ("loss of tension", "breakdown", "instability", "stretch limit")
 

@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.declared import check_declared
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials import IdealDielectric, Material
 from dea_fenicsx.materials.stretches import margin, taylor
-from dea_fenicsx.units import in_si
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import check_declared
+from dea_fenicsx.support.units import in_si
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.declared import shown
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.exact.activation import activation_voltage
 from dea_fenicsx.exact.branch import trace
 from dea_fenicsx.exact.film import Film
 from dea_fenicsx.exact.states import elastic_stress
 from dea_fenicsx.materials import EPSILON_0, IdealDielectric, Material
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
 
 
 @dataclass(frozen=True, eq=False)

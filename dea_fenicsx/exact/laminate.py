@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials import IdealDielectric, Material
-from dea_fenicsx.units import in_si, si
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.units import in_si, si
 
 ACROSS = ("held", "uniform", "free")
 """Across the bending direction: no strain (plane strain), one free strain for the whole section

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.support.errors import InputError
 
 
 def bonded_modulus(mu: float, outer: Any, inner: Any, thickness: Any, faces: int = 2) -> Any:

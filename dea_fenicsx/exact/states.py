@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials import IdealDielectric, Material
 from dea_fenicsx.materials.stretches import taylor
+from dea_fenicsx.support.errors import InputError
 
 
 def elastic_stress(material: Material, lam1: Any, lam2: Any) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dea_fenicsx.materials.base import EPSILON_0, _is_number
-from dea_fenicsx.units import in_si
+from dea_fenicsx.support.units import in_si
 
 
 @dataclass(frozen=True)

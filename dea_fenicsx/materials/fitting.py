@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.declared import shown
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials.base import Elastic
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.stretches import TESTS, log_stretches, nominal_stress, taylor
-from dea_fenicsx.units import in_si
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
+from dea_fenicsx.support.units import in_si
 
 SOFT, STIFF = 1e3, 1e8
 """Initial shear moduli in Pa outside which the stress unit is doubted."""

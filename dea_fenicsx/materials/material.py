@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from dea_fenicsx.declared import is_number, shown
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials.base import Elastic, _is_number
 from dea_fenicsx.materials.electric import Conductor, IdealDielectric
-from dea_fenicsx.units import in_si, si
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import is_number, shown
+from dea_fenicsx.support.units import in_si, si
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials.base import Strain, _is_number
-from dea_fenicsx.units import in_si, si
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.units import in_si, si
 
 
 @dataclass(frozen=True)

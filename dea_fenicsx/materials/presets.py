@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.declared import shown
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials.base import Elastic
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
 from dea_fenicsx.materials.electric import Breakdown, Conductor, IdealDielectric
@@ -20,6 +18,8 @@ from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.ogden import Ogden
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.stretches import TESTS, nominal_stress
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
 
 MODELS: dict[str, Any] = {
     m.__name__: m for m in (NeoHookean, MooneyRivlin, Yeoh, Ogden, Gent, ArrudaBoyce)

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials.base import Elastic
+from dea_fenicsx.support.errors import InputError
 
 # order of the six second derivatives: 11, 22, 33, 23, 13, 12
 _I = np.array([0, 1, 2, 1, 0, 0])

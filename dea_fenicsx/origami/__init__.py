@@ -17,7 +17,7 @@ from dea_fenicsx.origami.box import (
 from dea_fenicsx.origami.kresling import Kresling, State, strokes, torque_as_printed
 from dea_fenicsx.origami.pattern import CreasePattern, SmoothFold, least_fold_width
 from dea_fenicsx.origami.solid import fold_angles, vertices
-from dea_fenicsx.units import INCH, POUND_FORCE
+from dea_fenicsx.support.units import INCH, POUND_FORCE
 
 __all__ = [
     "Kresling",

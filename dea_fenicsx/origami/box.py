@@ -16,10 +16,10 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.origami.kresling import Kresling, strokes
-from dea_fenicsx.units import in_si, si
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.units import in_si, si
 
 MAPS = ("panel", "proportional", "storey")
 

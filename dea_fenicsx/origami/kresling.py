@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from dea_fenicsx.declared import check_declared
-from dea_fenicsx.errors import InputError
-from dea_fenicsx.units import in_si, si
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import check_declared
+from dea_fenicsx.support.units import in_si, si
 
 TWISTS = ("free", "held")
 CHORDS = ("right", "printed")

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.declared import check_declared
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.origami.kresling import Kresling
-from dea_fenicsx.units import in_si
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import check_declared
+from dea_fenicsx.support.units import in_si
 
 STYLES = {  # stroke, dashes in mm
     "cut": ("#d00000", ""),

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.origami.kresling import Kresling
 from dea_fenicsx.origami.pattern import STYLES, CreasePattern
 from dea_fenicsx.origami.solid import vertices
+from dea_fenicsx.support.errors import InputError
 
 
 def _figure(size: tuple[float, float]) -> Any:

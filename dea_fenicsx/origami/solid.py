@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.errors import InputError
 from dea_fenicsx.origami.kresling import Kresling
+from dea_fenicsx.support.errors import InputError
 
 
 def vertices(storey: Kresling, twist: Any) -> np.ndarray:

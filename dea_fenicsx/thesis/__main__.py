@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from dea_fenicsx.errors import DeaError
+from dea_fenicsx.support.errors import DeaError
 from dea_fenicsx.thesis.table import STATUSES, collect, modules, write_csv, write_markdown
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from dea_fenicsx.errors import InputError
+from dea_fenicsx.support.errors import InputError
 
 REPRODUCED = "reproduced"
 ASSUMED = "reproduced with a named assumption"

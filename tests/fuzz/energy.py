@@ -21,9 +21,9 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from dea_fenicsx import compat
-from dea_fenicsx.compat import dolfinx
-from dea_fenicsx.forms import measure
+from dea_fenicsx.model.energy import measure
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.compat import dolfinx
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx import launch
+from dea_fenicsx.support import subprocesses
 
 from .checks import PLACE, TIGHT, path_of, solve
 from .sketch import Sketch, read
@@ -74,7 +74,7 @@ def on_two_ranks(
     sketches: dict[int, Sketch], limit: int, ranks: int = 2
 ) -> dict[int, list[tuple[str, str]]]:
     """What sketches find on several ranks that they do not find on one, by number."""
-    mpirun = launch.mpirun()
+    mpirun = subprocesses.mpirun()
     if mpirun is None:
         return {k: [("no mpirun", "nothing runs on two ranks here")] for k in sketches}
     found: dict[int, list[tuple[str, str]]] = {k: [] for k in sketches}
@@ -103,7 +103,7 @@ def on_two_ranks(
 
 def _watched(command: list[str], results: Path, limit: int) -> tuple[str, str] | None:
     """Run a command as long as it adds to its results; says what went wrong, or None."""
-    environment = launch.environment() | {
+    environment = subprocesses.environment() | {
         "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
         "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe",
     }  # fmt: skip

@@ -38,10 +38,12 @@ import numpy as np
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx import cli, launch, reading
-from dea_fenicsx.checkpoint import digest
+from dea_fenicsx import cli
 from dea_fenicsx.geometry import BoxStack, Layer
-from dea_fenicsx.pictures_paraview import write as write_view
+from dea_fenicsx.pictures.paraview import write as write_view
+from dea_fenicsx.results import reading
+from dea_fenicsx.results.checkpoint import digest
+from dea_fenicsx.support import subprocesses
 from tests.fuzz.damage import NUMBERS, TEXTS, damaged, other_value
 
 SECONDS = 20.0
@@ -470,7 +472,7 @@ def main() -> int:
     parser.add_argument("--only", type=int, help="repeat the trial of this number alone")
     parser.add_argument("--kind", action="append", choices=list(TRIALS), help="of this kind only")
     options = parser.parse_args()
-    os.environ |= launch.environment()
+    os.environ |= subprocesses.environment()
     print(f"seed {options.seed}", flush=True)
     begun = time.monotonic()
     counts, faults = run(options.count, options.seed, options.only, options.kind)

@@ -7,9 +7,9 @@ from mpi4py import MPI
 from scipy.optimize import minimize_scalar
 
 import dea_fenicsx as dea
-from dea_fenicsx.compat import dolfinx
 from dea_fenicsx.geometry import BoxStack, DiskStack, Layer
-from dea_fenicsx.mesh import Device
+from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.support.compat import dolfinx
 from hard.films import run
 from hard.table import (
     COMPLETED,

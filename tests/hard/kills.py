@@ -27,7 +27,7 @@ import numpy as np
 from conftest import ROOT, clean_environment
 
 import dea_fenicsx as dea
-from dea_fenicsx import launch
+from dea_fenicsx.support import subprocesses
 
 PHASES = ("before", "half", "after")
 
@@ -42,7 +42,7 @@ STEPS = 15
 SCRIPT = '''
 import os, shutil, signal, sys
 import dea_fenicsx as dea
-import dea_fenicsx.results as results
+import dea_fenicsx.results.folder as results
 from dea_fenicsx.geometry import BoxStack, Layer
 
 # the write at which to die, and in which phase of it
@@ -99,7 +99,7 @@ def start(script: Path, out: Path, ranks: int, resume: bool, **environment: str)
     """Start the run; it is the leader of a session of its own."""
     command = [sys.executable, str(script), str(out), *(["--resume"] if resume else [])]
     if ranks > 1:
-        mpirun = launch.mpirun()
+        mpirun = subprocesses.mpirun()
         assert mpirun, "there is no mpirun"
         command = [mpirun, "-n", str(ranks), *command]
     return subprocess.Popen(

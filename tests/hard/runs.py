@@ -11,7 +11,7 @@ import numpy as np
 from conftest import ROOT, clean_environment
 
 import dea_fenicsx as dea
-from dea_fenicsx import launch
+from dea_fenicsx.support import subprocesses
 from hard.films import run
 from hard.table import (
     COMPLETED,
@@ -108,7 +108,7 @@ if device.comm.rank == 0:
 def ranks(cells, count):
     volts = 0.97 * LIMIT
     alone = run(film(volts=volts, device=strip((cells, 1))), dea.Ramp(steps=3))["z"]
-    mpirun = launch.mpirun()
+    mpirun = subprocesses.mpirun()
     assert mpirun, "there is no mpirun"
     done = subprocess.run(
         [mpirun, "-n", str(count), sys.executable, "-c",

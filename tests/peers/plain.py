@@ -10,7 +10,7 @@ import ufl
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.compat import PETSc, basix, create_vector, dolfinx
+from dea_fenicsx.support.compat import PETSc, basix, create_vector, dolfinx
 from tests.peers.scenes import EPSILON_0, Case
 
 

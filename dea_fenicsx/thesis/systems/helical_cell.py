@@ -7,20 +7,20 @@ from functools import cache
 
 from mpi4py import MPI
 
-from dea_fenicsx.conditions import DeadPressure, Electrode, FreeBody, Ground
 from dea_fenicsx.geometry import HelicalCell
-from dea_fenicsx.kinematics import Helical
 from dea_fenicsx.materials import EPSILON_0, Conductor, IdealDielectric, Material, NeoHookean, get
 from dea_fenicsx.materials.material import bulk_modulus_of
-from dea_fenicsx.mesh import read_gmsh
-from dea_fenicsx.overall import OverallContraction
-from dea_fenicsx.run import solve
-from dea_fenicsx.scene import Scene
-from dea_fenicsx.solver import NewtonOptions
-from dea_fenicsx.stepping import Ramp
+from dea_fenicsx.measure.axial import OverallContraction
+from dea_fenicsx.mesh.device import read_gmsh
+from dea_fenicsx.path.ramping import Ramp
+from dea_fenicsx.path.tracing import Trace
+from dea_fenicsx.run.session import solve
+from dea_fenicsx.scene.conditions import DeadPressure, Electrode, FreeBody, Ground
+from dea_fenicsx.scene.kinematics import Helical
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.solvers.newton import NewtonOptions
 from dea_fenicsx.thesis.systems.stacks import contraction, table_5_2
 from dea_fenicsx.thesis.table import ASSUMED, MISSING, REPRODUCED, WRONG, Row, answer, computed
-from dea_fenicsx.tracing import Trace
 
 STRAIN = 1e-5
 MU, EPS_R, LAYER = 73.7e3, 4.7, 0.5e-3

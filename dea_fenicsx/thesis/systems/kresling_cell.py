@@ -8,15 +8,15 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.conditions import Clamp, Displacement
 from dea_fenicsx.geometry import KreslingCell
 from dea_fenicsx.materials import Material, NeoHookean, bulk_modulus_of
-from dea_fenicsx.mesh import read_gmsh
-from dea_fenicsx.observables import Reaction
+from dea_fenicsx.measure.observables import Reaction
+from dea_fenicsx.mesh.device import read_gmsh
 from dea_fenicsx.origami import INCH
-from dea_fenicsx.run import solve
-from dea_fenicsx.scene import Scene
-from dea_fenicsx.stepping import Ramp
+from dea_fenicsx.path.ramping import Ramp
+from dea_fenicsx.run.session import solve
+from dea_fenicsx.scene.conditions import Clamp, Displacement
+from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.thesis.systems.kresling import EDGE, FLAT, HEIGHT, SIDE
 from dea_fenicsx.thesis.table import ASSUMED, WRONG, Row, answer, computed
 

@@ -1,0 +1,95 @@
+"""What is measured on a device as a whole: stretch and twist, axial force and torque.
+
+A helical cell has all of them; generalised plane strain has stretch and force, along its depth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+from dea_fenicsx.measure.observables import Measurement
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.scene.scene import period
+from dea_fenicsx.support.errors import InputError
+
+
+@dataclass(frozen=True)
+class OverallStretch:
+    """Axial stretch lam of a helical cell, or along the depth of a slice."""
+
+    unit = ""
+
+    def bind(self, problem: Problem) -> Measurement:
+        _refuse_others(problem, self, "elongation")
+        return lambda: 1 + problem.overall_values()[0]
+
+
+@dataclass(frozen=True)
+class OverallContraction:
+    """Axial contraction 1 - lam of a helical cell, or along the depth of a slice."""
+
+    unit = ""
+
+    def bind(self, problem: Problem) -> Measurement:
+        _refuse_others(problem, self, "elongation")
+        return lambda: 0.0 - problem.overall_values()[0]
+
+
+@dataclass(frozen=True)
+class OverallTwist:
+    """Twist k of a helical cell: rotation per undeformed axial length, in rad/m."""
+
+    unit = "rad_per_m"
+
+    def bind(self, problem: Problem) -> Measurement:
+        _refuse_others(problem, self, "twist")
+        return lambda: problem.overall_values()[1]
+
+
+@dataclass(frozen=True)
+class OverallForce:
+    """Axial force through a helical cell or a slice in N, held by a prescribed stretch or applied.
+
+    The derivative of the energy by the stretch, over the height of the period or the depth.
+    """
+
+    unit = "N"
+
+    def bind(self, problem: Problem) -> Measurement:
+        return _bind_action(problem, self, "elongation")
+
+
+@dataclass(frozen=True)
+class OverallTorque:
+    """Torque through the helical cell in N m, held by a prescribed twist or applied."""
+
+    unit = "N_m"
+
+    def bind(self, problem: Problem) -> Measurement:
+        action = _bind_action(problem, self, "twist")
+        return lambda: action() * problem.scales.length
+
+
+def _bind_action(problem: Problem, observable: object, name: str) -> Measurement:
+    """What works on an overall unknown, from its residual, in N (times the length unit)."""
+    _refuse_others(problem, observable, name)
+    dofs = problem.overall[name].dofs
+    dofs = dofs[dofs < problem.owned]
+    unit = problem.scales.force * problem.scales.length / period(problem.scene)
+
+    def value() -> float:
+        total = float(problem.residual()[dofs].sum())
+        return problem.comm.allreduce(total, op=MPI.SUM) * unit
+
+    return value
+
+
+def _refuse_others(problem: Problem, observable: object, name: str) -> None:
+    if name not in problem.overall:
+        also = " or GeneralisedPlaneStrain(depth)" if name == "elongation" else ""
+        raise InputError(
+            f"{type(observable).__name__} is for helical cells; take "
+            f"kinematics=Helical(pitch){also}."
+        )

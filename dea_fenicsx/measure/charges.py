@@ -1,0 +1,245 @@
+"""Charges on electrodes, and what a voltage would bring onto them at a frozen deformation.
+
+The charge of an electrode is what does work with its voltage,
+
+    Q = -dPi/dV = int eps J^-1 (cof F Grad phi) . (cof F Grad N) dX,
+
+N the electrode's profile: the potential over its voltage at its own nodes, 0 at all others.  It is
+1 on an ordinary electrode, so that Q is the sum of the residual's rows there: the whole charge.
+
+Where nodes belong to two electrodes, their charge is counted once:
+
+- A thin film's charge comes from the film's own cells alone.
+- Ordinary electrodes that touch share the charge of their common nodes alike.
+- An ordinary electrode on a face of a thin film is one conductor with that face, and holds its
+  charge, too.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from dea_fenicsx.mesh.neighbours import regions_beside
+from dea_fenicsx.model.energy import measure
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.tied_unknowns import expansion
+from dea_fenicsx.scene.conditions import ChargedElectrode, Electrode, ThinFilm
+from dea_fenicsx.scene.electrode_checks import with_far_ends
+from dea_fenicsx.scene.electrode_profiles import profile
+from dea_fenicsx.scene.kinematics import cofactor
+from dea_fenicsx.solvers.factors import AMF, Mumps
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.compat import PETSc, dolfinx
+from dea_fenicsx.support.errors import SolverError
+
+
+class ElectrodeCharge:
+    """The charge of one electrode in a given potential, at the problem's present deformation.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    electrode
+        One of its scene's electrodes.
+    """
+
+    def __init__(self, problem: Problem, electrode: Electrode | ChargedElectrode) -> None:
+        self.problem = problem
+        assert problem.potential is not None
+        self._phi = dolfinx.fem.Function(problem.potential.space)
+        shape = _profile_of(problem, electrode)
+        cells = _cells_of(problem, electrode, shape.x.array)
+        self._form = compat.compile_form(_flux(problem, cells, self._phi, shape))
+
+    def of_state(self) -> float:
+        """In C, in the present state.  Collective."""
+        assert self.problem.potential is not None
+        return self.of(self.problem.w.x.array[self.problem.potential.dofs])
+
+    def of(self, potential: np.ndarray) -> float:
+        """In C, in a potential by its local values, ghosts included, dimensionless.  Collective."""
+        self._phi.x.array[:] = potential
+        mine = float(np.real(dolfinx.fem.assemble_scalar(self._form)))
+        return self.problem.comm.allreduce(mine, op=MPI.SUM) * self.problem.scales.charge
+
+
+def potential_of_unit_load(
+    problem: Problem, electrode: Electrode | ChargedElectrode
+) -> np.ndarray:
+    """The potential that the electrode's ramp adds at factor 1 if nothing moves.  Collective.
+
+    Other ramps are at 0.  Of a charged electrode without charge it is the potential of a unit of
+    charge.  Solves K psi = source on the free unknowns of the potential, psi being what is given on
+    electrodes.
+
+    Returns
+    -------
+    ndarray
+        Local values of the potential's own space, ghosts included, dimensionless.
+
+    Raises
+    ------
+    SolverError
+        If MUMPS cannot factorise K.
+    """
+    part = problem.potential
+    assert part is not None
+    given = dolfinx.fem.Function(part.space)
+    if isinstance(electrode, ChargedElectrode) and not electrode.coulombs:
+        source = _unit_charge(problem, electrode)
+    else:
+        source = _charges_of_ramp(problem, electrode.ramp)
+        given.x.array[:] = problem.constraints.base[electrode.ramp][part.dofs]
+    owned = part.space.dofmap.index_map.size_local
+    K = _stiffness(problem)
+    P = _expansion_of_potential(problem, owned)
+    few, rest = P.createVecs()
+    rest.array[:] = given.x.array[:owned]
+    product = rest.duplicate()
+    K.mult(rest, product)
+    P.multTranspose(product, few)
+    few.array[:] = source - few.array_r
+    if problem.counts["phi"]:
+        _solve(problem, K.ptap(P), few)
+        P.multAdd(few, rest, rest)
+    given.x.array[:owned] = rest.array_r
+    given.x.scatter_forward()
+    for thing in (K, P, few, rest, product):
+        thing.destroy()
+    return given.x.array.copy()
+
+
+def _charges_of_ramp(problem: Problem, ramp: str) -> np.ndarray:
+    """Charges of a ramp at factor 1, in the free rows of the potential."""
+    rows = np.zeros(len(problem.free))
+    problem.add_sources(rows, ramp, 1.0)
+    return rows[problem.free_fields["phi"]]
+
+
+def _unit_charge(problem: Problem, electrode: ChargedElectrode) -> np.ndarray:
+    """A unit of charge on a floating electrode, in the free rows of the potential."""
+    rows = np.zeros(len(problem.free))
+    floating = [e for e in problem.scene.electrodes if isinstance(e, ChargedElectrode)]
+    master = problem.groups[floating.index(electrode)].master
+    if master >= 0:
+        rows[np.searchsorted(problem.free, master)] = 1.0
+    return rows[problem.free_fields["phi"]]
+
+
+def _solve(problem: Problem, matrix: Any, vector: Any) -> None:
+    """Solve in place, and use the matrix up.
+
+    A dielectric that no electrode touches has a potential that nothing determines.  MUMPS finds
+    the null pivots and puts 0 there, which changes no charge.
+    """
+    factor = Mumps(matrix, {24: 1, 7: AMF}, {})
+    if not factor.make():
+        raise SolverError(
+            "MUMPS could not factorise the potential's stiffness for the capacitance at 0 V."
+        )
+    solution = vector.duplicate()
+    factor.pc.apply(vector, solution)
+    vector.array[:] = solution.array_r
+    solution.destroy()
+    factor.release()
+
+
+def _expansion_of_potential(problem: Problem, owned: int) -> Any:
+    """Matrix from the potential's free unknowns to all of its owned degrees of freedom."""
+    part, whole = problem.potential, problem.expansion
+    assert part is not None
+    own = whole is None
+    if own:
+        whole = expansion(problem.free, [], None, problem.rows)
+    first = problem.comm.exscan(len(problem.free)) or 0
+    rows = part.dofs[:owned].astype(PETSc.IntType) + problem.rows.start
+    columns = problem.free_fields["phi"].astype(PETSc.IntType) + first
+    sets = [PETSc.IS().createGeneral(n, comm=problem.comm) for n in (rows, columns)]
+    made = whole.createSubMatrix(*sets)
+    for thing in (*sets, *([whole] if own else [])):
+        thing.destroy()
+    return made
+
+
+def _stiffness(problem: Problem) -> Any:
+    """The matrix K of the potential, all of its nodes included."""
+    part = problem.potential
+    assert part is not None
+    everywhere = [k.cells for k in problem.kernels if k.eps is not None]
+    a, b = ufl.TrialFunction(part.space), ufl.TestFunction(part.space)
+    form = compat.compile_form(_flux(problem, everywhere, a, b))
+    matrix = dolfinx.fem.petsc.create_matrix(form)
+    dolfinx.fem.petsc.assemble_matrix(matrix, form)
+    matrix.assemble()
+    return matrix
+
+
+def _flux(problem: Problem, cells: list[np.ndarray], a: Any, b: Any) -> Any:
+    """The form int eps J^-1 (cof F Grad a) . (cof F Grad b) dX over cells of each dielectric."""
+    scene, helix = problem.scene, problem.helix
+    kinematics = scene.kinematics
+    x = ufl.SpatialCoordinate(problem.mesh)
+    u = ufl.split(problem.w)[0]
+    cof, J = cofactor(ufl.Identity(3) + kinematics.displacement_gradient(u, x, helix))
+    first, second = (ufl.dot(cof, kinematics.gradient(f, x, helix)) for f in (a, b))
+    density = ufl.dot(first, second) / J * kinematics.weight(x)
+    dx = measure(scene.device, cells, scene.elements.quadrature_degree)
+    dielectrics = [k for k in problem.kernels if k.eps is not None]
+    return sum(k.eps * density * dx(i) for i, k in enumerate(dielectrics))
+
+
+def _profile_of(problem: Problem, electrode: Electrode | ChargedElectrode) -> Any:
+    """The electrode's N as a function; nodes of several ordinary electrodes are shared alike."""
+    scene, part = problem.scene, problem.potential
+    assert part is not None
+    here = _nodes_of(problem, electrode)
+    X = part.space.tabulate_dof_coordinates() * scene.device.length
+    values = np.where(here, profile(scene.kinematics, electrode, X), 0.0)
+    if not isinstance(electrode, ThinFilm):
+        ordinary = [e for e in scene.electrodes if not isinstance(e, ThinFilm)]
+        count = sum(_nodes_of(problem, e).astype(int) for e in ordinary)
+        values /= np.maximum(count, 1)
+    shape = dolfinx.fem.Function(part.space)
+    shape.x.array[:] = values
+    shape.x.scatter_forward()
+    return shape
+
+
+def _nodes_of(problem: Problem, electrode: Electrode | ChargedElectrode) -> np.ndarray:
+    """Mask of an electrode's nodes over the local degrees of freedom of the potential."""
+    part = problem.potential
+    assert part is not None
+    on = np.zeros(problem.size, dtype=bool)
+    on[problem.electrode_dofs[electrode.label]] = True
+    return on[part.dofs]
+
+
+def _cells_of(
+    problem: Problem, electrode: Electrode | ChargedElectrode, values: np.ndarray
+) -> list[np.ndarray]:
+    """Owned cells of each dielectric kernel whose field counts for an electrode, by its profile."""
+    scene, part = problem.scene, problem.potential
+    assert part is not None
+    device = scene.device
+    films = [e for e in scene.electrodes if isinstance(e, ThinFilm)]
+    if isinstance(electrode, ThinFilm):
+        counted = set(electrode.names)
+    else:
+        names = with_far_ends(device, electrode.names, scene.kinematics)
+        beside = regions_beside(device, names) if films else set()
+        elsewhere = {name for film in films for name in film.names} - beside
+        counted = set(device.regions) - elsewhere
+    mine = np.concatenate([device.cells_of(name) for name in sorted(counted)])
+    table = part.space.dofmap.list
+    found = []
+    for kernel in problem.kernels:
+        if kernel.eps is None:
+            continue
+        cells = np.intersect1d(kernel.cells, mine)
+        found.append(cells[np.any(values[table[cells]] != 0, axis=1)])
+    return found

@@ -1,0 +1,381 @@
+"""What is measured at every accepted step, in SI units.
+
+An observable is bound to a problem once and then measured at each step.  Its name in history.csv
+is chosen by the user; the unit is appended by the run (``tip`` becomes ``tip_m``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from dea_fenicsx.measure.charges import ElectrodeCharge, potential_of_unit_load
+from dea_fenicsx.mesh.device import Device, one_sided
+from dea_fenicsx.model.energy import measure
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.scene.conditions import ChargedElectrode, Electrode
+from dea_fenicsx.scene.kinematics import cofactor
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.compat import dolfinx
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.validation import known
+
+Measurement = Callable[[], float]
+
+
+class Observable(Protocol):
+    """Something to be measured: its unit suffix, and how it is bound to a problem.
+
+    A run is resumed only if it gives the same value on the last state as before; one that measures
+    anything else than the state has an attribute ``of_the_state = False``.
+    """
+
+    unit: str
+
+    def bind(self, problem: Problem) -> Measurement:
+        """Check names and prepare; the result is called, on all ranks, at each step."""
+        ...
+
+
+@dataclass(frozen=True)
+class MeanDisplacement:
+    """Mean displacement along an axis, in m: int u_a dA / int dA, undeformed.
+
+    `where` is a facet group, or several that are taken as one.
+    """
+
+    where: str | tuple[str, ...]
+    axis: str
+    unit = "m"
+
+    def bind(self, problem: Problem) -> Measurement:
+        mean = _surface_mean(problem, self.where, self.axis, projected=False)
+        return lambda: mean()[0] * problem.scales.length
+
+
+@dataclass(frozen=True)
+class LargestDisplacement:
+    """Displacement of largest size along an axis among the nodes of a facet group, in m, signed.
+
+    `where` is a facet group, or several that are taken as one.
+    """
+
+    where: str | tuple[str, ...]
+    axis: str
+    unit = "m"
+
+    def bind(self, problem: Problem) -> Measurement:
+        dofs = _displacement_dofs(problem, self.where, self.axis)
+
+        def value() -> float:
+            u = problem.w.x.array[dofs]
+            mine = float(u[np.argmax(np.abs(u))]) if len(u) else 0.0
+            return max(problem.comm.allgather(mine), key=abs) * problem.scales.length
+
+        return value
+
+
+@dataclass(frozen=True)
+class MeanStretch:
+    """Mean stretch between two facet groups along an axis: 1 + (u_2 - u_1)/(x_2 - x_1).
+
+    Means are weighted by the area projected on the axis, so that for a device between the two
+    groups this is the volume mean of the displacement gradient plus 1, whatever their shape.
+    """
+
+    between: tuple[str, str]
+    axis: str
+    unit = ""
+
+    def bind(self, problem: Problem) -> Measurement:
+        first, second = (
+            _surface_mean(problem, where, self.axis, projected=True) for where in self.between
+        )
+        if abs(second()[1] - first()[1]) < 1e-12:
+            raise InputError(
+                f"{self.between[0]!r} and {self.between[1]!r} lie at the same {self.axis}; a "
+                "stretch needs two groups at a distance."
+            )
+
+        def value() -> float:
+            (u1, x1), (u2, x2) = first(), second()
+            return 1 + (u2 - u1) / (x2 - x1)
+
+        return value
+
+
+@dataclass(frozen=True)
+class Contraction:
+    """Loss of height between two facet groups relative to the height, 1 - `MeanStretch`."""
+
+    between: tuple[str, str]
+    axis: str
+    unit = ""
+
+    def bind(self, problem: Problem) -> Measurement:
+        stretch = MeanStretch(self.between, self.axis).bind(problem)
+        return lambda: 1 - stretch()
+
+
+@dataclass(frozen=True)
+class Area:
+    """Deformed area of a facet group, or of several together, in m^2: int |cof(F) N| dA.
+
+    In plane strain for the kinematics' depth.
+    """
+
+    where: str | tuple[str, ...]
+    unit = "m2"
+
+    def bind(self, problem: Problem) -> Measurement:
+        device, kin = problem.scene.device, problem.scene.kinematics
+        facets = facets_once(device, self.where)
+        if kin.overall:
+            raise InputError("Area is not measured in helical cells or generalised plane strain.")
+        ds = measure(device, [facets], 4, "ds")(0)
+        x = ufl.SpatialCoordinate(problem.mesh)
+        u = ufl.split(problem.w)[0]
+        F = ufl.Identity(3) + kin.displacement_gradient(u, x)
+        area = ufl.dot(cofactor(F)[0], kin.embed(ufl.FacetNormal(problem.mesh)))
+        form = compat.compile_form(ufl.sqrt(ufl.dot(area, area)) * kin.weight(x) * ds)
+        unit = problem.scales.volume / problem.scales.length
+
+        def value() -> float:
+            mine = float(np.real(dolfinx.fem.assemble_scalar(form)))
+            return problem.comm.allreduce(mine, op=MPI.SUM) * unit
+
+        return value
+
+
+@dataclass(frozen=True)
+class Reaction:
+    """Force in N that holds a facet group along an axis, from the residual at its fixed nodes.
+
+    Positive along the axis.  In plane strain it is the force on the kinematics' depth.
+
+    Parameters
+    ----------
+    where
+        A facet group, or several that are taken as one, with each node counted once.  Groups that
+        meet share the nodes of their common edge, and the force at these is part of the reaction
+        of each: so single reactions do not add up to the load, but that of all groups together is
+        it.
+    axis
+        The axis.
+    """
+
+    where: str | tuple[str, ...]
+    axis: str
+    unit = "N"
+
+    def bind(self, problem: Problem) -> Measurement:
+        dofs = _displacement_dofs(problem, self.where, self.axis)
+        dofs = dofs[dofs < problem.owned]
+        if problem.pairs is not None:  # both ends of a helical cell are one place
+            member = np.zeros(problem.owned, dtype=bool)
+            member[dofs] = True
+            dofs = np.flatnonzero(problem.pairs.join(member))
+        dofs = dofs[problem.constraints.fixed[dofs]]
+        if problem.comm.allreduce(len(dofs), op=MPI.SUM) == 0:
+            raise InputError(
+                f"{label_of(self.where)!r} is not held along {self.axis}, so it has no reaction; "
+                "name a group that a support or a prescribed displacement holds."
+            )
+
+        def value() -> float:
+            total = float(problem.residual()[dofs].sum())
+            return problem.comm.allreduce(total, op=MPI.SUM) * problem.scales.force
+
+        return value
+
+
+@dataclass(frozen=True)
+class Charge:
+    """Charge on an electrode in C: what does work with its voltage, -dPi/dV.
+
+    On an ordinary electrode it is the whole charge, so that over all electrodes and grounds charges
+    add up to 0.  On a tapered electrode each place counts by its share of the voltage.  A thin film
+    has the charge of its own region alone, on its face at `end`; an electrode or a ground on one of
+    its faces is the same conductor, and shows that face's charge again.  Where electrodes touch,
+    each has an equal share of what lies on their common nodes.
+
+    Parameters
+    ----------
+    electrode
+        A name used in the scene's electrodes, or several, whose electrodes are then added up.
+    """
+
+    electrode: str | tuple[str, ...]
+    unit = "C"
+
+    def bind(self, problem: Problem) -> Measurement:
+        named = [_electrode(problem, name) for name in group_names(self.electrode)]
+        charges = [ElectrodeCharge(problem, e) for e in {e.label: e for e in named}.values()]
+        return lambda: sum(charge.of_state() for charge in charges)
+
+
+@dataclass(frozen=True)
+class Potential:
+    """Potential of an electrode in V: its voltage if one is given, or what it floats at.
+
+    Of a thin film it is that of the face at `end`, of a tapered electrode that before the taper.
+    """
+
+    electrode: str
+    unit = "V"
+
+    def bind(self, problem: Problem) -> Measurement:
+        electrode = _electrode(problem, self.electrode)
+        if isinstance(electrode, Electrode):
+            return lambda: 0.0 + problem.factors.get(electrode.ramp, 0.0) * electrode.volts
+        dofs = problem.electrode_dofs[electrode.label]
+        volt = problem.scales.potential
+        return lambda: _common(problem, problem.w.x.array[dofs]) * volt
+
+
+@dataclass(frozen=True)
+class Capacitance:
+    """Charge of an electrode over its potential in F.
+
+    The other electrodes are taken as they are: with all of them grounded this is the capacitance.
+    Where the electrode's ramp is at 0, or its potential is, it is dQ/dV along that ramp while
+    nothing moves: the limit of Q/V on the way there, if no other ramp has brought charge.
+    """
+
+    electrode: str
+    unit = "F"
+
+    def bind(self, problem: Problem) -> Measurement:
+        electrode = _electrode(problem, self.electrode)
+        if isinstance(electrode, Electrode) and not electrode.volts:
+            raise InputError(
+                f"Electrode {self.electrode!r} is grounded; name a driven electrode for its "
+                "capacitance."
+            )
+        charge = ElectrodeCharge(problem, electrode)
+        potential = Potential(self.electrode).bind(problem)
+
+        def at_rest() -> float:
+            psi = potential_of_unit_load(problem, electrode)
+            if isinstance(electrode, Electrode):
+                return charge.of(psi) / electrode.volts
+            assert problem.potential is not None
+            whole = np.zeros(problem.size)
+            whole[problem.potential.dofs] = psi
+            rise = _common(problem, whole[problem.electrode_dofs[electrode.label]])
+            return charge.of(psi) / (rise * problem.scales.potential)
+
+        def value() -> float:
+            volts = potential()
+            live = problem.factors[electrode.ramp] and volts
+            return charge.of_state() / volts if live else at_rest()
+
+        return value
+
+
+def _common(problem: Problem, values: np.ndarray) -> float:
+    """The value that all have in common, of which some ranks hold none.  Collective."""
+    return next(float(v[0]) for v in problem.comm.allgather(values[:1]) if len(v))
+
+
+def _electrode(problem: Problem, name: str) -> Electrode | ChargedElectrode:
+    """An electrode of the scene by its label or one of its names."""
+    for electrode in problem.scene.electrodes:
+        if name in (electrode.label, *electrode.names):
+            return electrode
+    known(name, [e.label for e in problem.scene.electrodes], "electrode")
+    raise AssertionError
+
+
+def group_names(where: str | tuple[str, ...]) -> tuple[str, ...]:
+    """The names of one group or several, each once."""
+    names = (where,) if isinstance(where, str) else tuple(dict.fromkeys(where))
+    if not names:
+        raise InputError("An observable names no group; give it at least one name.")
+    return names
+
+
+def label_of(where: str | tuple[str, ...]) -> str:
+    """One group or several, for messages."""
+    return "+".join(group_names(where))
+
+
+def facets_once(device: Device, where: str | tuple[str, ...]) -> np.ndarray:
+    """Each facet of one group or several once over all ranks, as `one_sided` shows them."""
+    for name in group_names(where):
+        known(name, device.surfaces, "facet group")
+    pairs = [one_sided(device, name) for name in group_names(where)]
+    return np.unique(np.concatenate(pairs), axis=0)
+
+
+def _axis(problem: Problem, axis: str) -> int:
+    axes = problem.scene.kinematics.axes
+    if axis not in tuple(axes):
+        raise InputError(f"The axis is {axis!r}, but must be one of {', '.join(axes)}.")
+    return axes.index(axis)
+
+
+def _displacement_dofs(
+    problem: Problem, where: str | tuple[str, ...], axis: str
+) -> np.ndarray:
+    """Local degrees of freedom of a displacement component on facet groups, each once.
+
+    Collective.
+    """
+    device = problem.scene.device
+    part = problem.displacement[_axis(problem, axis)]
+    found = []
+    for name in group_names(where):
+        known(name, device.surfaces, "facet group")
+        found.append(part.on(device.dim - 1, device.facets_of(name)))
+    return part.dofs[np.unique(np.concatenate(found))]
+
+
+def _surface_mean(
+    problem: Problem, where: str | tuple[str, ...], axis: str, projected: bool
+) -> Callable[[], tuple[float, float]]:
+    """Means of u_a and X_a over a facet group; weighted by the normal's component if projected.
+
+    The mean of u is a scalar product with a vector assembled once.
+    """
+    a = _axis(problem, axis)
+    device = problem.scene.device
+    ds = measure(device, [facets_once(device, where)], 4, "ds")(0)
+    x = ufl.SpatialCoordinate(problem.mesh)
+    weight = problem.scene.kinematics.weight(x)
+    kinematics = problem.scene.kinematics
+    if projected and axis not in tuple(kinematics.coordinates):
+        raise InputError(
+            f"The axis is {axis!r}, but must be one of {', '.join(kinematics.coordinates)}."
+        )
+    along = kinematics.coordinates.find(axis)  # -1 where the mesh does not go
+    if projected:
+        weight = weight * ufl.FacetNormal(problem.mesh)[along]
+    v = ufl.split(ufl.TestFunction(problem.W))[0]
+
+    def total(integrand: Any) -> float:
+        mine = dolfinx.fem.assemble_scalar(compat.compile_form(integrand * ds))
+        return float(np.real(problem.comm.allreduce(mine, op=MPI.SUM)))
+
+    one = dolfinx.fem.Constant(problem.mesh, 1.0)
+    area = total(one * weight)
+    if abs(area) < 1e-14:
+        raise InputError(
+            f"Facet group {label_of(where)!r} has no area facing {axis}; name a group that faces "
+            "that axis."
+        )
+    position = total(x[along] * weight) / area if projected else 0.0
+    vector = dolfinx.fem.assemble_vector(compat.compile_form(v[a] * weight * ds))
+    vector.scatter_reverse(dolfinx.la.InsertMode.add)
+    weights = vector.array[: problem.owned] / area
+
+    def mean() -> tuple[float, float]:
+        mine = float(weights @ problem.w.x.array[: problem.owned])
+        return problem.comm.allreduce(mine, op=MPI.SUM), position
+
+    return mean

@@ -1,0 +1,324 @@
+"""From a gmsh model or a file to one frozen object: mesh, tags and their names."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.geometry._gmsh import quality, start
+from dea_fenicsx.mesh.cad import Names, lengths, open_file, read_names
+from dea_fenicsx.mesh.foreign.model import checked
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.agreement import check_same, together
+from dea_fenicsx.support.errors import InputError, install_hook
+
+
+@dataclass(frozen=True, eq=False)
+class Device:
+    """The meshed device, distributed over the ranks of `comm`.
+
+    Coordinates of `mesh` are dimensionless: metres divided by `length`.
+
+    Attributes
+    ----------
+    mesh
+        The DOLFINx mesh.
+    cells, facets
+        Tags of cells and of facets; `facets` is None where no facet group is named.
+    regions, surfaces
+        Tag of each named group of cells and of facets.  A group of facets that overlaps another one
+        has further tags, and `facets_of` gives all of its facets.
+    length
+        Length unit of the coordinates in metres: the largest extent of the device.
+    source
+        Where the mesh came from, for reports.
+    quality
+        ``least_scaled_jacobian`` of its cells (1 in a cell with right angles) and
+        ``largest_aspect``, the longest over the shortest edge of a cell.
+    further
+        For each group of facets that overlaps others, the tags of the facets that it shares.
+    """
+
+    mesh: Any
+    cells: Any
+    facets: Any
+    regions: dict[str, int]
+    surfaces: dict[str, int]
+    length: float
+    source: str = ""
+    quality: dict[str, float] = field(default_factory=dict)
+    further: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    _cache: dict[str, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def comm(self) -> MPI.Comm:
+        return self.mesh.comm
+
+    @property
+    def dim(self) -> int:
+        return self.mesh.topology.dim
+
+    def cells_of(self, name: str) -> np.ndarray:
+        """Local cells (owned and ghost) of a region."""
+        return self.cells.find(self.regions[name])
+
+    def facets_of(self, name: str) -> np.ndarray:
+        """Local facets (owned and ghost) of a surface."""
+        if self.facets is None:
+            return np.empty(0, dtype=np.int32)
+        tags = (self.surfaces[name], *self.further.get(name, ()))
+        return np.sort(np.concatenate([self.facets.find(tag) for tag in tags]))
+
+    def owned_cells(self) -> int:
+        """Number of cells this rank owns."""
+        return self.mesh.topology.index_map(self.dim).size_local
+
+
+class _Told(NamedTuple):
+    """What rank 0 tells the others of a gmsh model.
+
+    Attributes
+    ----------
+    groups, further : dimension and tag of each named group; tags that groups of facets share
+    dim : dimension of the cells
+    quality, source : as in `Device`
+    """
+
+    groups: dict[str, tuple[int, int]]
+    further: dict[str, tuple[int, ...]]
+    dim: int
+    quality: dict[str, float]
+    source: str
+
+
+def read_gmsh(
+    source: Any,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    dim: int | None = None,
+    unit: float | None = None,
+    size: float | None = None,
+    names: Names | None = None,
+    curved: bool = True,
+    apart: bool = False,
+    programs: bool | None = None,
+) -> Device:
+    """Read a mesh, or mesh a drawing, and distribute it.
+
+    Parameters
+    ----------
+    source
+        A geometry of `dea_fenicsx.geometry` (anything with ``build()``), or the path of a file:
+        .msh and .geo with a named physical group for each part and each surface that the scene
+        needs, or STEP (.step, .stp).  Only rank 0 builds or reads it.  Groups of surfaces may
+        overlap.  Prisms, pyramids and mixed cells are divided into tetrahedra (in the plane:
+        triangles), and `Device.source` says so.
+    comm
+        The MPI communicator.
+    dim
+        Dimension that the cells must have, 2 or 3; any unless given.
+    unit
+        Length of the file's coordinate unit in metres (1e-3 for a mesh in millimetres); 1 unless
+        given.  A STEP file states its own.
+    size
+        Largest size of an element in metres, for .geo and STEP files.
+    names
+        For STEP files: new names, each with the name or names that ``dea mesh FILE`` shows, as in
+        ``{"root": "surface_1", "top": ["surface_8", "surface_9"]}``.  Solids keep the names they
+        have in the file; what has none is numbered.
+    curved
+        Whether the cells of .geo and STEP files follow curved surfaces; False gives straight cells.
+    apart
+        Whether parts may touch that share no nodes, such as the two sides of a crack.  They move
+        independently of each other, and may run into each other.
+    programs
+        Whether a .geo file may run: it is a program, which can do all that its reader may.  By
+        default it may, unless the environment variable DEA_FENICSX_NO_PROGRAMS is set.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, gmsh cannot read or mesh it, cells lie in no named group or in two,
+        facets of a group are faces of no cell, parts touch that are not joined, parts lie in one
+        another, or a flat mesh does not lie in a plane z = const.
+    """
+    install_hook()
+    label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__
+    check_same(comm, {"dim": dim, "unit": unit})
+    unit, size = lengths(label, unit, size)
+    _check_options(dim, curved=curved, apart=apart, programs=programs)
+    model, told = None, None
+
+    def open_and_check() -> None:
+        nonlocal model, told
+        if comm.rank == 0:
+            largest = None if size is None else size / unit
+            model = _open(source, largest, names, curved, programs)
+            model, told = _look_at(model, source, label, dim, unit, apart)
+
+    with _gmsh(source, comm):
+        try:
+            together(comm, open_and_check, f"The mesh of {label}")
+            told = comm.bcast(told, root=0)
+            try:
+                mesh, cells, facets = compat.model_to_mesh(model, comm, told.dim)
+            except RuntimeError as error:
+                told_by = " ".join(str(error).split()).rstrip(".")
+                raise InputError(f"The mesh of {label} cannot be used ({told_by}).") from error
+        finally:
+            if model is not None:
+                model.remove()
+    extent = _scale(mesh)
+    return Device(
+        mesh=mesh,
+        cells=cells,
+        facets=facets,
+        regions={n: tag for n, (d, tag) in told.groups.items() if d == told.dim},
+        surfaces={n: tag for n, (d, tag) in told.groups.items() if d == told.dim - 1},
+        length=extent * unit,
+        source=told.source,
+        quality=told.quality,
+        further=told.further,
+    )
+
+
+def _check_options(dim: Any, **switches: Any) -> None:
+    """Raise InputError if `dim` is no dimension, or a switch is neither True nor False."""
+    if dim is not None and (not isinstance(dim, int | float | np.number) or dim not in (2, 3)):
+        raise InputError(f"dim is {dim!r}, but must be 2 or 3; leave it out to take the cells'.")
+    for name, value in switches.items():
+        if not isinstance(value, bool | np.bool_) and not (name == "programs" and value is None):
+            raise InputError(f"{name} is {value!r}, but must be True or False.")
+
+
+def _is_family(source: Any) -> bool:
+    """Whether a geometry is one of this package's own, whose meshes need no check."""
+    return type(source).__module__.startswith("dea_fenicsx.geometry.")
+
+
+@contextmanager
+def _gmsh(source: Any, comm: MPI.Comm) -> Iterator[None]:
+    """Have gmsh running on rank 0, and leave it as it was, for a script may use it, too.
+
+    An object of the user's own may have started it for longer, so there it keeps running.
+    """
+    if comm.rank:
+        yield
+        return
+    import gmsh
+
+    before = gmsh.model.getCurrent() if gmsh.isInitialized() else None
+    mine = (_is_family(source) or not hasattr(source, "build")) and start()
+    try:
+        yield
+    finally:
+        if mine:
+            gmsh.finalize()
+        elif before is not None and before in gmsh.model.list():
+            gmsh.model.setCurrent(before)
+
+
+def _open(
+    source: Any, size: float | None, names: Names | None, curved: bool, programs: bool | None
+) -> Any:
+    """The gmsh model of a geometry or of a file (rank 0 only)."""
+    if not hasattr(source, "build"):
+        return open_file(Path(source), size, names, curved=curved, programs=programs)
+    if size is not None or names:
+        raise InputError(
+            f"size= and names= are for files that are still to be meshed; {type(source).__name__} "
+            "has its own."
+        )
+    return source.build()
+
+
+def _look_at(
+    model: Any, source: Any, label: str, dim: int | None, unit: float, apart: bool
+) -> tuple[Any, _Told]:
+    """Check a model, and bring it into cells that can be computed on (rank 0 only).
+
+    Raises
+    ------
+    InputError
+        If it cannot be used; the model stays then.
+    """
+    groups, cells = read_names(model, label)
+    if dim is not None and dim != cells:
+        raise InputError(
+            f"{label} has cells of dimension {cells}, but dim is {dim}; leave dim= out, or mesh "
+            f"{'the volumes' if dim == 3 else 'a flat section'}."
+        )
+    further: dict[str, tuple[int, ...]] = {}
+    notes: tuple[str, ...] = ()
+    if not _is_family(source):
+        model, groups, further, notes = checked(model, groups, cells, label, unit, apart)
+    name = f"{label} ({', '.join(notes)})" if notes else label
+    return model, _Told(groups, further, cells, quality(model), name)
+
+
+def _scale(mesh: Any) -> float:
+    """Divide the coordinates by the largest extent, and return it.  Collective."""
+    tdim = mesh.topology.dim
+    for d in (tdim - 1, tdim):
+        mesh.topology.create_connectivity(d, tdim)
+    mesh.topology.create_connectivity(tdim, tdim - 1)
+    x = mesh.geometry.x
+    corners = mesh.comm.allgather((x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)))
+    low, high = np.min([c[0] for c in corners], axis=0), np.max([c[1] for c in corners], axis=0)
+    extent = float(np.max(high - low))
+    x /= extent
+    return extent
+
+
+def one_sided(device: Device, surface: str, prefer: frozenset[int] | None = None) -> np.ndarray:
+    """Each facet of a surface once over all ranks, seen from one of its cells.
+
+    Parameters
+    ----------
+    device, surface
+        The device and the name of a facet group.
+    prefer
+        Tags of the regions from whose side the facets are seen; by default the side whose cell
+        has the lower global number.
+
+    Returns
+    -------
+    ndarray of shape (n, 2)
+        Pairs (cell, facet number within the cell); all cells are owned by this rank, so that an
+        integral over the pairs counts every facet once.
+    """
+    mesh, tdim = device.mesh, device.dim
+    facets = device.facets_of(surface)
+    cells_of_facet = mesh.topology.connectivity(tdim - 1, tdim)
+    facets_of_cell = mesh.topology.connectivity(tdim, tdim - 1)
+    index_map = mesh.topology.index_map(tdim)
+    owned = index_map.size_local
+    local = np.arange(owned + index_map.num_ghosts, dtype=np.int32)
+    number = index_map.local_to_global(local)
+    tags = np.zeros(len(local), dtype=np.int64)
+    tags[device.cells.indices] = device.cells.values
+
+    pairs = []
+    for facet in facets:
+        cells = cells_of_facet.links(facet)
+        if prefer is not None:
+            cells = [c for c in cells if int(tags[c]) in prefer]
+        if len(cells) == 0:
+            continue
+        cell = min(cells, key=lambda c: number[c])
+        if cell < owned:
+            pairs.append((cell, int(np.flatnonzero(facets_of_cell.links(cell) == facet)[0])))
+    return np.array(pairs, dtype=np.int32).reshape(-1, 2)
+
+
+def group_size(device: Device, name: str) -> int:
+    """Number of cells or facets in a named group; shared ones count on each rank.  Collective."""
+    local = device.cells_of(name) if name in device.regions else device.facets_of(name)
+    return device.comm.allreduce(len(local), op=MPI.SUM)

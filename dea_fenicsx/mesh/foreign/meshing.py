@@ -1,0 +1,149 @@
+"""Meshing a drawing, with curved cells where it is curved, and none of them inverted."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.mesh.foreign.arrays import check_known
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.subprocesses import environment
+
+GOOD = 0.02
+"""Scaled Jacobian up to which a curved cell is mended; gmsh's optimisation aims at 0.1."""
+
+_METHODS = ("HighOrder", "HighOrderElastic", "HighOrder")
+"""gmsh's optimisations of curved cells, in the order in which they are tried."""
+
+
+def mesh_drawing(model: Any, path: Any, curved: bool = True, mend: bool = False) -> int:
+    """Mesh the current model unless it has cells.
+
+    Parameters
+    ----------
+    model
+        The gmsh model, with all options set.
+    path
+        The file, for messages.
+    curved
+        Whether cells follow curved surfaces; else all edges are straight.
+    mend
+        Whether cells that the curved surfaces spoil are mended here, by gmsh's optimisation of
+        cells of high order.  It can end the process, so it is for a process of its own.
+
+    Returns
+    -------
+    int
+        Number of spoilt cells that are left; 0 if `mend`.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to mesh, gmsh cannot mesh it, or cells stay inverted.
+    """
+    dim = model.getDimension()
+    if dim < 2:
+        raise InputError(f"{path} holds no surface and no volume, so there is nothing to mesh.")
+    if any(len(tags) for tags in model.mesh.getElements(dim)[1]):
+        return 0
+    shapes = {model.getType(*e) for d in (1, 2) for e in model.getEntities(d)}
+    try:
+        model.mesh.generate(dim)
+        if not curved:
+            model.mesh.setOrder(1)
+            return 0
+        if not shapes - {"Line", "Plane"}:
+            return 0
+        model.mesh.setOrder(max(2, round(gmsh_option("Mesh.ElementOrder"))))
+        # gmsh ends the process when it is asked for the quality of cells that it cannot describe
+        check_known(model.mesh.getElements(dim)[0], str(path))
+        left = len(_poor(model, dim, GOOD))
+        for method in _METHODS if mend and left else ():
+            model.mesh.optimize(method)
+            if not len(_poor(model, dim, GOOD)):
+                break
+    except InputError:
+        raise
+    except Exception as error:
+        told = " ".join(str(error).split()).rstrip(".")
+        raise InputError(
+            f"gmsh cannot mesh {path} ({told}); look at it in gmsh, or give another size."
+        ) from error
+    bad = _poor(model, dim, 0.0) if mend else np.empty(0, dtype=int)
+    if len(bad):
+        raise InputError(
+            f"{len(bad)} curved cells of {path} stay inverted{_beside(model, dim, bad)}; give a "
+            "smaller size, or curved=False for straight cells."
+        )
+    return 0 if mend else left
+
+
+def gmsh_option(name: str) -> float:
+    """Value of an option of gmsh."""
+    import gmsh
+
+    return float(gmsh.option.getNumber(name))
+
+
+def _poor(model: Any, dim: int, least: float) -> np.ndarray:
+    """Numbers of the cells whose least scaled Jacobian is not above some value."""
+    parts = model.getEntities(dim)
+    tags = np.concatenate([t for part in parts for t in model.mesh.getElements(*part)[1]])
+    return tags[np.asarray(model.mesh.getElementQualities(tags, "minSJ")) <= least]
+
+
+def _beside(model: Any, dim: int, bad: np.ndarray) -> str:
+    """The named surfaces that hold nodes of some cells, in words."""
+    nodes = {int(n) for tag in bad for n in model.mesh.getElement(tag)[1]}
+    found = []
+    for d, tag in model.getPhysicalGroups(dim - 1):
+        on = model.mesh.getNodesForPhysicalGroup(d, tag)[0]
+        shared = sum(int(n) in nodes for n in on)
+        found.append((-shared, model.getPhysicalName(d, tag) or f"group_{d}_{tag}"))
+    names = [name for shared, name in sorted(found) if shared < -2][:3]
+    return f" beside {', '.join(map(repr, names))}" if names else ""
+
+
+_MEND = """
+import json, sys
+from dea_fenicsx.mesh.cad import InputError, mend
+try:
+    mend(*json.loads(sys.argv[1]))
+except InputError as error:
+    print(error, file=sys.stderr)
+    sys.exit(2)
+"""
+
+
+def mend_elsewhere(path: Any, size: float | None, names: Any, target: Any) -> None:
+    """Mesh a drawing anew in a process of its own, with its spoilt cells mended.
+
+    Parameters
+    ----------
+    path, size, names
+        As in `cad.open_file`.
+    target
+        The .msh file that is written.
+
+    Raises
+    ------
+    InputError
+        If cells stay inverted, or gmsh ends itself over them.
+    """
+    plain = {k: v if isinstance(v, str) else list(v) for k, v in (names or {}).items()}
+    given = json.dumps([str(path), size, plain, str(target)])
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", _MEND, given], env=environment(), stdin=subprocess.DEVNULL,
+        capture_output=True, check=False, text=True, errors="replace",
+    )  # fmt: skip
+    if done.returncode == 2 and done.stderr.strip():
+        raise InputError(done.stderr.strip().splitlines()[-1])
+    if done.returncode:
+        raise InputError(
+            f"gmsh ends itself over the curved cells of {path}; give another size, or curved=False "
+            "for straight cells."
+        )

@@ -1,0 +1,88 @@
+"""About which axes dead loads turn a free body, which keep their direction in space."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dea_fenicsx.model.rigid_motions import FreePart, rotations, translations
+from dea_fenicsx.scene.conditions import DeadLoad
+from dea_fenicsx.scene.scene import Scene
+
+ALIKE = 1e-9
+"""Share of a load across the direction of all others that is rounding."""
+
+
+def split_turns(scene: Scene, part: FreePart) -> tuple[np.ndarray, frozenset[str]]:
+    """Which of a part's free motions are to be held, and which ramps turn it in the others.
+
+    All motions are held unless dead loads turn the part; then its translations are.
+
+    Returns
+    -------
+    held : ndarray of shape (n, number of rigid motions)
+        Rows of motions to be held.
+    turns : frozenset
+        Ramps of the dead loads; empty if all motions are to be held.
+    """
+    if not len(felt_axes(scene, part)):
+        return part.motions, frozenset()
+    held = translations(part.motions, rotations(scene.kinematics.axes))
+    return held, frozenset(load.ramp for load in _dead_loads(scene))
+
+
+def felt_axes(scene: Scene, part: FreePart | None) -> np.ndarray:
+    """Orthonormal axes about which dead loads turn a part of the device, shape (n, 3).
+
+    The part must be free to turn without strain, by any angle: free in the plane or in space, or
+    free along a plane and about its normal, as half of a body by symmetry.  About an axis along
+    which all dead loads point they have no moment, whatever its orientation.
+    """
+    loads = _dead_loads(scene)
+    if part is None or not loads or scene.kinematics.axes not in ("xyz", "xy"):
+        return np.empty((0, 3))
+    axes = _turning_axes(part.motions, rotations(scene.kinematics.axes))
+    if not len(axes) or scene.device.dim == 2:
+        return axes
+    return _felt(axes, _directions(loads))
+
+
+def _dead_loads(scene: Scene) -> list[DeadLoad]:
+    """The loads that turn a free body.
+
+    A `DeadPressure` does not: it stands for the Maxwell pressure, which follows the body.
+    """
+    return [load for load in scene.loads if isinstance(load, DeadLoad) and np.any(load.pascal)]
+
+
+def _turning_axes(motions: np.ndarray, n_turns: int) -> np.ndarray:
+    """Orthonormal axes about which a body can turn by any angle without strain, shape (n, 3)."""
+    none = np.empty((0, 3))
+    if n_turns == 1:
+        return np.eye(3)[2:] if len(motions) == 3 else none
+    if len(motions) == 6:
+        return np.eye(3)
+    values, axes = np.linalg.svd(motions[:, :3])[1:]
+    if len(motions) != 3 or np.count_nonzero(values > 1e-6) != 1:
+        return none
+    # free along a plane: its normal is the axis, and nothing moves along it
+    moves = motions @ np.concatenate([np.zeros(3), axes[0]])
+    return axes[:1] if np.max(np.abs(moves)) < 1e-6 else none
+
+
+def _felt(axes: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Those of the axes, or combinations of them, along which not all loads point."""
+    values, vectors = np.linalg.eigh(directions)
+    if len(axes) == 1:
+        along = axes[0] @ directions @ axes[0]
+        return axes if np.trace(directions) - along > ALIKE * np.trace(directions) else axes[:0]
+    one = values[1] <= ALIKE * values[2]
+    return vectors[:, :2].T if one else axes
+
+
+def _directions(loads: list[DeadLoad]) -> np.ndarray:
+    """Sum over loads of t t^T with t their unit directions, shape (3, 3)."""
+    total = np.zeros((3, 3))
+    for load in loads:
+        t = np.array(load.pascal, dtype=float) / np.linalg.norm(load.pascal)
+        total += np.outer(t, t)
+    return total

@@ -1,0 +1,122 @@
+"""Springs that keep the orientation of a free body which dead loads may turn.
+
+Dead loads keep their direction in space.  A free body under them turns until they have no moment;
+held in its first orientation, the moment would have to be borne by reactions.  So its rotations are
+unknowns like any other displacement.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from dea_fenicsx.model.components import Component
+from dea_fenicsx.model.dead_loads import felt_axes
+from dea_fenicsx.model.fixed_values import Constraints
+from dea_fenicsx.model.free_body import Corners, Pin, across, without
+from dea_fenicsx.model.rigid_motions import FreePart, modes
+from dea_fenicsx.scene.scene import Scene
+
+
+class Turning:
+    """Springs that keep a free body's orientation where no dead load gives it one.
+
+    While all of its dead loads are 0 nothing turns the body, and under loads of one direction
+    nothing turns it about this direction.  There, springs hold it as it is; they bear nothing, as
+    all that acts is balanced.  The other springs do not act under dead loads: they only take part
+    in the kept factor, which would be singular at the first step.
+
+    Parameters
+    ----------
+    scene, parts, constraints
+        The scene, its displacement components, and what is held of it.
+    free
+        Owned local degrees of freedom that are unknowns, sorted.
+
+    Attributes
+    ----------
+    ramps
+        Ramps of the dead loads; empty if nothing turns.
+    rows
+        Places among the free unknowns of those that have springs.
+    """
+
+    STIFFNESS = 1.0
+    """Of each spring, in units of a shear modulus times the device's size."""
+
+    def __init__(
+        self, scene: Scene, parts: Sequence[Component], constraints: Constraints, free: np.ndarray
+    ) -> None:
+        self.ramps = constraints.turns
+        self._scene, self._parts, self._free = scene, parts, free
+        self._released, self._pins = constraints.released, constraints.pins
+        self._felt = felt_axes(scene, self._released) if self.ramps else np.empty((0, 3))
+        self._dofs, self.rows = np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int64)
+        self._always, self._rest = np.empty(0, dtype=bool), np.empty(0)
+        self.place(np.zeros(len(constraints.fixed)))
+
+    def place(self, state: np.ndarray) -> None:
+        """Place the springs for the orientation of a state, which they keep.  Collective."""
+        if not self.ramps:
+            return
+        found = list(springs(self._scene, self._parts, self._released, self._pins,
+                             self._felt, state))  # fmt: skip
+        dofs, always = [], []
+        for pin, kept in found:
+            part = self._parts[pin.axis]
+            local = part.dofs[part.on(0, pin.vertices)]
+            local = local[np.isin(local, self._free)]
+            dofs.append(local)
+            always.append(np.full(len(local), kept))
+        self._dofs, self._always = np.concatenate(dofs), np.concatenate(always)
+        self.rows = np.searchsorted(self._free, self._dofs)
+        self._rest = state[self._dofs]
+
+    def holds(self, factors: Mapping[str, float]) -> bool:
+        """Whether all springs act: no dead load does."""
+        return bool(self.ramps) and not any(factors[ramp] for ramp in self.ramps)
+
+    def force(self, state: np.ndarray, factors: Mapping[str, float]) -> np.ndarray:
+        """Forces of the springs, in their rows."""
+        return self.stiffness(factors) * (state[self._dofs] - self._rest)
+
+    def stiffness(self, factors: Mapping[str, float]) -> np.ndarray:
+        """Stiffness of each spring, in its row."""
+        return self.STIFFNESS * (self._always | self.holds(factors))
+
+
+def springs(
+    scene: Scene, parts: Sequence[Component], part: FreePart | None, held: Sequence[Pin],
+    felt: np.ndarray, state: np.ndarray,
+) -> Iterator[tuple[Pin, bool]]:  # fmt: skip
+    """Where springs hold the orientation of a state, and which of them act under dead loads, too.
+
+    Collective.
+
+    Parameters
+    ----------
+    scene, parts
+        The scene and its displacement components.
+    part
+        What `FreeBody` holds.
+    held
+        The pins that hold its translations.
+    felt
+        Axes about which dead loads turn it.
+    state
+        Values of the mixed space.
+    """
+    assert part is not None
+    axes, box, free = scene.kinematics.axes, part.box, part.motions
+    for pin in held:
+        free = without(free, modes(pin.place[None], pin.axis, axes, box)[0])
+    corners, anchor = Corners(scene.device, part, parts, state), held[0].place
+    if len(free) == 3 and len(felt) == 2:
+        about = np.cross(felt[0], felt[1])
+        along = np.linalg.solve(free[:, :3].T, about) @ free
+        for pin in across(scene, corners, box, anchor, along[None] / np.linalg.norm(along)):
+            yield pin, True
+            free = without(free, modes(pin.place[None], pin.axis, axes, box)[0])
+    for pin in across(scene, corners, box, anchor, free):
+        yield pin, False

@@ -1,0 +1,234 @@
+"""Which displacements a scene gives to which nodes, and whether they agree.
+
+Supports, stretches and displacements become lists of nodes with one value each.  Where two of them
+give the same node a displacement along the same axis, both values must be equal at every load;
+otherwise one would win without a word.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.mesh.cell_quality import point
+from dea_fenicsx.model.components import Component
+from dea_fenicsx.scene.conditions import Clamp, Displacement, Fix, Stretch
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.support.errors import InputError
+
+FLAT = 1e-8
+"""Range of a coordinate, as a share of the device's size, over which a surface counts as flat."""
+
+SAME = 1e-9
+"""Relative difference of two displacements that is rounding."""
+
+
+@dataclass(frozen=True)
+class Prescription:
+    """The displacement along one axis that one condition of a scene gives to a facet group.
+
+    Attributes
+    ----------
+    what
+        The condition in words.
+    axis
+        Number of the displacement component.
+    local
+        Local degrees of freedom of the component's own space.
+    values
+        Their displacement at ramp factor 1, dimensionless; the same shape.
+    ramp
+        Name of the ramp, or None for a displacement that is 0 at every load.
+    rounding
+        What rounding of the nodes' coordinates changes in the values.
+    """
+
+    what: str
+    axis: int
+    local: np.ndarray
+    values: np.ndarray
+    ramp: str | None
+    rounding: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """Where a condition acts along one axis: its nodes, and the range of their coordinate."""
+
+    item: Fix | Clamp | Stretch | Displacement
+    axis: str
+    local: np.ndarray
+    low: float
+    high: float
+
+
+def prescriptions(scene: Scene, parts: list[Component]) -> list[Prescription]:
+    """All displacements that a scene's conditions give to facet groups.  Collective.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    parts
+        Its displacement components.
+
+    Raises
+    ------
+    InputError
+        If it is not clear what a stretch is about, or if a stretch moves a flat surface that is
+        the only one whose displacement along the axis is given.
+    """
+    axes = scene.kinematics.axes
+    surfaces = _surfaces(scene, parts)
+    found = []
+    for s in surfaces:
+        a = axes.index(s.axis)
+        what = f"{type(s.item).__name__} on {s.item.where!r}"
+        if isinstance(s.item, Stretch):
+            along = scene.kinematics.coordinates.index(s.axis)
+            X = parts[a].space.tabulate_dof_coordinates()[s.local, along]
+            growth = s.item.stretch - 1
+            values = growth * (X - _centre(scene, s, surfaces))
+            found.append(
+                Prescription(what, a, s.local, values, s.item.ramp, FLAT * abs(growth))
+            )
+        elif isinstance(s.item, Displacement):
+            values = np.full(len(s.local), s.item.metres / scene.device.length)
+            found.append(Prescription(what, a, s.local, values, s.item.ramp))
+        else:
+            found.append(Prescription(what, a, s.local, np.zeros(len(s.local)), None))
+    return found
+
+
+def _surfaces(scene: Scene, parts: list[Component]) -> list[_Surface]:
+    """Each condition's surface along each of its axes; prescribed displacements come first."""
+    device, axes = scene.device, scene.kinematics.axes
+    found = []
+    for item in [*scene.prescribed, *scene.supports]:
+        if not isinstance(item, Fix | Clamp | Stretch | Displacement):
+            continue
+        for axis in axes if isinstance(item, Clamp) else item.axes:
+            part = parts[axes.index(axis)]
+            local = part.on(device.dim - 1, device.facets_of(item.where))
+            low, high = -np.inf, np.inf
+            if axis in scene.kinematics.coordinates:
+                X = part.space.tabulate_dof_coordinates()[
+                    local, scene.kinematics.coordinates.index(axis)
+                ]
+                low = device.comm.allreduce(float(X.min(initial=np.inf)), op=MPI.MIN)
+                high = device.comm.allreduce(float(X.max(initial=-np.inf)), op=MPI.MAX)
+            found.append(_Surface(item, axis, local, low, high))
+    return found
+
+
+# ------------------------------------------------------------------- what a stretch is about
+
+
+def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> float:
+    """The coordinate, dimensionless, of the points that a stretch leaves in place along its axis.
+
+    It is the one that the user gives.  Without it, a radial stretch is about the axis of rotation;
+    any other one is about the origin if every surface that is held along the axis reaches across
+    the origin, and otherwise about the one plane in which all held surfaces lie.  What is held or
+    moved on the very nodes of the stretched surface does not count.  Collective.
+    """
+    item, axis, length = stretched.item, stretched.axis, scene.device.length
+    assert isinstance(item, Stretch)
+    given = item.centres[item.axes.index(axis)]
+    if item.stretch == 1 and given is None:
+        return 0.0  # nothing moves, whatever the centre is
+    if axis == "r":
+        return (given or 0.0) / length
+    others = [s for s in surfaces if s.axis == axis]
+    span = max(s.high for s in others) - min(s.low for s in others)
+    if span <= FLAT:
+        raise InputError(
+            f"The stretch on {item.where!r} along {axis} moves a plane surface, but no other "
+            f"surface is held or stretched along {axis}, so it would only shift the device; add "
+            f'Fix(..., "{axis}") on a surface opposite, or a Stretch there.'
+        )
+    if given is not None:
+        return given / length
+    # a condition on the stretched nodes themselves says how they move, not what stays in place
+    held = [
+        s for s in others
+        if not isinstance(s.item, Stretch) and not _same_nodes(scene.device.comm, s, stretched)
+    ]  # fmt: skip
+    low = max((s.low for s in held), default=0.0)
+    high = min((s.high for s in held), default=0.0)
+    if low <= FLAT and high >= -FLAT:
+        return 0.0
+    if abs(high - low) <= FLAT:
+        return (low + high) / 2
+    names = ", ".join(dict.fromkeys(repr(s.item.where) for s in held))
+    raise InputError(
+        f"The stretch on {item.where!r} along {axis} is about a surface that is held along {axis}, "
+        f"but {names} {'reach' if high < low else 'spread'} over several coordinates {axis}; give "
+        f"Stretch(..., about=...), the coordinate {axis} in m that stays in place."
+    )
+
+
+def _same_nodes(comm: MPI.Comm, a: _Surface, b: _Surface) -> bool:
+    """Whether two conditions act on the same nodes.  Collective."""
+    same = np.array_equal(np.unique(a.local), np.unique(b.local))
+    return comm.allreduce(same, op=MPI.LAND)
+
+
+# ---------------------------------------------------------------------------- do they agree?
+
+
+def check_agreement(scene: Scene, parts: list[Component], given: list[Prescription]) -> None:
+    """Raise InputError if two conditions give one node different displacements.  Collective.
+
+    Displacements agree if they are equal at every load: both 0, or equal on the same ramp.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    parts
+        Its displacement components.
+    given
+        What is to be compared.
+    """
+    first: tuple | None = None
+    for axis, part in enumerate(parts):
+        size = len(part.dofs)
+        owner, values, rounding = np.full(size, -1), np.zeros(size), np.zeros(size)
+        ramps = np.array([p.ramp or "" for p in given] or [""], dtype=object)
+        for k, new in enumerate(given):
+            if new.axis != axis or not len(new.local):
+                continue
+            old = owner[new.local]
+            a, b = values[new.local], new.values
+            size_ = np.maximum(np.abs(a), np.abs(b))
+            tolerance = SAME * size_ + np.maximum(rounding[new.local], new.rounding)
+            elsewhere = ramps[old] != ramps[k]
+            apart = np.where(elsewhere, size_ > tolerance, np.abs(a - b) > tolerance)
+            for i in np.flatnonzero((old >= 0) & apart):
+                X = np.round(part.space.tabulate_dof_coordinates()[new.local[i]], 9) + 0.0
+                found = (int(old[i]), k, tuple(X.tolist()), float(a[i]), float(b[i]))
+                first = found if first is None else min(first, found)
+            owner[new.local], values[new.local] = k, new.values
+            rounding[new.local] = new.rounding
+    everyone = [f for f in scene.device.comm.allgather(first) if f is not None]
+    if everyone:
+        _refuse(scene, given, min(everyone))
+
+
+def _refuse(scene: Scene, given: list[Prescription], fault: tuple) -> None:
+    """Raise the error that names both conditions, the axis, and the first node."""
+    old, new, X, a, b = fault
+    device, axis = scene.device, scene.kinematics.axes[given[new].axis]
+
+    def moved(item: Prescription, value: float) -> str:
+        return f"{value * device.length:.6g} m on ramp {item.ramp!r}" if value else "0"
+
+    where = point(np.array(X) * device.length, device.dim)
+    raise InputError(
+        f"{given[new].what} and {given[old].what} give the same nodes different displacements "
+        f"along {axis}, the first at {where}: {moved(given[new], b)} and {moved(given[old], a)}; "
+        f"leave one of the two out, or let one of them act along other axes than {axis}."
+    )

@@ -1,0 +1,365 @@
+"""Rigid motions that nothing in a scene prevents, told before anything is solved.
+
+The mesh falls into parts: cells joined through shared vertices, of whatever material.  A part's
+rigid motions are combinations of translations and, about its middle, rotations; each fixed
+displacement adds one row, the value there of each of them, and what the rows leave free (their
+null space, from a singular value decomposition) is a mode that the device could follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from dea_fenicsx.mesh.cell_quality import point
+from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.model.components import Component
+from dea_fenicsx.scene.conditions import FreeBody
+from dea_fenicsx.scene.kinematics import Helical
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.errors import InputError
+
+HELD = 1e-9
+"""Singular value, as a share of the largest, below which a motion is not held.
+
+A film of a thickness of 1e-6 of its length, clamped at its end, is held by 1e-6.
+"""
+
+
+@dataclass(frozen=True)
+class Box:
+    """Middle, shape (3,), and largest extent of a part, dimensionless."""
+
+    middle: np.ndarray
+    size: float
+
+
+@dataclass(frozen=True)
+class FreePart:
+    """A part of the mesh and the rigid motions that nothing prevents.
+
+    Attributes
+    ----------
+    cells
+        Mask of the local cells that belong to it.
+    size
+        How many cells it has over all ranks.
+    count
+        How many parts the mesh has.
+    box
+        The box around it.
+    motions
+        The free motions, shape (n, number of rigid motions): rows of coefficients of `modes`,
+        orthonormal.
+    """
+
+    cells: np.ndarray
+    size: int
+    count: int
+    box: Box
+    motions: np.ndarray
+
+
+def free_parts(scene: Scene, parts: Sequence[Component], fixed: np.ndarray) -> list[FreePart]:
+    """The parts of the device that can move freely, the largest first.  Collective.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    parts
+        Its displacement components.
+    fixed
+        Mask of the fixed local degrees of freedom of the mixed space.
+    """
+    device, axes = scene.device, scene.kinematics.axes
+    labels, count = joined_parts(device)
+    if isinstance(scene.kinematics, Helical):
+        # its ends are tied, and what looks like two parts in one period may be one strand
+        labels, count = np.zeros_like(labels), 1
+    boxes = _boxes(device, labels, count)
+    rows = _held(parts, fixed, labels, boxes, axes)
+    owned = labels[: device.owned_cells()]
+    found = []
+    for k in range(count):
+        values, motions = np.linalg.svd(rows[k])[1:]
+        free = motions[values <= HELD * max(values[0], 1e-300)]
+        if len(free):
+            size = device.comm.allreduce(int(np.count_nonzero(owned == k)), op=MPI.SUM)
+            found.append(FreePart(labels == k, size, count, boxes[k], free))
+    return sorted(found, key=lambda part: (-part.size, *np.round(part.box.middle, 9)))
+
+
+def check_rigid(
+    scene: Scene, parts: list[Component], fixed: np.ndarray, turning: FreePart | None = None
+) -> None:
+    """Raise InputError if a part of the device can move freely, naming the motions.  Collective.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    parts
+        Its displacement components.
+    fixed
+        Mask of the fixed local degrees of freedom of the mixed space.
+    turning
+        A part that may turn, since dead loads give it its orientation.
+
+    Raises
+    ------
+    InputError
+        Naming the part, if there are several, and the motions.
+    """
+    device, axes = scene.device, scene.kinematics.axes
+    turns = rotations(axes)
+    free = [
+        part for part in free_parts(scene, parts, fixed)
+        if turning is None or len(translations(part.motions, turns))
+        or not np.array_equal(part.cells, turning.cells)
+    ]  # fmt: skip
+    if not free:
+        return
+    part, who = free[0], "The device"
+    if part.count > 1:
+        middle = point(part.box.middle * device.length, device.dim)
+        where = regions_in(device, part.cells)
+        who = (
+            f"A part of {part.size} cells around {middle} ({where}) is not joined to the rest of "
+            f"the mesh (which has {part.count} parts), and it"
+        )
+    words = in_words(part.motions, part.box, axes, device.length)
+    tried = any(isinstance(support, FreeBody) for support in scene.supports)
+    cure = "Fix or Clamp" if tried else "Fix, Clamp or FreeBody"
+    raise InputError(f"{who} can move freely: {words}; add a {cure} that holds it.")
+
+
+# -------------------------------------------------------------------------- parts of the mesh
+
+
+def joined_parts(device: Device) -> tuple[np.ndarray, int]:
+    """The part that each local cell belongs to, and how many there are.  Collective.
+
+    Parts are numbered alike on all ranks; a part may span several.
+    """
+    mesh, comm = device.mesh, device.comm
+    mesh.topology.create_connectivity(device.dim, 0)
+    link = mesh.topology.connectivity(device.dim, 0)
+    imap = mesh.topology.index_map(0)
+    owned, n_vertices = imap.size_local, imap.size_local + imap.num_ghosts
+    n_cells = link.num_nodes
+    cells = np.repeat(np.arange(n_cells), np.diff(link.offsets))
+    local, of_node = components(n_cells + n_vertices, cells, n_cells + link.array)
+    offset = comm.exscan(local) or 0
+    total = comm.allreduce(local, op=MPI.SUM)
+    of_node = of_node + offset
+
+    # a vertex that a rank knows from another one ties their parts together
+    number = imap.local_to_global(np.arange(n_vertices, dtype=np.int32))
+    mine = of_node[n_cells:]
+    seen = np.vstack(comm.allgather(np.column_stack([number[owned:], mine[owned:]])))
+    start = imap.local_range[0]
+    here = (seen[:, 0] >= start) & (seen[:, 0] < start + owned)
+    ties = np.column_stack([mine[seen[here, 0] - start], seen[here, 1]])
+    ties = np.vstack(comm.allgather(np.unique(ties, axis=0)))
+    _, joined = components(total, ties[:, 0], ties[:, 1])
+
+    # a rank's vertices may lie in none of its cells: only cells count
+    used = np.zeros(total, dtype=bool)
+    used[joined[of_node[:n_cells]]] = True
+    comm.Allreduce(MPI.IN_PLACE, used, op=MPI.LOR)
+    return (np.cumsum(used) - 1)[joined[of_node[:n_cells]]], int(used.sum())
+
+
+def components(n: int, a: np.ndarray, b: np.ndarray) -> tuple[int, np.ndarray]:
+    """Number of connected components of a graph on n nodes with edges (a, b), and their labels."""
+    if n == 0:
+        return 0, np.zeros(0, dtype=np.int64)
+    count, labels = connected_components(coo_array((np.ones(len(a)), (a, b)), shape=(n, n)), False)
+    return int(count), labels.astype(np.int64)
+
+
+def _boxes(device: Device, labels: np.ndarray, count: int) -> list[Box]:
+    """The box around each part."""
+    mesh = device.mesh
+    table = compat.geometry_dofmap(mesh)
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    x = mesh.geometry.x[table]
+    np.minimum.at(low, labels, x.min(axis=1, initial=np.inf))
+    np.maximum.at(high, labels, x.max(axis=1, initial=-np.inf))
+    device.comm.Allreduce(MPI.IN_PLACE, low, op=MPI.MIN)
+    device.comm.Allreduce(MPI.IN_PLACE, high, op=MPI.MAX)
+    return [Box((a + b) / 2, float((b - a).max())) for a, b in zip(low, high, strict=True)]
+
+
+def regions_in(device: Device, mask: np.ndarray) -> str:
+    """Names of the regions with cells in a mask, collected over all ranks."""
+    tags = {int(v) for i, v in zip(device.cells.indices, device.cells.values, strict=True)
+            if mask[i]}  # fmt: skip
+    tags = set().union(*device.comm.allgather(tags))
+    names = sorted(name for name, tag in device.regions.items() if tag in tags)
+    return f"region{'s' * (len(names) > 1)} {', '.join(names)}"
+
+
+# -------------------------------------------------------------------------------- the motions
+
+
+def modes(x: np.ndarray, axis: int, axes: str, box: Box) -> np.ndarray:
+    """Component `axis` of each rigid motion at points, per unit of its coefficient.
+
+    Columns: rotations about x, y, z through the middle of the box and then translations in space;
+    rotation about z and two translations in the plane; the axial translation alone in an
+    axisymmetric section, where all other motions stretch hoops; in a helical cell the rotation
+    about the axis and the axial translation.  Lengths are in units of half the box's size.
+
+    Parameters
+    ----------
+    x
+        Dimensionless coordinates, shape (n, 3).
+    axis
+        Number of the displacement component.
+    axes
+        Names of the displacement components.
+    box
+        The box around the part that moves.
+
+    Returns
+    -------
+    ndarray of shape (n, number of rigid motions)
+    """
+    unit, half = np.eye(3), box.size / 2
+    if axes == "rz":
+        return np.full((len(x), 1), float(axis == 1))
+    if axes == "rtz":
+        return np.column_stack([x[:, 0] / half * (axis == 1), np.full(len(x), float(axis == 2))])
+    y = (x - box.middle) / half
+    turns = np.cross(unit[None, :, :], y[:, None, :])[:, :, axis]
+    shifts = np.tile(unit[:, axis], (len(x), 1))
+    if len(axes) == 2:
+        return np.column_stack([turns[:, 2], shifts[:, :2]])
+    return np.column_stack([turns, shifts])
+
+
+def rotations(axes: str) -> int:
+    """How many of the columns of `modes` are rotations; they come first."""
+    return {"xyz": 3, "xy": 1, "rz": 0, "rtz": 1}[axes]
+
+
+def translations(motions: np.ndarray, turns: int) -> np.ndarray:
+    """An orthonormal basis of those combinations of motions that do not rotate.
+
+    Parameters
+    ----------
+    motions
+        Rows of coefficients of `modes`.
+    turns
+        How many of the columns are rotations.
+    """
+    if not turns:
+        return motions
+    basis, values, _ = np.linalg.svd(motions[:, :turns])
+    still = np.ones(len(motions), dtype=bool)
+    still[: len(values)] = values < 1e-6
+    return basis[:, still].T @ motions
+
+
+def _held(
+    parts: Sequence[Component],
+    fixed: np.ndarray,
+    labels: np.ndarray,
+    boxes: Sequence[Box],
+    axes: str,
+) -> np.ndarray:
+    """For each part a triangle R with R^T R = sum over its fixed displacements of row^T row."""
+    width = modes(np.zeros((1, 3)), 0, axes, Box(np.zeros(3), 1.0)).shape[1]
+    triangles: np.ndarray = np.zeros((len(boxes), width, width))
+    comm = parts[0].space.mesh.comm
+    for a, component in enumerate(parts):
+        table = component.space.dofmap.list
+        part = np.full(len(component.dofs), -1)
+        part[table.ravel()] = np.repeat(labels, table.shape[1])
+        held = np.flatnonzero(fixed[component.dofs] & (part >= 0))
+        x = component.space.tabulate_dof_coordinates()[held]
+        order = np.argsort(part[held], kind="stable")
+        ends = np.searchsorted(part[held][order], np.arange(len(boxes) + 1))
+        for k, box in enumerate(boxes):
+            mine = x[order[ends[k] : ends[k + 1]]]
+            if len(mine):
+                rows = modes(mine, a, axes, box)
+                triangles[k] = _triangle(np.vstack([triangles[k], rows]))
+    everyone = np.concatenate(comm.allgather(triangles), axis=1)
+    return np.array([_triangle(rows) for rows in everyone])
+
+
+def _triangle(rows: np.ndarray) -> np.ndarray:
+    return np.linalg.qr(rows, mode="r")
+
+
+# ----------------------------------------------------------------------------------- in words
+
+
+def in_words(free: np.ndarray, box: Box, axes: str, length: float) -> str:
+    """Free motions (rows of `free`) by name."""
+    width = free.shape[1]
+    if len(free) == width > 1 and axes != "rtz":
+        return f"every rigid motion, translations along {_listed(list(axes))} and rotations"
+    words = []
+    for row in _reduced(free):
+        if axes in ("rz", "rtz"):
+            turning = axes == "rtz" and abs(row[0]) > 1e-6
+            words.append("rotation about the axis" if turning else "translation along z")
+            continue
+        if len(axes) == 2:
+            turn, shift = np.array([0.0, 0.0, row[0]]), np.array([*row[1:], 0.0])
+        else:
+            turn, shift = row[:3], row[3:]
+        size = np.linalg.norm(turn)
+        if size < 1e-6:
+            words.append(f"translation along {_direction(shift)}")
+            continue
+        # points of the axis move along it only; lengths are in units of half the part's size
+        along = float(turn @ shift) / size
+        on_axis = np.cross(turn, shift) / size**2
+        at = point((box.middle + box.size / 2 * on_axis) * length, len(axes))
+        screw = "" if abs(along) < 1e-6 * size else " together with a translation along it"
+        which = f"about the {_direction(turn)} axis " if len(axes) == 3 else ""
+        words.append(f"rotation {which}{'through' if which else 'about'} {at}{screw}")
+    return _listed(words)
+
+
+def _reduced(rows: np.ndarray) -> np.ndarray:
+    """Reduced row echelon form: the same space by vectors along the coordinates if possible."""
+    rows = rows.copy()
+    done = 0
+    for column in range(rows.shape[1]):
+        if done == len(rows):
+            break
+        pivot = done + int(np.argmax(np.abs(rows[done:, column])))
+        if abs(rows[pivot, column]) < 1e-6:
+            continue
+        rows[[done, pivot]] = rows[[pivot, done]]
+        rows[done] /= rows[done, column]
+        for k in range(len(rows)):
+            if k != done:
+                rows[k] -= rows[k, column] * rows[done]
+        done += 1
+    rows[np.abs(rows) < 1e-9] = 0.0
+    return rows
+
+
+def _direction(vector: np.ndarray) -> str:
+    unit = vector / np.linalg.norm(vector)
+    k = int(np.argmax(np.abs(unit)))
+    if abs(unit[k]) > 1 - 1e-6:
+        return "xyz"[k]
+    return f"({', '.join(f'{v + 0.0:.2g}' for v in np.round(unit, 6))})"
+
+
+def _listed(words: list[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

@@ -1,0 +1,207 @@
+"""What is passed between two accepted steps: bifurcations, and margins that turn negative.
+
+Each is located by equilibria in between, so that its load does not depend on the step size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from dea_fenicsx.path.stability import Place, Spectrum
+from dea_fenicsx.solvers.newton import Attempt, NewtonSolver
+from dea_fenicsx.support.errors import SolverError
+
+MOST = 3
+"""Changes of the inertia that are located in one step; a slack film passes dozens at once."""
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """Something that fails when its margin turns negative.
+
+    Attributes
+    ----------
+    name
+        What the event is called, such as ``"loss of tension"``.
+    margin
+        Positive while all is well; a pure number.  Called on all ranks.
+    """
+
+    name: str
+    margin: Callable[[], float]
+
+
+@dataclass(frozen=True)
+class Passed:
+    """An event between two accepted states.
+
+    Attributes
+    ----------
+    name
+        ``"bifurcation"`` or an alarm's name.
+    share
+        Its place on the way, 0 to 1.
+    state, factors
+        The equilibrium there.
+    attempt
+        How it was found.
+    mode
+        The null vector of a bifurcation, laid out like the state.
+    """
+
+    name: str
+    share: float
+    state: np.ndarray
+    factors: dict[str, float]
+    attempt: Attempt
+    mode: np.ndarray | None = None
+
+
+class Sentinel:
+    """Watches a path for events.
+
+    Parameters
+    ----------
+    solver
+        The nonlinear solver with its problem.
+    alarms
+        Margins to watch.
+    stability
+        Whether to count negative eigenvalues at every accepted step, and to locate each change.
+    fired
+        Alarms that an earlier part of the run has already given; each is given once.
+    counting
+        Whether to count negative eigenvalues at every accepted step without locating changes; with
+        `stability` they are counted in any case.
+
+    Attributes
+    ----------
+    excess
+        Negative eigenvalues of the last accepted state beyond those of a stable one, or None.
+    """
+
+    def __init__(
+        self,
+        solver: NewtonSolver,
+        alarms: Iterable[Alarm] = (),
+        stability: bool = False,
+        fired: Iterable[str] = (),
+        counting: bool = False,
+    ) -> None:
+        self.solver, self.problem = solver, solver.problem
+        self.alarms = list(alarms)
+        self.stability = stability
+        self.counting = stability or counting
+        self.fired = set(fired)
+        self.excess: int | None = None
+        self._margins: dict[str, float] = {}
+        self._spectrum = Spectrum(solver)
+
+    def start(self) -> None:
+        """Take the problem's present state as the one before the next step."""
+        self._margins = {a.name: a.margin() for a in self._armed()}
+        if self.counting:
+            self.excess = self._spectrum.count()
+
+    def _armed(self) -> list[Alarm]:
+        return [a for a in self.alarms if a.name not in self.fired]
+
+    def count(self) -> int | None:
+        """Negative eigenvalues of the present state beyond those of a stable one, or None."""
+        return self._spectrum.count() if self.counting else None
+
+    def mode_of(self, vector: np.ndarray) -> np.ndarray:
+        """A direction in the free unknowns laid out like a state."""
+        return self._spectrum.as_state(vector)
+
+    def passed(
+        self,
+        place: Place,
+        rates: dict[str, float],
+        count: int | None = None,
+        limits: int = 0,
+    ) -> list[Passed]:
+        """What lies between the state before and the present one, in the order of travel.
+
+        The present state becomes the one before.
+
+        Parameters
+        ----------
+        place
+            Brings the problem into equilibrium at a share of the way.
+        rates
+            Change of each ramp's factor along the way.
+        count
+            Inertia of the present state.
+        limits
+            Limit points on the way, which change the inertia by one each.
+        """
+        problem = self.problem
+        here, factors = problem.get_state(), dict(problem.factors)
+        before, self.excess = self.excess, count
+        found: list[Passed] = []
+        margins = {a.name: a.margin() for a in self._armed()}
+        for alarm in self._armed():
+            if margins[alarm.name] < 0:
+                event = self._cross(alarm, place, self._margins[alarm.name], margins[alarm.name])
+                found += [event] if event else []
+                self.fired.add(alarm.name)
+        self._margins = margins
+        changed = before is not None and count is not None and abs(count - before) > limits
+        if self.stability and changed:
+            assert before is not None and count is not None
+            found += self._bifurcations(place, before, count, rates)
+        if found:
+            problem.set_factors(factors)
+            problem.set_state(here)
+            if any(e.mode is not None for e in found):
+                self.solver.forget_factor()  # it was made where the tangent is singular
+        return sorted(found, key=lambda e: e.share)
+
+    def _cross(self, alarm: Alarm, place: Place, low: float, high: float) -> Passed | None:
+        """Where an alarm's margin passes zero."""
+        attempts: list[Attempt] = []
+
+        def margin(share: float) -> float:
+            attempts.append(place(share))
+            if not attempts[-1].converged:
+                raise SolverError(attempts[-1].reason)
+            return alarm.margin()
+
+        try:
+            # the ends are known; only what lies between is solved for
+            share = 0.0 if low <= 0 else brentq(
+                lambda s: low if s == 0 else high if s == 1 else margin(s), 0.0, 1.0, xtol=1e-10,
+                rtol=1e-10,
+            )  # fmt: skip
+            margin(share)
+        except SolverError:
+            return None
+        problem = self.problem
+        return Passed(
+            alarm.name, share, problem.get_state(), dict(problem.factors), attempts[-1]
+        )
+
+    def _bifurcations(
+        self, place: Place, before: int, after: int, rates: dict[str, float]
+    ) -> list[Passed]:
+        """The first states on the way at which the inertia changes, limit points left out."""
+        found: list[Passed] = []
+        low = 0.0
+        for _ in range(min(abs(after - before), MOST)):
+            critical = self._spectrum.locate(place, before, rates, low)
+            if critical is None:
+                break
+            if critical.is_bifurcation:
+                found.append(
+                    Passed("bifurcation", critical.share, critical.state, critical.factors,
+                           critical.attempt, critical.mode)
+                )  # fmt: skip
+            before, low = critical.after, min(1.0, critical.share + 10 * critical.width + 1e-7)
+            if before == after or low >= 1.0:
+                break
+        return found

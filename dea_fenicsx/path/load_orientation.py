@@ -1,0 +1,137 @@
+"""The orientation that dead loads give to a free body when they begin to act.
+
+However small they are, dead loads with a moment turn a free body at once until the moment vanishes.
+So the body starts there: the state is turned as a whole, which strains nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.model.components import Component
+from dea_fenicsx.model.dead_loads import felt_axes
+from dea_fenicsx.model.problem import Problem
+
+NONE = 1e-6
+"""Moment, as a share of the sum of all forces times their arms, that turns nothing."""
+
+
+def turn_to_loads(problem: Problem, rates: Mapping[str, float]) -> float:
+    """Turn a free body as a whole to where the loads that begin to act have no moment.  Collective.
+
+    Of the orientations without a moment it is the stable one, in which the loads' potential is
+    lowest; of several such the nearest.
+
+    Parameters
+    ----------
+    problem
+        The problem; its state is turned.
+    rates
+        Change of each ramp's factor that begins.
+
+    Returns
+    -------
+    float
+        The angle in rad; 0 if the body is not free to turn, if dead loads act already, or if the
+        new ones have no moment.
+    """
+    acting = problem.turning.ramps & {ramp for ramp, rate in rates.items() if rate}
+    if not acting or not problem.turning.holds(problem.factors):
+        return 0.0
+    forces = -sum(rates[ramp] * problem.load_vector(ramp) for ramp in sorted(acting))
+    moments, size = _first_moments(problem, np.asarray(forces))
+    axes = felt_axes(problem.scene, problem.constraints.released)
+    turned = np.array([moments[2, 1] - moments[1, 2], moments[0, 2] - moments[2, 0],
+                       moments[1, 0] - moments[0, 1]])  # fmt: skip
+    if np.linalg.norm(axes @ turned) <= NONE * size:
+        return 0.0
+    R = _about(axes[0], moments) if len(axes) == 1 else _lowest(moments)
+    centre = problem.constraints.pins[0].place
+    _rotate(problem, R, centre)
+    problem.insert_fixed()
+    problem.keep_orientation()
+    return float(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1)))
+
+
+def _positions(problem: Problem) -> list[np.ndarray]:
+    """For each displacement component the deformed position of each local node, shape (n, 3).
+
+    Nodes are numbered by each component's own space; positions come through the cells.
+    """
+    parts, w = problem.displacement, problem.w.x.array
+    found = []
+    for part in parts:
+        x = part.space.tabulate_dof_coordinates().copy()
+        nodes = part.space.dofmap.list.ravel()
+        for j, other in enumerate(parts):
+            x[nodes, j] += w[other.dofs[other.space.dofmap.list.ravel()]]
+        found.append(x)
+    return found
+
+
+def _first_moments(problem: Problem, forces: np.ndarray) -> tuple[np.ndarray, float]:
+    """Sum of f_i x_j over the nodes, shape (3, 3), and of |f| |x|, about the middle of the body."""
+    released = problem.constraints.released
+    assert released is not None
+    total = np.zeros((3, 3))
+    size = 0.0
+    for i, (part, x) in enumerate(zip(problem.displacement, _positions(problem), strict=True)):
+        mine = _nodes(problem, part) & (part.dofs < problem.owned)
+        f, arm = forces[part.dofs[mine]], x[mine] - released.box.middle
+        total[i] = f @ arm
+        size += float(np.abs(f) @ np.linalg.norm(arm, axis=1))
+    summed = problem.comm.allreduce(np.append(total.ravel(), size), op=MPI.SUM)
+    return summed[:9].reshape(3, 3), float(summed[9])
+
+
+def _nodes(problem: Problem, component: Component) -> np.ndarray:
+    """Mask of a component's local nodes that lie in the part which turns."""
+    released = problem.constraints.released
+    assert released is not None
+    mine = np.zeros(len(component.dofs), dtype=bool)
+    mine[component.space.dofmap.list[released.cells].ravel()] = True
+    return mine
+
+
+def _rotation(axis: np.ndarray, cosine: float, sine: float) -> np.ndarray:
+    """Rotation matrix about a unit axis."""
+    cross = np.cross(np.eye(3), axis)
+    return cosine * np.eye(3) + sine * cross + (1 - cosine) * np.outer(axis, axis)
+
+
+def _about(axis: np.ndarray, moments: np.ndarray) -> np.ndarray:
+    """The rotation about an axis that gives the loads the lowest potential -tr(R^T M)."""
+    across = np.eye(3) - np.outer(axis, axis)
+    flat = across @ moments @ across
+    turned = np.array([flat[2, 1] - flat[1, 2], flat[0, 2] - flat[2, 0], flat[1, 0] - flat[0, 1]])
+    cosine, sine = np.trace(flat), float(axis @ turned)
+    size = np.hypot(cosine, sine)
+    return _rotation(axis, float(cosine / size), sine / size)
+
+
+def _lowest(moments: np.ndarray) -> np.ndarray:
+    """The rotation that gives the loads the lowest potential -tr(R^T M); the least of several."""
+    U, s, Vt = np.linalg.svd(moments)
+    if s[1] > NONE * s[0]:
+        return U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+    # loads of one direction u at arms of one direction v: the shortest way from v to u
+    u, v = U[:, 0], Vt[0]
+    axis = np.cross(v, u)
+    sine = float(np.linalg.norm(axis))
+    if sine < NONE:
+        return np.eye(3)
+    return _rotation(axis / sine, float(v @ u), sine)
+
+
+def _rotate(problem: Problem, R: np.ndarray, centre: np.ndarray) -> None:
+    """Turn the free part of the device as a whole about an undeformed place."""
+    state = problem.get_state()
+    for i, (part, x) in enumerate(zip(problem.displacement, _positions(problem), strict=True)):
+        mine = _nodes(problem, part)
+        turned = (x[mine] - centre) @ R[i] + centre[i]
+        state[part.dofs[mine]] = turned - part.space.tabulate_dof_coordinates()[mine, i]
+    problem.set_state(state)
+    problem.w.x.scatter_forward()

@@ -1,0 +1,229 @@
+"""Where a path loses stability: the load at which the tangent is singular, and its null vector.
+
+The inertia of the tangent tells that an eigenvalue has passed zero between two states.  The
+eigenvalue m nearest zero is had by inverse iteration on the fresh factor,
+
+    A v = m M v,   M the identity in the displacements,
+
+and the state at which it vanishes by a secant rule inside a bracket that the inertia keeps.  With
+b = dR/df the load's derivative of the residual, A x' = -b f' along the path: at a limit point
+v . b is not 0, at a bifurcation it is (Keller 1977; Riks 1979).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.solvers.newton import Attempt, NewtonSolver
+from dea_fenicsx.solvers.tangent import Tangent
+
+ORTHOGONAL = 1e-4
+"""Cosine between load derivative and null vector below which a critical point is a bifurcation."""
+
+NARROW = 1e-7
+"""Where a search ends: the bracket as a share of the way, or the eigenvalue as one of its change.
+
+Closer to the singular state Newton's method wanders along the null vector.
+"""
+
+Place = Callable[[float], Attempt]
+"""Brings the problem into equilibrium at a share, 0 to 1, of the way between two states."""
+
+
+@dataclass(frozen=True)
+class Critical:
+    """A state at which the tangent is singular.
+
+    Attributes
+    ----------
+    share
+        Its place between the two states of the search, 0 to 1.
+    width
+        Width of the last bracket, in the same measure.
+    state, factors
+        All local values of the mixed function, and the factors of the ramps.
+    mode
+        The null vector, in the same layout; its largest displacement is 1.
+    is_bifurcation
+        Whether the load's derivative is orthogonal to the mode.
+    after
+        Negative eigenvalues beyond those of a stable state on the far side.
+    attempt
+        How the last equilibrium was found.
+    """
+
+    share: float
+    width: float
+    state: np.ndarray
+    factors: dict[str, float]
+    mode: np.ndarray
+    is_bifurcation: bool
+    after: int
+    attempt: Attempt
+
+
+def load_derivative(tangent: Tangent, rates: dict[str, float]) -> np.ndarray:
+    """dR/df in the free rows where each ramp's factor changes at its rate with f."""
+    return sum(
+        (rate * tangent.by_load(name) for name, rate in rates.items()),
+        np.zeros(len(tangent.problem.free)),
+    )
+
+
+SLOPE_TOLERANCE = 1e-7
+"""Relative tolerance of the linear solve for the tangent of a path.
+
+The residual tells little of the bending of a thin part: with 1e-3 the tangent of a bilayer of 60
+layers' length was wrong by a factor of ten.
+"""
+
+
+def path_slope(solver: NewtonSolver, rates: dict[str, float]) -> np.ndarray | None:
+    """dx/df of the free unknowns at the present state, each ramp's factor at its rate with f.
+
+    None if the linear solve fails.  Collective.
+    """
+    return solver.linear_solve(-load_derivative(solver.tangent, rates), SLOPE_TOLERANCE)
+
+
+class Spectrum:
+    """The tangent's eigenvalue nearest zero, and the search for states at which it vanishes.
+
+    Parameters
+    ----------
+    solver
+        The nonlinear solver with its problem.
+    """
+
+    def __init__(self, solver: NewtonSolver) -> None:
+        self.solver, self.problem = solver, solver.problem
+        self.u = self.problem.free_fields["u"]
+        # pseudo-random and always the same: no symmetry of the device is orthogonal to it
+        rng = np.random.default_rng(self.problem.comm.rank + 1)
+        self._start = np.zeros(len(self.problem.free))
+        self._start[self.u] = rng.standard_normal(len(self.u))
+        # a mode's sign is that of its scalar product with these, on any number of ranks
+        self._compass = np.zeros(self.problem.size)
+        for part in self.problem.displacement:
+            x = part.space.tabulate_dof_coordinates()
+            self._compass[part.dofs] = 1 + x @ (0.37, 0.61, 0.83)
+
+    def count(self) -> int | None:
+        """Negative eigenvalues beyond those of a stable state; None if MUMPS fails."""
+        self.solver.refresh_inertia()
+        return self.solver.inertia.excess
+
+    def _dot(self, x: np.ndarray, y: np.ndarray) -> float:
+        return self.problem.comm.allreduce(float(x[self.u] @ y[self.u]), op=MPI.SUM)
+
+    def nearest_zero(self) -> tuple[int, float, np.ndarray] | None:
+        """Inertia, size of the eigenvalue nearest zero, and its vector in the free unknowns."""
+        self.solver.refresh_inertia()
+        count = self.solver.inertia.excess
+        if count is None:
+            return None
+        v = self._start / np.sqrt(self._dot(self._start, self._start))
+        value = np.inf
+        for _ in range(60):
+            load = np.zeros_like(v)
+            load[self.u] = v[self.u]
+            w = self.solver.linear_solve(load, 1e-8)
+            if w is None:
+                return None
+            size = self._dot(w, w)
+            new = self._dot(w, v) / size
+            v = w / np.sqrt(size)
+            if abs(new - value) <= 1e-6 * abs(new):
+                break
+            value = new
+        # the next search starts from this vector, with a little of everything else left in it
+        self._start = v + 1e-3 * self._start / np.sqrt(self._dot(self._start, self._start))
+        return count, abs(new), v
+
+    def locate(
+        self,
+        place: Place,
+        before: int,
+        rates: dict[str, float],
+        low: float = 0.0,
+    ) -> Critical | None:
+        """The first state behind `low` at which the inertia is no longer `before`.
+
+        Parameters
+        ----------
+        place
+            Brings the problem into equilibrium at a share of the way; the inertia differs at 1.
+        before
+            Inertia at `low`.
+        rates
+            Change of each ramp's factor along the way, for the load's derivative.
+
+        Returns
+        -------
+        Critical or None
+            None if no equilibrium near it is found.
+        """
+        ends: list[tuple[float, float, int]] = []
+        for share in (low, 1.0):
+            if not place(share).converged or (found := self.nearest_zero()) is None:
+                return None
+            ends.append((share, found[1], found[0]))
+        (a, fa, _), (b, fb, after) = ends
+        scale = max(fa, fb)
+        best: tuple[float, Critical] | None = None
+        for k in range(60):
+            # the eigenvalue changes sign inside: |m| of both ends makes the secant, the inertia
+            # says on which side a trial lies; now and then the middle, against one-sided creeping
+            x = (a * fb + b * fa) / (fa + fb) if k % 3 != 2 else (a + b) / 2
+            attempt = place(x)
+            if not attempt.converged or (trial := self.nearest_zero()) is None:
+                break
+            count, size, vector = trial
+            if count == before:
+                a, fa = x, size
+            else:
+                b, fb, after = x, size, count
+            if best is None or size < best[0]:
+                best = size, self._describe(x, b - a, vector, after, rates, attempt)
+            if b - a <= NARROW or size < NARROW * scale:
+                break
+        return best[1] if best and best[0] < 1e-3 * scale else None
+
+    def _describe(
+        self,
+        share: float,
+        width: float,
+        vector: np.ndarray,
+        after: int,
+        rates: dict[str, float],
+        attempt: Attempt,
+    ) -> Critical:
+        problem = self.problem
+        slope = load_derivative(self.solver.tangent, rates)
+        total = problem.comm.allreduce(
+            np.array([vector @ slope, vector @ vector, slope @ slope]), op=MPI.SUM
+        )
+        cosine = abs(total[0]) / np.sqrt(total[1] * total[2]) if total[2] > 0 else 0.0
+        return Critical(
+            share, width, problem.get_state(), dict(problem.factors), self.as_state(vector),
+            cosine < ORTHOGONAL, after, attempt,
+        )  # fmt: skip
+
+    def as_state(self, vector: np.ndarray) -> np.ndarray:
+        """A vector in the free unknowns laid out like a state, largest displacement 1."""
+        problem = self.problem
+        largest = float(np.max(np.abs(vector[self.u]), initial=0.0))
+        largest = problem.comm.allreduce(largest, op=MPI.MAX)
+        compass = float(vector[self.u] @ self._compass[problem.free[self.u]])
+        if problem.comm.allreduce(compass, op=MPI.SUM) < 0:
+            largest = -largest
+        kept = problem.get_state()
+        problem.set_state(np.zeros_like(kept))
+        problem.add_free(vector / largest)
+        mode = problem.get_state()
+        problem.set_state(kept)
+        return mode

@@ -1,0 +1,176 @@
+"""How a path that cannot be followed any further is told: which error, and in which words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.path.predictor import Known, Predictor
+from dea_fenicsx.path.stability import path_slope
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.solvers.newton import REASONS, Attempt
+from dea_fenicsx.support.errors import EquilibriumLost, NotReached, PathError, SolverError
+
+STEEP = 3.0
+"""Speed at the last state, over the mean speed on a way to it, that only a limit point explains.
+
+Towards a limit point the speed grows like an inverse square root.  A ramp ends when its steps have
+been halved to a thousandth of the first one; that near, the speed is more than ten times the mean.
+"""
+
+STEEPER = 1.1
+"""The same for a way that is as short as the last trial.
+
+There a smooth path is straight to a thousandth; that of a limit point, as far ahead as the way is
+long, has a ratio of 1.2.
+"""
+
+NEIGHBOUR = 8.0
+"""Length of such a way, in units of the last trial's step."""
+
+UNCERTAIN = ("slow", "diverged", "jumped")
+"""Reasons of a last trial that alone do not tell a lost equilibrium from a failure of Newton's.
+
+A chain past its lock-up and a cell turned inside out tell of the material.
+"""
+
+
+def describe(scene: Scene, factors: dict[str, float], names: Sequence[str]) -> str:
+    """The load of a state in words: volts for electrodes, the bare factor for all else."""
+    words = []
+    for name in names:
+        volts = scene.reference_voltage(name)
+        value = factors[name]
+        words.append(f"{value * volts:.6g} V" if volts else f"{name} factor {value:.6g}")
+    return ", ".join(words)
+
+
+def is_near_limit(predictor: Predictor, origin: Known, failed: dict[str, float]) -> bool:
+    """Whether the last accepted state shows a limit point ahead.  Collective.
+
+    Parameters
+    ----------
+    predictor
+        Holds the last accepted states; the problem holds the very last one.
+    origin
+        The state at the start of the ramp.
+    failed
+        Factors of the last trial.
+
+    Returns
+    -------
+    bool
+        True if the displacement grows so much faster with the load than on the way there as only a
+        limit point explains (see `STEEP` and `STEEPER`), or if the tangent cannot be solved for.
+    """
+    problem, last = predictor.problem, predictor.known[-1]
+    now = last.factors[predictor.name]
+    step = failed[predictor.name] - now
+    rates = {name: (failed[name] - factor) / step for name, factor in last.factors.items()}
+    slope = path_slope(predictor.solver, rates)
+    if slope is None:
+        return True
+    mine = float(np.max(np.abs(slope[problem.free_fields["u"]]), initial=0.0))
+    speed = problem.comm.allreduce(mine, op=MPI.MAX)
+    rest = Known(dict.fromkeys(last.factors, 0.0), np.zeros_like(last.state))
+    for earlier in (origin, *predictor.known[:-1], rest):
+        way = abs(now - earlier.factors[predictor.name])
+        if way == 0:
+            continue
+        short = earlier is not rest and way <= NEIGHBOUR * abs(step)
+        mean = predictor.moved(earlier.state, last.state) / way
+        if speed > (STEEPER if short else STEEP) * mean > 0:
+            return True
+    return False
+
+
+def ramp_lost(
+    scene: Scene,
+    names: Sequence[str],
+    label: str,
+    reached: dict[str, float],
+    failed: dict[str, float],
+    attempt: Attempt,
+    near_limit: bool,
+) -> PathError:
+    """The error that ends a ramp that cannot be followed any further.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    names, label
+        The ramps that move, and what they are called together.
+    reached, failed
+        Factors of the last accepted state and of the last trial.
+    attempt
+        The last trial.
+    near_limit
+        Whether the last accepted state shows a limit point ahead.
+    """
+    low, high = describe(scene, reached, names), describe(scene, failed, names)
+    if attempt.reason in ("factorisation", "stagnation"):
+        return SolverError(
+            f"The linear solver failed between {low} and {high} of the {label} ramp "
+            f"({REASONS[attempt.reason]}); check supports and material constants."
+        )
+    if attempt.reason == "rounding":
+        return SolverError(
+            f"Newton's residual came to rest at {attempt.residual:.2g} between {low} and {high} of "
+            f"the {label} ramp, just above its tolerance; it is rounding, so loosen "
+            "NewtonOptions(tolerance=...) or use cells that are less thin."
+        )
+    last = REASONS.get(attempt.reason, attempt.reason)
+    if not near_limit and attempt.reason in UNCERTAIN:
+        return SolverError(
+            f"No step from {low} towards {high} of the {label} ramp could be made, however short "
+            f"(last trial: {last}), and the state at {low} shows no limit point ahead; this is a "
+            "failure of the method and no pull-in; all steps before it are kept."
+        )
+    cause = "a pull-in or another limit point lies there" if near_limit else (
+        "the state before shows no limit point, so that an end of the material's range lies there"
+    )
+    error = EquilibriumLost(
+        f"Equilibrium was lost between {low} and {high} of the {label} ramp "
+        f"(last trial: {last}); {cause}, and all steps before it are kept."
+    )
+    error.reached, error.failed, error.ramps = dict(reached), dict(failed), tuple(names)
+    return error
+
+
+def trace_lost(scene: Scene, what: str, factors: dict[str, float], reason: str) -> PathError:
+    """The error that ends a trace whose steps have become too short."""
+    place = describe(scene, factors, (what,))
+    if reason in ("factorisation", "stagnation"):
+        return SolverError(
+            f"The linear solver failed at {place} of the {what} trace ({REASONS[reason]}); check "
+            "supports and material constants."
+        )
+    error = EquilibriumLost(
+        f"The branch could not be followed beyond {place} of the {what} trace, however short the "
+        f"arc (last trial: {REASONS.get(reason, reason)}); all steps before it are kept."
+    )
+    error.reached, error.failed, error.ramps = dict(factors), dict(factors), ()
+    return error
+
+
+def trace_short(what: str, column: str, value: float, gap: float, steps: int) -> NotReached:
+    """The error that ends a trace whose steps were used up before its end.
+
+    Parameters
+    ----------
+    what
+        The ramp of the trace.
+    column, value
+        The column of the history and the value at which the trace was to end.
+    gap
+        The column's last value less that value.
+    steps
+        The number of steps that the trace was given.
+    """
+    return NotReached(
+        f"The trace in {what} used up its {steps} steps at {column} = {value + gap:.6g}, before "
+        f"{column} = {value:.6g}; give it more steps, or a longer first one."
+    )

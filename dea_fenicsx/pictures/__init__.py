@@ -1,0 +1,17 @@
+"""Pictures of finished or running runs, made from their results files alone.
+
+`curve` draws columns of history.csv against each other, `deformed` the device in colours.  By hand:
+
+    python -m dea_fenicsx.pictures curve FOLDER --x voltage_V --y contraction
+    python -m dea_fenicsx.pictures render FOLDER --field field_strength_V_per_m --warp 5
+
+Needs matplotlib, and pyvista for `deformed`: the extra "plots".  This room imports `results` and
+the rooms before it, and never DOLFINx.
+"""
+
+from dea_fenicsx.pictures.command import main
+from dea_fenicsx.pictures.curves import axis_label, bare, curve, spoken
+from dea_fenicsx.pictures.drawing import animated, deformed
+from dea_fenicsx.pictures.fidelity import ladder
+
+__all__ = ["animated", "axis_label", "bare", "curve", "deformed", "ladder", "main", "spoken"]

@@ -1,0 +1,249 @@
+"""Columns of history.csv against each other, and the labels of all pictures."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dea_fenicsx.results.reading import read_history
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.files import LONGEST_NAME, clean, file_name, listed
+
+# endings of column names: unit, exponents of ten it may be scaled by
+_UNITS: dict[str, tuple[str, tuple[int, ...]]] = {
+    "_V_per_m": ("V/m", (6,)),
+    "_V": ("V", (0, 3)),
+    "_m": ("m", (-9, -6, -3, 0)),
+    "_m3": ("m³", (-9, 0)),
+    "_m2": ("m²", (-6, 0)),
+    "_C": ("C", (-12, -9, -6, -3, 0)),
+    "_F": ("F", (-12, -9, -6, -3, 0)),
+    "_rad_per_m": ("rad/m", (0,)),
+    "_rad": ("rad", (0,)),
+    "_N": ("N", (-6, -3, 0, 3)),
+    "_Pa": ("Pa", (0, 3, 6, 9)),
+    "_s": ("s", (0,)),
+    "_GB": ("GB", (0,)),
+}
+_PREFIX = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+_PERCENT = ("contraction", "strain")
+_WORDS = {
+    "max_field": "peak electric field",
+    "field_strength": "electric field",
+    "min_J": "smallest J",
+    "cap": "capacitance",
+}
+_COLUMN = 85 / 25.4  # inch: one column of a journal
+_SAVE: dict[str, dict] = {"png": {"dpi": 300}, "svg": {"metadata": {"Date": None}}}
+STYLE = {
+    "font.size": 8, "axes.linewidth": 0.6, "lines.linewidth": 1.0, "lines.markersize": 3.0,
+    "xtick.direction": "in", "ytick.direction": "in", "xtick.top": True, "ytick.right": True,
+    "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False,
+    "svg.fonttype": "none", "svg.hashsalt": "dea_fenicsx",
+}  # fmt: skip
+"""Settings of matplotlib that all curves share."""
+
+
+def axis_label(name: str, largest: float) -> tuple[str, float]:
+    """Text of an axis for a column of history.csv, and what its numbers are divided by.
+
+    Parameters
+    ----------
+    name
+        Column or field name, ending in its unit.
+    largest
+        Largest absolute value; decides between m, mm and µm, and the like.
+
+    Returns
+    -------
+    label, divisor
+    """
+    name = clean(name, LONGEST_NAME)
+    ending = next((e for e in _UNITS if name.endswith(e)), "")
+    base = name.removesuffix(ending)
+    words = _WORDS.get(base, base.replace("_", " "))
+    words = lettering(words[:1].upper() + words[1:])
+    if not ending:
+        if any(word in base for word in _PERCENT):
+            return f"{words} (%)", 0.01
+        return f"{words} (-)", 1.0
+    unit, exponents = _UNITS[ending]
+    power = 0 if 0 in exponents else exponents[0]
+    if largest > 0 and math.isfinite(largest):
+        fitting = [e for e in exponents if largest >= 10.0**e * 0.9995]
+        power = max(fitting, default=exponents[0])
+    if ending in ("_m2", "_m3"):
+        return f"{words} ({'m' if power else ''}{unit})", 10.0**power
+    return f"{words} ({_PREFIX[power]}{unit})", 10.0**power
+
+
+def spoken(name: str, value: float) -> tuple[str, str]:
+    """A column's name without its unit, and its value with a fitting one: ("voltage", "6 kV")."""
+    text, divisor = axis_label(name, abs(value))
+    unit = text.rsplit("(", 1)[1].rstrip(")")
+    number = f"{value / divisor:.4g}"
+    words = clean(bare(name), LONGEST_NAME).replace("_", " ")
+    return words, number if unit == "-" else f"{number} {unit}"
+
+
+def curve(
+    folders: str | os.PathLike | Sequence[str | os.PathLike],
+    x: str,
+    y: str,
+    path: str | os.PathLike | None = None,
+    labels: Sequence[str] | None = None,
+    markers: Sequence[str] | str = "os^Dv",
+    lines: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
+    formats: Sequence[str] = ("png", "svg"),
+) -> list[Path]:
+    """Draw one column of the history against another, for one run or several.
+
+    Events of the path (a maximum, a bifurcation, a way to fail) are marked by name.
+
+    Parameters
+    ----------
+    folders
+        A run's folder, or several.
+    x, y
+        Columns of history.csv.
+    path
+        The picture, without its ending; by default ``Y_X`` (less the units) beside the first
+        history.csv.
+    labels
+        Names of the runs for the legend; by default their folders' names if there are several.
+    markers
+        A matplotlib marker for each run, in turn.
+    lines
+        Curves to compare with, as thin lines: label to abscissae and ordinates, in the columns'
+        (SI) units.
+    formats
+        ``"png"`` (300 dpi), ``"svg"``, or both.
+
+    Returns
+    -------
+    list of Path
+        A file for each format.
+
+    Raises
+    ------
+    InputError
+        If a folder or column is not there, or a column holds no numbers.
+    """
+    try:
+        import matplotlib
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        raise InputError("Curves need matplotlib; pip install matplotlib.") from error
+
+    if isinstance(folders, str | os.PathLike):
+        folders = [folders]
+    places = [Path(f) for f in folders]
+    if not places:
+        raise InputError("No folder of a run was given; give at least one.")
+    if labels is None:
+        labels = [lettering(p.resolve().name) for p in places] if len(places) > 1 else [""]
+    if len(labels) != len(places):
+        raise InputError(f"There are {len(places)} runs but {len(labels)} labels; give one each.")
+    for kind in formats:
+        if kind not in _SAVE:
+            raise InputError(f"A curve is drawn as png or svg, not as {kind!r}.")
+    runs = [(_numbers(p, x), _numbers(p, y)) for p in places]
+    others = [(np.asarray(a, float), np.asarray(b, float)) for a, b in (lines or {}).values()]
+    biggest = [
+        max((float(np.nanmax(np.abs(c[i]), initial=0.0)) for c in [*runs, *others]), default=0.0)
+        for i in (0, 1)
+    ]
+    (x_text, x_unit), (y_text, y_unit) = axis_label(x, biggest[0]), axis_label(y, biggest[1])
+
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(_COLUMN, 0.75 * _COLUMN), layout="constrained")
+        axes = figure.subplots()
+        for k, ((a, b), label) in enumerate(zip(runs, labels, strict=True)):
+            mark = markers[k % len(markers)] if markers else None
+            axes.plot(a / x_unit, b / y_unit, marker=mark, markerfacecolor="white", label=label)
+        marked = [_events(p) for p in places]
+        names = list(dict.fromkeys(name for rows in marked for name, _ in rows))
+        for k, name in enumerate(names):
+            spots = [
+                (a[i] / x_unit, b[i] / y_unit)
+                for (a, b), rows in zip(runs, marked, strict=True)
+                for found, i in rows if found == name
+            ]  # fmt: skip
+            axes.plot(*np.transpose(spots), "XP*dhv"[k % 6], color=f"C{k % 8 + 1}", markersize=6,
+                      zorder=3, label=lettering(name))  # fmt: skip
+        for (a, b), label, dash in zip(others, lines or {}, ["--", ":", "-."] * 9, strict=False):
+            axes.plot(a / x_unit, b / y_unit, dash, color="0.2", linewidth=0.8, label=label)
+        axes.set_xlabel(x_text)
+        axes.set_ylabel(y_text)
+        if any(labels) or lines or names:
+            axes.legend()
+        stem = Path(path) if path is not None else places[0] / file_stem(y, x)
+        stem = stem.with_suffix("") if stem.suffix in (".png", ".svg") else stem
+        paths = []
+        for kind in formats:
+            save = partial(figure.savefig, format=kind, **_SAVE[kind])
+            paths.append(write_whole(stem.with_name(f"{stem.name}.{kind}"), save))
+        return paths
+
+
+def _numbers(folder: Path, name: str) -> np.ndarray:
+    columns = read_history(folder)
+    if name not in columns:
+        raise InputError(
+            f"The history in {folder} has no column {clean(name, 60)!r}; it has: {listed(columns)}."
+        )
+    if columns[name].dtype.kind != "f":
+        raise InputError(
+            f"Column {clean(name, 60)!r} of the history in {folder} does not hold numbers."
+        )
+    return columns[name]
+
+
+def _events(folder: Path) -> list[tuple[str, int]]:
+    """Events of a run with their rows, requested landings left out."""
+    column = read_history(folder).get("event")
+    if column is None or column.dtype.kind == "f":
+        return []
+    return [(str(e), i) for i, e in enumerate(column) if e and e != "landed"]
+
+
+def bare(name: str) -> str:
+    """A column's name without its unit."""
+    return name.removesuffix(next((e for e in _UNITS if name.endswith(e)), ""))
+
+
+def file_stem(*names: str) -> str:
+    """Name of a picture's file, without its ending, made of names of columns less their units."""
+    return "_".join(file_name(bare(name)) for name in names)
+
+
+def lettering(text: str) -> str:
+    """A text from a file for a picture: matplotlib takes what stands between $ for mathematics."""
+    return clean(text).replace("\\", "/").replace("$", r"\$")
+
+
+def write_whole(path: Path, write: Callable[[Path], object]) -> Path:
+    """Write a file through a temporary one beside it; links of either name are not followed.
+
+    The temporary file is made by what draws, which may end the process: then nothing is left.
+    """
+    temporary = path.with_name(f".{path.name}.new")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with suppress(FileNotFoundError):
+            temporary.unlink()
+        write(temporary)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise InputError(f"The picture {path} cannot be written ({error.strerror}).") from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink()
+    return path

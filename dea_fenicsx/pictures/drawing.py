@@ -1,0 +1,163 @@
+"""The deformed device in colours, drawn by a process of its own.
+
+Where OpenGL is missing VTK ends its process, and inside an MPI process it may hang.  So each
+picture is made by a child process, free of MPI.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+from dea_fenicsx.pictures.curves import file_stem
+from dea_fenicsx.results.reading import check_field, frame_times
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.subprocesses import environment
+
+_MPI = ("PMI", "OMPI_", "PRTE_", "PRRTE_", "MPI", "HYDRA_", "HYDI_")
+NO_PYVISTA = 5
+"""Exit status of the drawing process where pyvista or matplotlib is not installed."""
+
+_TIMEOUT_S = 180.0
+
+
+def deformed(
+    folder: str | os.PathLike,
+    field: str = "field_strength_V_per_m",
+    step: int = -1,
+    warp: float = 1.0,
+    path: str | os.PathLike | None = None,
+    say: Callable[[str], object] | None = None,
+) -> Path | None:
+    """Draw the deformed device, coloured by a field: from outside and in section.
+
+    The undeformed outline is drawn in red.  The drawing is done in a process of its own, free of
+    MPI: where OpenGL is missing VTK ends its process, and inside an MPI one it may hang.  On a run
+    with several ranks call it on rank 0 alone.
+
+    Parameters
+    ----------
+    folder
+        The run's folder.
+    field
+        Name of a field in fields.xdmf; vectors are shown by magnitude, stress by von Mises'.
+    step
+        Which step on disk, from 0; negative ones count from the last.
+    warp
+        Scale of the drawn displacement; stated in the picture.
+    path
+        The PNG file; by default ``FIELD.png`` (less the unit) beside fields.xdmf.
+    say
+        Called with one sentence if no picture could be made for want of pyvista or OpenGL.
+
+    Returns
+    -------
+    Path or None
+        The picture; None if it could not be made, and `say` was told why.
+
+    Raises
+    ------
+    InputError
+        If there are no fields, no such field or no such step.
+    """
+    place = Path(folder)
+    target = Path(path) if path is not None else place / f"{file_stem(field)}.png"
+    check_field(place, field, step)
+    options = [f"--field={field}", f"--step={step}", f"--warp={warp!r}", f"--out={target}"]
+    return target if _drawn("render", place, options, _TIMEOUT_S, say) else None
+
+
+def animated(
+    folder: str | os.PathLike,
+    path: str | os.PathLike,
+    field: str = "field_strength_V_per_m",
+    warp: float = 1.0,
+    say: Callable[[str], object] | None = None,
+) -> Path | None:
+    """Draw all steps of a run as a film, each like `deformed`, in one view and colour scale.
+
+    Parameters
+    ----------
+    folder, field, warp, say
+        As in `deformed`.
+    path
+        The file: .gif, or .mp4 where ffmpeg is there.
+
+    Returns
+    -------
+    Path or None
+        The film; None if it could not be made, and `say` was told why.
+
+    Raises
+    ------
+    InputError
+        If there are no fields or no such field, or the film cannot be written under that name.
+    """
+    from dea_fenicsx.pictures.movie import check_target
+
+    place, target = Path(folder), Path(path)
+    check_target(target)
+    check_field(place, field)
+    seconds = _TIMEOUT_S + 10.0 * len(frame_times(place))
+    options = [f"--field={field}", f"--warp={warp!r}", f"--out={target}"]
+    return target if _drawn("movie", place, options, seconds, say) else None
+
+
+def _drawn(
+    what: str,
+    place: Path,
+    options: list[str],
+    seconds: float,
+    say: Callable[[str], object] | None,
+) -> bool:
+    """Whether a child process could draw; if not, `say` is told why."""
+    command = [
+        sys.executable, "-m", "dea_fenicsx.pictures", what, str(place), "--here", *options,
+    ]  # fmt: skip
+    variables = environment(without=_MPI)
+    trials = [command]
+    if not variables.get("DISPLAY") and shutil.which("xvfb-run"):
+        # VTK before 9.4 can do nothing without a display
+        trials.append(["xvfb-run", "-a", *command])
+    reason = ""
+    for trial in trials:
+        status, told = _child(trial, variables, seconds)
+        if status == 0:
+            return True
+        if status == InputError.exit_status and told.startswith("Error: "):
+            raise InputError(told.removeprefix("Error: "))
+        reason = told
+        if status == NO_PYVISTA:
+            break
+    if say:
+        say(f"No picture of {place}: {reason}")
+    return False
+
+
+def _child(command: list[str], environment: dict[str, str], seconds: float) -> tuple[int, str]:
+    """Exit status of a process and the last line it wrote, or why it ended without one."""
+    process = subprocess.Popen(
+        command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE, text=True, errors="replace", start_new_session=True,
+    )  # fmt: skip
+    try:
+        _, errors = process.communicate(timeout=seconds)
+    except subprocess.TimeoutExpired:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        return -1, f"drawing took more than {seconds:g} s and was stopped."
+    status = process.returncode
+    if status < 0 or status > 128:
+        return status, (
+            "VTK found no OpenGL and ended; install libegl1, libgl1 and libxrender1 or, for VTK "
+            "before 9.4, xvfb."
+        )
+    lines = errors.strip().splitlines()
+    return status, lines[-1] if lines else f"drawing ended with status {status}."

@@ -1,0 +1,253 @@
+"""The checkpoint: a state, and where on the path it lies; trusted only as far as it can be checked.
+
+    state    values of all unknowns in each cell, shape (cells, unknowns of a cell)
+    told     JSON: cursor, history, fingerprint, references, failures, seconds
+    digest   SHA-256 of both
+
+A file may have been damaged or made up.  So its sizes are compared with those of the file before
+anything is read, and all that it tells must agree with itself, with the run's path and columns, and
+with the scene.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.lib import format as npy
+
+from dea_fenicsx.results.columns import load_column
+from dea_fenicsx.support.type_checks import check_declared, is_number
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.files import clean
+from dea_fenicsx.results.reading import TEXTS
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.path.ramping import Cursor
+from dea_fenicsx.path.tracing import Trace
+
+FORMAT = 2
+"""Number of the form of what is told; one of another number is not read."""
+
+CLOSE = 1e-9
+SAME_TIME = 1e-12
+
+
+class Unusable(Exception):
+    """A checkpoint that does not hold together; the message is a clause that says why."""
+
+
+# --------------------------------------------------------------------------------------- the file
+
+
+def write(target: Path, state: np.ndarray, told: Mapping[str, Any]) -> None:
+    """Write a checkpoint."""
+    text = json.dumps({"format": FORMAT, **told}, allow_nan=True)
+    state = np.ascontiguousarray(state, dtype=float)
+    with open(target, "wb") as file:
+        np.savez(file, state=state, told=text, digest=digest(state, text))
+
+
+def digest(state: np.ndarray, text: str) -> str:
+    """What tells whether a checkpoint is as it was written."""
+    found = hashlib.sha256(text.encode())
+    found.update(np.ascontiguousarray(state, dtype=float).tobytes())
+    return found.hexdigest()
+
+
+def read(file: Path) -> tuple[dict[str, Any], np.ndarray]:
+    """What a checkpoint tells, and its state of shape (cells, unknowns of a cell).
+
+    Raises
+    ------
+    InputError
+        If it is no checkpoint, is damaged, or is of another version of this package.
+    """
+    try:
+        with zipfile.ZipFile(file) as archive:
+            state = _array(archive, "state.npy")
+            text = str(_array(archive, "told.npy"))
+            sealed = str(_array(archive, "digest.npy")) if _has_digest(archive) else ""
+        told = json.loads(text)
+    except Exception as error:  # whatever a damaged file leads to
+        raise InputError(
+            f"{file} is no checkpoint of this package ({clean(error, 120) or 'damaged'})."
+        ) from error
+    if not isinstance(told, dict) or told.get("format") != FORMAT:
+        raise InputError(
+            f"{file} is a checkpoint of another version of this package, which this one does not "
+            "read; start anew without resume, or in another folder."
+        )
+    if state.dtype.kind != "f" or state.ndim != 2:
+        raise InputError(f"{file} is no checkpoint of this package (its state is no table).")
+    told["digest_agrees"] = sealed == digest(state, text)
+    return told, state
+
+
+def _has_digest(archive: zipfile.ZipFile) -> bool:
+    return "digest.npy" in archive.namelist()
+
+
+def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
+    """An array of an archive, if its size is what the archive and the file itself say it is."""
+    about = archive.getinfo(name)
+    if about.compress_type != zipfile.ZIP_STORED or about.file_size != about.compress_size:
+        raise ValueError(f"{name} is compressed")
+    with archive.open(about) as file:
+        shape, dtype = _head(file)
+        rest = file.read()
+    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(rest):
+        raise ValueError(f"{name} is not as long as it says")
+    return np.frombuffer(rest, dtype=dtype).reshape(shape)
+
+
+def _head(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype]:
+    version = npy.read_magic(file)
+    if version == (1, 0):
+        shape, fortran, dtype = npy.read_array_header_1_0(file)
+    elif version == (2, 0):
+        shape, fortran, dtype = npy.read_array_header_2_0(file)
+    else:
+        raise ValueError(f"version {version} of an array")
+    if fortran and len(shape) > 1:
+        raise ValueError("an array by columns")
+    return tuple(int(n) for n in shape), dtype
+
+
+# ----------------------------------------------------------------------------------- what it tells
+
+
+def cursor_of(
+    told: Mapping[str, Any], scene: Scene, path: Sequence[Any], columns: Sequence[str]
+) -> Cursor:
+    """The cursor of a checkpoint, once all that it tells agrees with itself and with the path.
+
+    Parameters
+    ----------
+    told
+        What `read` gave.
+    scene, path
+        Those of this run, which the fingerprint has been compared with.
+    columns
+        Names of the columns of this run's history.
+
+    Raises
+    ------
+    Unusable
+        If it does not.
+    """
+    cursor = _cursor(told.get("cursor"), scene, path)
+    rows = told.get("history")
+    _check_rows(rows, columns, cursor)
+    assert isinstance(rows, list)
+    _check_start(cursor, rows, scene, path)
+    _check_place(cursor, rows, scene, path)
+    _check_rest(told)
+    return cursor
+
+
+def _cursor(found: Any, scene: Scene, path: Sequence[Any]) -> Cursor:
+    names = [field.name for field in fields(Cursor)]
+    if not isinstance(found, dict) or set(found) != set(names):
+        raise Unusable("its place on the path is missing or not of this version")
+    cursor = Cursor(**found)
+    try:
+        check_declared(cursor)
+    except InputError as error:
+        raise Unusable("its place on the path holds what is no number") from error
+    numbers = [cursor.position, cursor.size, cursor.direction]
+    for factors in (cursor.factors, cursor.start):
+        if set(factors) != set(scene.ramps) or not all(map(is_number, factors.values())):
+            raise Unusable("its load factors are not those of the scene's ramps")
+        numbers += factors.values()
+    if not all(map(math.isfinite, numbers)):
+        raise Unusable("its place on the path holds what is no finite number")
+    if not (0 <= cursor.ramp < len(path) and 0 <= cursor.position <= 1 and cursor.size >= 0):
+        raise Unusable("its place lies outside of the path")
+    return cursor
+
+
+def _check_rows(rows: Any, columns: Sequence[str], cursor: Cursor) -> None:
+    """The history must be rows of this run's columns, a row a step."""
+    if not isinstance(rows, list) or not rows:
+        raise Unusable("its history is missing")
+    before = 0.0
+    for number, row in enumerate(rows):
+        if not isinstance(row, dict) or set(row) != set(columns):
+            raise Unusable(f"row {number} of its history does not have this run's columns")
+        for name, value in row.items():
+            good = isinstance(value, str) if name in TEXTS else value is None or is_number(value)
+            if not good:
+                raise Unusable(f"row {number} of its history holds {clean(value, 40)!r}")
+        time = row["time"]
+        time = math.nan if time is None else float(time)
+        if row["step"] != number or not before - CLOSE <= time <= math.inf:
+            raise Unusable(f"row {number} of its history is not the next step")
+        before = time
+    last = rows[-1]
+    if cursor.step != last["step"] or abs(cursor.ramp + cursor.position - last["time"]) > CLOSE:
+        raise Unusable("its place on the path is not that of the last row of its history")
+
+
+def _factors(row: Mapping[str, Any], scene: Scene) -> dict[str, float]:
+    """Load factors of a row of the history."""
+    found = {}
+    for ramp in scene.ramps:
+        column, unit = load_column(scene, ramp)
+        found[ramp] = math.nan if row[column] is None else float(row[column]) / unit
+    return found
+
+
+def _check_start(cursor: Cursor, rows: list[Any], scene: Scene, path: Sequence[Any]) -> None:
+    """The loads must be those of the last row, and their start those where its item began."""
+    begun = [row for row in rows if row["time"] <= cursor.ramp + SAME_TIME]
+    pairs = [(cursor.factors, _factors(rows[-1], scene))]
+    if cursor.ramp + cursor.position > 0:
+        pairs.append((cursor.start, _factors(begun[-1], scene)))
+    for mine, theirs in pairs:
+        for ramp, factor in mine.items():
+            if not abs(factor - theirs[ramp]) <= CLOSE * max(1.0, abs(factor)):
+                raise Unusable("its load factors are not those of its history")
+
+
+def _check_place(cursor: Cursor, rows: list[Any], scene: Scene, path: Sequence[Any]) -> None:
+    """The place on an item of the path must be that of its loads or of its steps."""
+    item = path[cursor.ramp]
+    if isinstance(item, Trace):
+        taken = sum(row["time"] > cursor.ramp + SAME_TIME for row in rows)
+        ended = cursor.position == 1.0 and _reached(item, rows[-1])
+        if not ended and round(cursor.position * item.steps) > taken:
+            raise Unusable("its place on the trace is beyond the steps of its history")
+        return
+    for ramp in item.names(scene):
+        here = (1 - cursor.position) * cursor.start[ramp] + cursor.position * item.to
+        if not abs(cursor.factors[ramp] - here) <= CLOSE * max(1.0, abs(here)):
+            raise Unusable("its load factors are not those of its place on the path")
+
+
+def _reached(item: Trace, row: Mapping[str, Any]) -> bool:
+    """Whether a trace has come to the value at which it ends."""
+    if item.until is None:
+        return False
+    column, value = item.until
+    found = row.get(column)
+    return found is not None and abs(found - value) <= 1e-4 * max(abs(value), abs(found))
+
+
+def _check_rest(told: Mapping[str, Any]) -> None:
+    sizes, failures, seconds = (told.get(k) for k in ("references", "failures", "wall_s"))
+    if not isinstance(sizes, dict) or not all(
+        key in ("u", "p", "phi") and is_number(size) and 0 <= size < math.inf
+        for key, size in sizes.items()
+    ):
+        raise Unusable("its references of the residual are not usable")
+    if not isinstance(failures, list) or not all(isinstance(f, dict) for f in failures):
+        raise Unusable("its list of failures is not usable")
+    if not is_number(seconds) or not 0 <= float(seconds or 0) < math.inf:
+        raise Unusable("its time is not usable")

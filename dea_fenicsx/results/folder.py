@@ -1,0 +1,451 @@
+"""A run's folder: fields for ParaView, history, summary and checkpoint, safe against a kill.
+
+    fields.xdmf     one grid for each step that holds every field; ParaView opens this
+    fields.h5       its numbers (while the run lasts: one small file a step in parts/)
+    history.csv     a row for each accepted step
+    summary.json    settings, versions, sizes, final observables
+    checkpoint.npz  the last accepted state, to resume from
+    modes/          the null vector of each critical point, on its deformed state
+    script.py       the script that made it
+    run.log         what the run said, with the time of day
+    previous/       an earlier run's files; those of later ones in previous_2/ and so on
+
+Each file is written under another name and then renamed, so that at any moment every file on disk
+is whole.  Rank 0 writes.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.results import checkpoint
+from dea_fenicsx.results import hdf5
+from dea_fenicsx.results import provenance
+from dea_fenicsx.results import xdmf
+from dea_fenicsx.results.columns import check_added
+from dea_fenicsx.support.type_checks import plain
+from dea_fenicsx.support.errors import InputError, MachineError
+from dea_fenicsx.results.fields import Grid
+from dea_fenicsx.support.files import free_name, replace_file
+from dea_fenicsx.support.file_lock import FolderLock
+from dea_fenicsx.results.reading import read_history, read_summary
+from dea_fenicsx.model.problem import Problem
+
+__all__ = ["RUN_FILES", "Folder", "Run", "read_history", "read_summary", "replace_file"]
+
+RUN_FILES = (
+    "fields.xdmf", "fields.h5", "history.csv", "summary.json", "checkpoint.npz", "parts", "modes",
+    "run.log",
+)  # fmt: skip
+
+
+class Folder:
+    """The results folder, handled by rank 0 alone.
+
+    Parameters
+    ----------
+    path
+        The folder.
+    comm
+        Communicator of the run; errors on rank 0 are raised on all ranks.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be made or written.
+    """
+
+    def __init__(self, path: str | os.PathLike, comm: MPI.Comm) -> None:
+        self.path = Path(path)
+        self.comm = comm
+        self.origin: dict[str, Any] = {}
+        self._together(self._check_writable)
+        self._lock = FolderLock(self.path)
+        self._summary: bytes | None = None
+
+    def take(self) -> bool:
+        """Take the folder for one run; False if its file system keeps no locks.  Collective.
+
+        Raises
+        ------
+        InputError
+            If another run is writing into it, or what a run writes into is a link.
+        """
+
+        def action() -> bool:
+            self._lock.take()
+            for name in ("parts", "modes"):
+                if (self.path / name).is_symlink():
+                    self._lock.release()
+                    raise InputError(
+                        f"{self.path / name} is a link, but a run writes into its own folder only; "
+                        "remove it, or choose another folder with --out or out=."
+                    )
+            return self._lock.kept
+
+        return bool(self._together(action))
+
+    def release(self) -> None:
+        """Give the folder free for other runs; reading and `Run.add` need no lock."""
+        self._lock.release()
+
+    def _together(self, action: Callable[[], Any]) -> Any:
+        """Run an action on rank 0 and let all ranks share its result or its error."""
+        result, fault = None, ""
+        if self.comm.rank == 0:
+            try:
+                result = action()
+            except (OSError, InputError) as error:
+                fault = str(error) or type(error).__name__
+        result, fault = self.comm.bcast((result, fault), root=0)
+        if fault:
+            raise InputError(fault if fault.endswith(".") else f"{fault} ({self.path}).")
+        return result
+
+    def write(self, action: Callable[[], None], together: bool = True) -> None:
+        """Write on rank 0; if that fails, raise `MachineError` on all ranks.
+
+        Collective, unless `together` is False: then it is raised on rank 0 alone.
+        """
+        fault = ""
+        if self.comm.rank == 0:
+            try:
+                action()
+            except (OSError, RuntimeError, KeyError) as error:  # h5py raises any of them
+                fault = hdf5.reason(error)
+        if together:
+            fault = self.comm.bcast(fault, root=0)
+        if fault:
+            raise MachineError(
+                f"The results folder {self.path} cannot be written any more ({fault}); all steps "
+                "before are kept there, and the run can be resumed from them."
+            )
+
+    def _check_writable(self) -> None:
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=self.path):
+                pass
+        except OSError as error:
+            raise InputError(
+                f"The results folder {self.path} cannot be written ({error.strerror}); choose "
+                "another with --out or out=."
+            ) from error
+
+    def start(self) -> None:
+        """Make room for a new run: an earlier run's files move into a folder previous...
+
+        Nothing is deleted: the first one's go to previous/, the next one's to previous_2/.
+        Collective.
+        """
+
+        def action() -> None:
+            found = [n for n in RUN_FILES if os.path.lexists(self.path / n)]
+            if found:
+                old = free_name(self.path / "previous")
+                old.mkdir()
+                copies = [
+                    name
+                    for name in (provenance.COPY, provenance.RESUMED)
+                    if (self.path / name).exists() and not provenance.is_script(self.path / name)
+                ]
+                # the checkpoint first: a run killed in here is not taken for one to resume
+                for name in sorted([*found, *copies], key=lambda n: n != "checkpoint.npz"):
+                    os.replace(self.path / name, old / name)
+            (self.path / "parts").mkdir(exist_ok=True)
+
+        self._together(action)
+
+    def keep_origin(self) -> None:
+        """Copy the script into the folder, and find out its state in git.  Collective."""
+
+        def action() -> dict[str, Any]:
+            provenance.keep_script(self.path)
+            return provenance.origin()
+
+        self.origin = self._together(action)
+
+    # -------------------------------------------------------------- checkpoint
+
+    def load_checkpoint(self) -> tuple[dict[str, Any], np.ndarray] | None:
+        """The last accepted step: what was told to `write_step`, and the state (rank 0).
+
+        Collective; the first part is given to all ranks, the state to rank 0 only.  None if the
+        folder holds no checkpoint.
+        """
+        file = self.path / "checkpoint.npz"
+        state = None
+
+        def action() -> dict[str, Any] | None:
+            nonlocal state
+            if not file.exists():
+                return None
+            told, state = checkpoint.read(file)
+            return told
+
+        told = self._together(action)
+        return None if told is None else (told, state)  # type: ignore[return-value]
+
+    # ------------------------------------------------------------------ writing
+
+    def write_grid(self, grid: Grid | None) -> None:
+        """Write the undeformed grid (rank 0)."""
+        if self.comm.rank != 0:
+            return
+        assert grid is not None
+        (self.path / "parts").mkdir(exist_ok=True)
+
+        put = hdf5.image(lambda h5: hdf5.put_grid(h5, grid))
+        replace_file(self.path / "parts" / "grid.h5", put)
+
+    def write_step(
+        self,
+        step: int,
+        told: dict[str, Any] | None,
+        history: list[dict[str, Any]],
+        nodes: dict[str, np.ndarray] | None,
+        cells: dict[str, np.ndarray] | None,
+        state: np.ndarray | None,
+    ) -> None:
+        """Write an accepted step: fields first, the checkpoint that vouches for them last.
+
+        Without anything told there is no checkpoint, and a run is resumed from the step before.
+        """
+        if self.comm.rank != 0:
+            return
+
+        def put_fields(h5: Any) -> None:
+            assert nodes is not None and cells is not None
+            for group, fields in (("node", nodes), ("cell", cells)):
+                for name, values in fields.items():
+                    h5[f"{group}/{name}"] = values
+
+        if nodes is not None:
+            replace_file(self._part(step), hdf5.image(put_fields))
+            self.write_xdmf(history)
+        self.write_history(history)
+        if told is None:
+            return
+
+        assert state is not None
+        values, facts = state, told
+        replace_file(
+            self.path / "checkpoint.npz", lambda target: checkpoint.write(target, values, facts)
+        )
+
+    def write_history(self, history: list[dict[str, Any]]) -> None:
+        """Write history.csv: a row for each accepted step (rank 0)."""
+        if self.comm.rank != 0:
+            return
+
+        def write(target: Path) -> None:
+            with open(target, "w", newline="") as f:
+                writer = csv.DictWriter(f, fieldnames=list(history[0]))
+                writer.writeheader()
+                writer.writerows({k: _number(v) for k, v in row.items()} for row in history)
+
+        replace_file(self.path / "history.csv", write)
+
+    def write_summary(self, summary: dict[str, Any]) -> None:
+        """Write summary.json (rank 0)."""
+        if self.comm.rank != 0:
+            return
+        text = json.dumps(_plain(summary), indent=2, ensure_ascii=False) + "\n"
+        data = text.encode("utf-8", "replace")
+        replace_file(self.path / "summary.json", lambda target: target.write_bytes(data))
+        self._summary = data
+
+    def add_to_summary(self, summary: dict[str, Any]) -> None:
+        """Write summary.json again, unless another run has the folder by now (rank 0).
+
+        Raises
+        ------
+        InputError
+            If the folder holds another run, or one is writing into it.
+        """
+        if self.comm.rank != 0:
+            return
+        self._lock.take()
+        try:
+            file = self.path / "summary.json"
+            if file.exists() and self._summary not in (None, file.read_bytes()):
+                raise InputError(
+                    f"{self.path} holds another run by now, whose summary is left as it is; give "
+                    "each run a folder of its own."
+                )
+            self.write_summary(summary)
+        finally:
+            self._lock.release()
+
+    def _part(self, step: int) -> Path:
+        return self.path / "parts" / f"step_{step:05d}.h5"
+
+    # --------------------------------------------------------------------- XDMF
+
+    def write_xdmf(self, history: list[dict[str, Any]], whole: bool = False) -> None:
+        """Write fields.xdmf for the steps on disk: one grid a step, with every field (rank 0).
+
+        Parameters
+        ----------
+        history
+            The accepted steps.
+        whole
+            Whether all steps are in fields.h5; otherwise those in parts/ are taken from there.
+        """
+        if self.comm.rank != 0:
+            return
+        grids = []
+        for row in history:
+            step = int(row["step"])
+            file, prefix = self._where(self._part(step), f"step_{step:05d}/", whole)
+            if file.exists():
+                grids.append(self._grid_xml(step, float(row["time"]), file, prefix, whole))
+        text = xdmf.document("".join(grids))
+        replace_file(self.path / "fields.xdmf", lambda target: target.write_text(text, "utf-8"))
+
+    def _where(self, part: Path, group: str, whole: bool) -> tuple[Path, str]:
+        """File and group in it that hold a part of the results."""
+        return (part, "") if part.exists() and not whole else (self.path / "fields.h5", group)
+
+    def _grid_xml(self, step: int, time: float, file: Path, prefix: str, whole: bool) -> str:
+        mesh, mesh_prefix = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
+        return xdmf.grid_xml(
+            f"step {step}", time, (mesh, mesh_prefix), (file, prefix), self.path
+        )
+
+    def write_mode(
+        self,
+        step: int,
+        grid: Grid | None,
+        nodes: dict[str, np.ndarray] | None,
+        mode: np.ndarray | None,
+    ) -> None:
+        """Write a null vector with the state it belongs to: modes/mode_<step>.xdmf (rank 0)."""
+        if self.comm.rank != 0:
+            return
+        assert grid is not None and nodes is not None and mode is not None
+        folder = self.path / "modes"
+        folder.mkdir(exist_ok=True)
+        file = folder / f"mode_{step:05d}.h5"
+
+        def put(h5: Any) -> None:
+            hdf5.put_grid(h5, grid)
+            for name, values in (nodes | {"mode": mode}).items():
+                h5[f"node/{name}"] = values
+
+        replace_file(file, hdf5.image(put))
+        grid_xml = xdmf.grid_xml(f"mode of step {step}", 0.0, (file, ""), (file, ""), folder)
+        text = xdmf.document(grid_xml)
+        replace_file(file.with_suffix(".xdmf"), lambda target: target.write_text(text, "utf-8"))
+
+    def consolidate(self, history: list[dict[str, Any]]) -> None:
+        """Bring all steps into one fields.h5 and remove the parts (rank 0)."""
+        if self.comm.rank != 0:
+            return
+        parts = self.path / "parts"
+        if not (parts / "grid.h5").exists():
+            shutil.rmtree(parts, ignore_errors=True)
+            return
+        whole = self.path / "fields.h5"
+
+        steps = {f"step_{int(r['step']):05d}": self._part(int(r["step"])) for r in history}
+        sources = {"grid": parts / "grid.h5", **steps}
+        replace_file(whole, lambda target: hdf5.join(target, whole, sources))
+        self.write_xdmf(history, whole=True)
+        shutil.rmtree(parts)
+
+
+def _number(value: Any) -> Any:
+    """Full precision for floats, an empty cell for None."""
+    if value is None:
+        return ""
+    return repr(float(value)) if isinstance(value, float | np.floating) else value
+
+
+def _plain(value: Any) -> Any:
+    """What JSON can hold: NaN and infinity become null."""
+    value = plain(value)
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    if isinstance(value, str | int | float | bool) or value is None:
+        return value
+    return str(value)
+
+
+@dataclass
+class Run:
+    """A finished or ended run.
+
+    Attributes
+    ----------
+    history
+        A row for each accepted step: column name to value.
+    summary
+        What summary.json holds.
+    problem
+        The discrete problem in its last accepted state.
+    folder
+        The results folder's writer, or None.
+    """
+
+    history: list[dict[str, Any]]
+    summary: dict[str, Any]
+    problem: Problem
+    folder: Folder | None = None
+
+    @property
+    def out(self) -> Path | None:
+        """The results folder."""
+        return self.folder.path if self.folder else None
+
+    def add(self, **values: Any) -> None:
+        """Add a script's own findings to the summary, in memory and on disk (by rank 0).
+
+        A key ends in its unit (``height_m``) unless it is a pure number.
+
+        Raises
+        ------
+        InputError
+            If it would replace what the package says of the run, or the folder holds another run
+            by now.
+        """
+        check_added(values)
+        self.summary |= values
+        folder = self.folder
+        if folder:  # a script may well call this on rank 0 alone
+            folder.write(lambda: folder.add_to_summary(self.summary), together=False)
+
+    def column(self, name: str) -> np.ndarray:
+        """A column of the history as an array: numbers, NaN where there is none, or texts."""
+        if not self.history:
+            raise InputError("The history holds no step yet, so it has no columns.")
+        if name not in self.history[0]:
+            raise InputError(
+                f"The history has no column {name!r}; it has: {', '.join(self.history[0])}."
+            )
+        values = [row[name] for row in self.history]
+        if any(isinstance(value, str) for value in values):
+            return np.array(["" if value is None else str(value) for value in values])
+        return np.array(values, dtype=float)
+
+    def __getitem__(self, name: str) -> Any:
+        """Value of a column at the last step: a number, or a text such as that of ``event``."""
+        last = self.column(name)[-1]
+        return str(last) if isinstance(last, str) else float(last)

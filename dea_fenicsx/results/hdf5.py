@@ -1,0 +1,71 @@
+"""HDF5 files of a run: a grid, a step, and all steps joined in one file."""
+
+from __future__ import annotations
+
+import io
+import re
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from dea_fenicsx.results.fields import Grid
+
+
+def image(put: Callable[[Any], None]) -> Callable[[Path], None]:
+    """What writes an HDF5 file: built in memory, for HDF5 cannot close a file on a full disk."""
+
+    def write(target: Path) -> None:
+        image = io.BytesIO()
+        with h5py.File(image, "w") as h5:
+            put(h5)
+        target.write_bytes(image.getbuffer())
+
+    return write
+
+
+def reason(error: Exception) -> str:
+    """Why a file could not be written, in a few words; HDF5's own account has many lines."""
+    text = str(getattr(error, "strerror", None) or error)
+    found = re.search(r"error message = '([^']*)'", text)
+    return found[1] if found else " ".join(text.split())[:160] or type(error).__name__
+
+
+def put_grid(h5: Any, grid: Grid) -> None:
+    """Write an undeformed grid."""
+    h5["points"] = grid.points
+    h5["cells"] = grid.cells
+    h5["regions"] = grid.regions.astype(np.int64)
+    h5.attrs["cell"] = grid.kind
+
+
+def join(target: Path, whole: Path, sources: Mapping[str, Path]) -> None:
+    """Write a file that holds a group for each of some files, beside what it has held so far.
+
+    Parameters
+    ----------
+    target
+        The file to write, which is there and empty.
+    whole
+        What it has held so far, if there is such a file.
+    sources
+        Name of each group and its file; a file that is not there leaves the group as it is.
+    """
+    before = whole.is_file()
+    if before:
+        shutil.copyfile(whole, target)
+    with h5py.File(target, "a" if before else "w") as h5:
+        for name, source in sources.items():
+            if not source.exists():
+                continue
+            if name in h5:
+                del h5[name]
+            with h5py.File(source, locking=False) as part:
+                group = h5.create_group(name)
+                for key, value in part.attrs.items():
+                    group.attrs[key] = value
+                for key in part:
+                    part.copy(key, group)

@@ -1,0 +1,224 @@
+"""Reading a run's results back: light, without MPI or DOLFINx."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import xml.etree.ElementTree as ET
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.files import clean, listed
+from dea_fenicsx.results.untrusted import read_data, read_xml
+
+# XDMF's name of a quadratic cell: VTK's number, nodes, whether it is a flat one
+_CELLS = {
+    "Triangle_6": (22, 6, True),
+    "Quadrilateral_9": (28, 9, True),
+    "Tetrahedron_10": (24, 10, False),
+    "Hexahedron_27": (29, 27, False),
+}
+
+TEXTS = ("ramp", "event")
+"""Columns of a history that hold texts."""
+
+
+def read_history(folder: str | os.PathLike) -> dict[str, np.ndarray]:
+    """Columns of a run's history.csv: numbers as float arrays (NaN where empty), else strings."""
+    file = Path(folder) / "history.csv"
+    if not file.is_file():
+        raise InputError(f"There is no history.csv in {folder}; give the folder of a run.")
+    try:
+        with open(file, newline="", encoding="utf-8") as f:
+            reader = csv.DictReader(f)
+            rows = list(reader)
+            names = list(reader.fieldnames or [])
+    except OSError as error:
+        raise InputError(f"{file} cannot be read ({error.strerror}).") from error
+    except (csv.Error, ValueError) as error:
+        told = clean(error, 120)
+        raise InputError(f"{file} is not a history of this package ({told}).") from error
+    if any(None in row or None in row.values() for row in rows):
+        raise InputError(f"{file} is damaged: a row has more or fewer cells than its head.")
+    if len(set(names)) != len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(f"{file} is damaged: it has two columns {clean(twice, 60)!r}.")
+    columns: dict[str, np.ndarray] = {}
+    for name in rows[0] if rows else []:
+        values = [row[name] for row in rows]
+        try:
+            if name in TEXTS and any(values):
+                raise ValueError("a text, even where it looks like a number")
+            columns[name] = np.array([float(v) if v else np.nan for v in values])
+        except ValueError:
+            columns[name] = np.array(values)
+    return columns
+
+
+def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
+    """A run's summary.json."""
+    file = Path(folder) / "summary.json"
+    if not file.is_file():
+        raise InputError(f"There is no summary.json in {folder}; give the folder of a run.")
+    try:
+        found = json.loads(file.read_text("utf-8"))
+    except OSError as error:
+        raise InputError(f"{file} cannot be read ({error.strerror}).") from error
+    except (ValueError, RecursionError, MemoryError) as error:
+        raise InputError(f"{file} is not valid JSON.") from error
+    if not isinstance(found, dict):
+        raise InputError(f"{file} is no summary of a run: it holds no object.")
+    return found
+
+
+def load_columns(history: dict[str, np.ndarray], summary: dict[str, Any]) -> list[str]:
+    """Columns of a history that hold the loads, those of the last ramp first.
+
+    A ramp that moves electrodes of given potential has a column in V, any other one its factor.
+    Without a summary only ``voltage_V`` and the factors are known for loads.
+    """
+    names: list[str] = []
+    with suppress(KeyError, TypeError, AttributeError):
+        for ramp in reversed(summary["settings"]["path"]):
+            what = ramp["what"] or []
+            names += [what] if isinstance(what, str) else list(what)
+    names = [name for name in names if isinstance(name, str)]
+    known = [f"{name}_{end}" for name in names for end in ("V", "factor")]
+    found = [name for name in known if name in history]
+    others = [name for name in history if name.endswith("_factor") or name == "voltage_V"]
+    return list(dict.fromkeys([*found, *others]))
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One step of a run.
+
+    Attributes
+    ----------
+    grid : pyvista.UnstructuredGrid, undeformed, with the step's fields
+    flat : whether the device lies in a plane
+    time : path parameter of the step
+    """
+
+    grid: Any
+    flat: bool
+    time: float
+
+
+def _grids(folder: Path) -> list[ET.Element]:
+    """The steps in fields.xdmf."""
+    file = folder / "fields.xdmf"
+    if not file.is_file():
+        raise InputError(f"There is no fields.xdmf in {folder}; give the folder of a run.")
+    grids = read_xml(file).findall("./Domain/Grid/Grid")
+    for grid in grids:
+        attributes = grid.findall("Attribute")
+        if any(not {"Name", "Center"} <= set(a.attrib) for a in attributes):
+            raise InputError(f"{file} is damaged: a field has no name or no place.")
+        _time(file, grid)
+    return grids
+
+
+def _time(file: Path, grid: ET.Element) -> float:
+    """Path parameter of a step."""
+    time = grid.find("Time")
+    try:
+        return float(time.attrib["Value"]) if time is not None else 0.0
+    except (KeyError, ValueError) as error:
+        raise InputError(f"{file} is damaged: the time of a step is no number.") from error
+
+
+def _grid(folder: Path, step: int) -> ET.Element:
+    """One of the steps in fields.xdmf."""
+    grids = _grids(folder)
+    if not -len(grids) <= step < len(grids):
+        raise InputError(
+            f"Step {step} is not in {folder / 'fields.xdmf'}; it holds steps 0 to "
+            f"{len(grids) - 1} (-1 is the last one)."
+        )
+    return grids[step]
+
+
+def check_field(folder: Path, field: str, step: int = -1) -> None:
+    """Raise InputError unless fields.xdmf has that field at that step."""
+    names = [a.attrib["Name"] for a in _grid(folder, step).findall("Attribute")]
+    if field not in names:
+        raise InputError(
+            f"There is no field {field!r} in the results; there are: {listed(sorted(names))}."
+        )
+
+
+def frame_times(folder: str | os.PathLike) -> list[float]:
+    """Path parameter of each step in fields.xdmf."""
+    folder = Path(folder)
+    return [_time(folder / "fields.xdmf", grid) for grid in _grids(folder)]
+
+
+def field_names(folder: str | os.PathLike) -> list[str]:
+    """Names of the fields in fields.xdmf."""
+    names = [a.attrib["Name"] for grid in _grids(Path(folder)) for a in grid.findall("Attribute")]
+    return list(dict.fromkeys(names))
+
+
+def read_frame(folder: str | os.PathLike, step: int = -1) -> Frame:
+    """Read a step of a run from fields.xdmf and the HDF5 files it names, without VTK's readers.
+
+    Parameters
+    ----------
+    folder
+        The run's folder; the run may still be going on.
+    step
+        Which of the steps on disk, from 0; negative ones count from the last.
+
+    Raises
+    ------
+    InputError
+        If there are no fields, or no such step.
+    """
+    import pyvista
+
+    folder = Path(folder)
+    file = folder / "fields.xdmf"
+    xml = _grid(folder, step)
+
+    def data(element: ET.Element | None) -> np.ndarray:
+        place = "" if element is None else element.findtext("DataItem") or ""
+        return read_data(folder, place)
+
+    topology = xml.find("Topology")
+    kind = "" if topology is None else topology.attrib.get("TopologyType", "")
+    if kind not in _CELLS:
+        raise InputError(f"{file} is damaged: it has cells of an unknown kind {clean(kind, 60)!r}.")
+    number, nodes, flat = _CELLS[kind]
+    cells, points = data(topology), data(xml.find("Geometry"))
+    _check_grid(file, cells, points, nodes)
+    table = np.column_stack([np.full(len(cells), nodes), cells]).ravel()
+    grid = pyvista.UnstructuredGrid(table, np.full(len(cells), number, dtype=np.uint8), points)
+    for attribute in xml.findall("Attribute"):
+        nodal = attribute.attrib["Center"] == "Node"
+        name, values = attribute.attrib["Name"], data(attribute)
+        if values.ndim not in (1, 2) or len(values) != (len(points) if nodal else len(cells)):
+            raise InputError(
+                f"{file} is damaged: its field {clean(name, 60)!r} has not a value for each "
+                f"{'node' if nodal else 'cell'}."
+            )
+        (grid.point_data if nodal else grid.cell_data)[name] = values
+    return Frame(grid, flat, _time(file, xml))
+
+
+def _check_grid(file: Path, cells: np.ndarray, points: np.ndarray, nodes: int) -> None:
+    """Raise InputError unless cells refer to points that are there; VTK would not ask."""
+    good = (
+        points.ndim == 2 and points.shape[1] == 3 and points.dtype.kind == "f"
+        and bool(np.isfinite(points).all()) and len(points) > 0
+        and cells.ndim == 2 and cells.shape[1] == nodes and cells.dtype.kind in "iu"
+        and len(cells) > 0 and int(cells.min()) >= 0 and int(cells.max()) < len(points)
+    )  # fmt: skip
+    if not good:
+        raise InputError(f"{file} is damaged: its cells do not fit its nodes.")

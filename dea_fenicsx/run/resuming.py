@@ -1,0 +1,151 @@
+"""Carrying a run on: from its checkpoint, if that is whole and belongs to the same run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.measure.observables import Measurement
+from dea_fenicsx.model.energy import Scales
+from dea_fenicsx.path.ramping import Cursor
+from dea_fenicsx.results.checkpoint import Unusable, cursor_of
+from dea_fenicsx.results.fields import FieldWriter
+from dea_fenicsx.results.folder import Folder
+from dea_fenicsx.results.identity import difference
+from dea_fenicsx.run.step_checks import check_step
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.support.errors import InputError, SolverError
+
+FIXED = 1e-9
+"""How far a fixed value of a resumed state may be from that of its load, dimensionless."""
+
+SAME = 1e-6
+"""Difference of a measured value from that of the earlier run, relative to the column's largest."""
+
+NOISE = 1e-9
+"""Share of a quantity's natural size below which a value may be rounding."""
+
+
+def carry_on(
+    folder: Folder,
+    writer: FieldWriter,
+    solver: NewtonSolver,
+    path: Sequence[Any],
+    fingerprint: Mapping[str, Any],
+    columns: Sequence[str],
+    record: Mapping[str, Any],
+    measurements: Mapping[str, Measurement],
+) -> tuple[Cursor, dict[str, Any]] | None:
+    """Restore the last accepted step of an earlier run.  Collective; nothing is written.
+
+    Parameters
+    ----------
+    folder, writer, solver, path
+        Those of this run.
+    fingerprint, columns
+        What this run is, and the columns of its history.
+    record, measurements
+        Observables by column, and how each is measured.
+
+    Returns
+    -------
+    cursor, what the checkpoint tells; or None if there is no checkpoint
+
+    Raises
+    ------
+    InputError
+        If the checkpoint is damaged or made up, or belongs to another run.
+    """
+    found = folder.load_checkpoint()
+    if found is None:
+        return None
+    told, state = found
+    problem = solver.problem
+
+    def agree(why: str | None) -> None:
+        """Raise InputError on all ranks if rank 0 has a reason."""
+        why = problem.comm.bcast(why, root=0)
+        if why:
+            raise InputError(
+                f"The run in {folder.path} cannot be resumed: {why}; start anew without resume, or "
+                "in another folder."
+            )
+
+    agree(difference(fingerprint, told.get("fingerprint")))
+    cursor, why = Cursor(), None
+    try:
+        cursor = cursor_of(told, problem.scene, path, columns)
+    except Unusable as error:
+        why = f"its checkpoint is damaged, for {error}"
+    agree(why)
+    agree(None if writer.fits(state) else "its checkpoint is damaged, for its state does not fit")
+    if not _restored(solver, writer, state, cursor, told["references"]):
+        agree("its last state is no equilibrium of this scene")
+    agree(None if told["digest_agrees"] else "its checkpoint was changed after it was written")
+    agree(_other_value(problem.scales, told["history"], record, measurements))
+    return cursor, told
+
+
+def _restored(
+    solver: NewtonSolver,
+    writer: FieldWriter,
+    state: np.ndarray | None,
+    cursor: Cursor,
+    references: Mapping[str, float],
+) -> bool:
+    """Put a state back; whether it is an equilibrium at the cursor's loads.  Collective."""
+    problem = solver.problem
+    writer.scatter_state(state)
+    solver.references.sizes |= references
+    problem.set_factors(cursor.factors)
+    problem.keep_orientation()
+    change = problem.insert_fixed()
+    moved = problem.comm.allreduce(float(np.max(np.abs(change), initial=0.0)), op=MPI.MAX)
+    try:
+        check_step(solver, cursor.step, {})
+    except SolverError:
+        return False
+    return bool(moved <= FIXED)
+
+
+def _other_value(
+    scales: Scales,
+    history: Sequence[Mapping[str, Any]],
+    record: Mapping[str, Any],
+    measurements: Mapping[str, Measurement],
+) -> str | None:
+    """Which column now gives another value on the last state than it has given there.  Collective.
+
+    So an observable that was redefined under its name is found whatever it is made of.  One that
+    the state alone does not determine, such as a clock, has the attribute ``of_the_state = False``.
+    """
+    why = None
+    for column, measure in measurements.items():
+        if not getattr(record[column], "of_the_state", True):
+            continue
+        value = float(measure())
+        known = [math.nan if row[column] is None else float(row[column]) for row in history]
+        if math.isnan(known[-1]) and math.isnan(value):
+            continue
+        largest = max((abs(v) for v in known if math.isfinite(v)), default=0.0)
+        allowed = max(SAME * max(largest, abs(value)), NOISE * _size(scales, record[column].unit))
+        if why is None and not abs(known[-1] - value) <= allowed:
+            why = (
+                f"its column {column!r} is another observable, or one that the state alone does "
+                "not determine"
+            )
+    return why
+
+
+def _size(scales: Scales, unit: str) -> float:
+    """The natural size of a quantity in a unit of SI."""
+    length = scales.length
+    return {
+        "": 1.0, "rad": 1.0, "m": length, "m2": length**2, "m3": length**3,
+        "rad_per_m": 1 / length, "V": scales.potential, "C": scales.charge, "N": scales.force,
+        "Pa": scales.stress, "V_per_m": scales.field, "F": scales.charge / scales.potential,
+    }.get(unit, 1.0)  # fmt: skip

@@ -1,0 +1,113 @@
+"""What every accepted step must pass, whatever led to it: a step, a trace, a resumed run.
+
+All is measured anew on the state itself, so that nothing rests on what a solver reported of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.model.problem import Probe, Problem
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.support.errors import SolverError
+
+ROUNDING = 1e-12
+"""What rounding leaves of det F - 1 where it is exactly 0: sums of products up to stretch^3."""
+
+SUMS = 1.001
+"""Room for rounding in a residual at the tolerance: ranks may add up in another order."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What was measured on an accepted state.
+
+    Attributes
+    ----------
+    residual : largest scaled residual of a field
+    probe : extremes over the quadrature points
+    volume_error : largest relative change of volume of any incompressible cell
+    """
+
+    residual: float
+    probe: Probe
+    volume_error: float
+
+
+def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -> Checked:
+    """Check the problem's present state.  Collective.
+
+    Parameters
+    ----------
+    solver
+        The solver with its problem.
+    step
+        Number of the step, for the message.
+    measured
+        Observables that must be finite, by name.
+
+    Raises
+    ------
+    SolverError
+        If the residual is above the tolerance, det F or a chain's margin is not positive, the
+        volume is off by more than the residual's tolerance allows, or an observable is not finite.
+    """
+    problem = solver.problem
+    residual = problem.residual()
+    norm = solver.residual_of(residual)
+    probe = problem.probe()
+    worst, bounded, bound = volume(problem, solver.options.tolerance * solver.references.volume)
+    faults = []
+    if not norm <= SUMS * solver.options.tolerance:
+        faults.append(f"its residual {norm:.3g} is above {solver.options.tolerance:g}")
+    if not probe.min_J > 0:
+        faults.append(f"det F falls to {probe.min_J:.3g}")
+    elif not probe.admissible:
+        faults.append("a chain is past its lock-up")
+    if not math.isfinite(probe.max_field):
+        faults.append("the electric field is not finite")
+    if not bounded <= bound:
+        faults.append(f"its volume error {bounded:.3g} is above {bound:.3g}")
+    faults += [f"{name} is {value}" for name, value in measured.items() if not np.isfinite(value)]
+    if faults:
+        raise SolverError(
+            f"Step {step} is not accepted: {faults[0]}; all steps before it are kept."
+        )
+    solver.references.remember(residual)
+    return Checked(norm, probe, worst)
+
+
+def volume(problem: Problem, tolerance: float) -> tuple[float, float, float]:
+    """Volume error of the worst incompressible cell; the error that is bounded; its bound.
+
+    The p rows of the residual are r_i = int q_i (J - 1) dX, and an accepted state has |r| (2-norm)
+    below `tolerance`, a volume.
+
+    A discontinuous pressure has the constants in each cell: the sum of a cell's n rows is
+    int (J - 1) dX over it, at most sqrt(n) |r|.  So each cell is bounded, by sqrt(n) |r| over its
+    volume.  A continuous one holds the volume of neighbourhoods, not of cells; with all of the
+    device incompressible its N rows add up to the change of the whole volume, at most sqrt(N) |r|.
+    """
+    errors = problem.swelling()
+    comm = problem.comm
+    cells = problem.incompressible_cells
+    share = np.abs(errors[cells]) / problem.cell_volumes[cells]
+    worst = comm.allreduce(float(np.max(share, initial=0.0)), op=MPI.MAX)
+    worst = worst if comm.allreduce(bool(np.isfinite(share).all()), op=MPI.LAND) else math.inf
+    if problem.pressure_kind == "discontinuous":
+        smallest = comm.allreduce(
+            float(np.min(problem.cell_volumes[cells], initial=np.inf)), op=MPI.MIN
+        )
+        rows = problem.mesh.topology.dim + 1
+        return worst, worst, math.sqrt(rows) * tolerance / smallest + ROUNDING
+    some_compressible = len(cells) < len(problem.cell_volumes)
+    if comm.allreduce(some_compressible, op=MPI.LOR):
+        return worst, 0.0, math.inf
+    total = abs(comm.allreduce(float(errors.sum()), op=MPI.SUM)) / problem.volume
+    bound = math.sqrt(problem.counts["p"]) * tolerance / problem.volume
+    return worst, total, bound + ROUNDING

@@ -1,0 +1,156 @@
+"""A kept factor that turns with the material.
+
+A factor made in one state preconditions the tangent of another.  Where the material has turned by
+R since, the old factor takes axial stiffness for bending stiffness, which in a slender part is a
+hundred times less; a few degrees make it useless.  But for an isotropic material a rotation does no
+more to the tangent than to turn it: K = R K_old R^T (objectivity; exact for a rigid rotation of all
+the material, with dead loads).  So forces are turned back before the old factor and displacements
+forth behind it, by the rotation of F at each node; pressure and potential are scalars and stay.
+
+Only the preconditioner knows of it: the equations and their solution are the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import basix
+import numpy as np
+import ufl
+from mpi4py import MPI
+from scipy import sparse
+
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.compat import dolfinx
+
+LEAST = 2e-3
+"""Largest turn since the factorisation, as a change of an entry of R, that is not worth turning."""
+
+
+class Factor(Protocol):
+    """What preconditions: it reads x and writes y, both PETSc vectors of the free unknowns."""
+
+    def apply(self, _: Any, x: Any, y: Any) -> None: ...
+
+
+class Corotation:
+    """Rotation of the material at the nodes, since the last factorisation.
+
+    Nodes count whose displacement is free in each direction; the others do not turn.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+
+    Attributes
+    ----------
+    factor
+        What preconditions at the last factorisation's state, or None.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.factor: Factor | None = None
+        parts = problem.displacement
+        self._dim = problem.mesh.topology.dim
+        self._turn: np.ndarray | None = None
+        # a helical cell's components are cylindrical, and its plane is not their space
+        self._possible = len(parts) == self._dim
+        if not self._possible:
+            return
+        space = parts[0].space
+        u = ufl.split(problem.w)[0]
+        cell = getattr(basix.CellType, problem.mesh.topology.cell_name())
+        middle = basix.geometry(cell).mean(axis=0, keepdims=True)
+        self._gradient = compat.expression(ufl.grad(u), middle)
+        self._cells = np.arange(problem.scene.device.owned_cells(), dtype=np.int32)
+        row = np.full(problem.size, -1)
+        row[problem.free] = np.arange(len(problem.free))
+        rows = np.stack([row[part.dofs] for part in parts], axis=1)
+        self._nodes = np.flatnonzero(np.all(rows >= 0, axis=1))
+        self._rows = rows[self._nodes]
+        around = space.dofmap.list[: len(self._cells)]
+        size = len(parts[0].dofs)
+        column = np.repeat(self._cells, around.shape[1])
+        ones = np.ones(around.size)
+        self._sum = sparse.csr_matrix((ones, (around.ravel(), column)), (size, len(self._cells)))
+        self._shared = dolfinx.fem.Function(space)
+
+    def start(self, factor: Factor | None) -> None:
+        """A factor was made, or could not be, of the tangent at the present state.  Collective."""
+        self.factor = factor
+        self._turn = None
+        if self._possible:
+            self._at_factor = self._rotations()
+
+    def update(self) -> None:
+        """Turn the factor to the present state.  Collective."""
+        if not self._possible:
+            return
+        turn = np.matmul(self._rotations(), np.swapaxes(self._at_factor, 1, 2))
+        most = float(np.max(np.abs(turn - np.eye(self._dim)), initial=0.0))
+        enough = self.problem.comm.allreduce(most, op=MPI.MAX) > LEAST
+        self._turn = turn if enough else None
+
+    def apply(self, context: Any, x: Any, y: Any) -> None:
+        """What PETSc calls to precondition."""
+        assert self.factor
+        if self._turn is None:
+            self.factor.apply(context, x, y)
+            return
+        back = x.duplicate()
+        values = x.array_r.copy()
+        values[self._rows] = np.einsum("nji,nj->ni", self._turn, values[self._rows])
+        back.array[:] = values
+        self.factor.apply(context, back, y)
+        back.destroy()
+        out = y.array
+        out[self._rows] = np.einsum("nij,nj->ni", self._turn, out[self._rows])
+
+    def _rotations(self) -> np.ndarray:
+        """R of the cells' mean F around each node, shape (nodes, dim, dim).  Collective."""
+        dim = self._dim
+        F = self._gradient(self.problem.mesh, self._cells).reshape(-1, dim, dim) + np.eye(dim)
+        sums = self._sum @ polar(F).reshape(-1, dim * dim)
+        if self.problem.comm.size > 1:
+            for column in sums.T:
+                self._shared.x.array[:] = column
+                self._shared.x.scatter_reverse(dolfinx.la.InsertMode.add)
+                column[:] = self._shared.x.array
+        found = polar(sums[self._nodes].reshape(-1, dim, dim))
+        # cells folded against one another have no common rotation
+        found[~np.isfinite(found).all(axis=(1, 2))] = np.eye(dim)
+        return found
+
+
+def polar(F: np.ndarray) -> np.ndarray:
+    """Rotation R of F = R U, shape (n, d, d), det F > 0: by Newton's method on R^T R = 1.
+
+    R <- (R s + R^-T / s) / 2 with s = |det R|^(-1/d) (Higham, SIAM J. Sci. Stat. Comput. 7 (1986)
+    1160, scaled by the determinant).
+    """
+    R = F
+    for _ in range(30):
+        cofactor, size = _cofactors(R)
+        size = np.where(size == 0, np.nan, size)  # a trial state may be flat; see `_rotations`
+        scale = np.abs(size)[:, None, None] ** (-1 / F.shape[1])
+        new = (R * scale + cofactor / (size[:, None, None] * scale)) / 2
+        change = np.max(np.abs(new - R), initial=0.0)
+        R = new
+        if change < 1e-6:  # and the error is its square
+            break
+    return R
+
+
+def _cofactors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cofactor matrix det(A) A^-T and determinant, for 2 x 2 and 3 x 3."""
+    if A.shape[1] == 2:
+        cofactor = np.stack(
+            [np.stack([A[:, 1, 1], -A[:, 1, 0]], 1), np.stack([-A[:, 0, 1], A[:, 0, 0]], 1)], 1
+        )
+        return cofactor, A[:, 0, 0] * A[:, 1, 1] - A[:, 0, 1] * A[:, 1, 0]
+    rows = A[:, 0], A[:, 1], A[:, 2]
+    cofactor = np.stack([np.cross(rows[k - 2], rows[k - 1]) for k in range(3)], axis=1)
+    return cofactor, np.sum(rows[0] * cofactor[:, 0], axis=1)

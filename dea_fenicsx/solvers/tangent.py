@@ -1,0 +1,199 @@
+"""The tangent: the residual's derivative by the unknowns, as an action and as a matrix.
+
+Krylov's method only needs products, and the product with one vector costs twice a residual, where
+the matrix costs a hundred.  So the matrix is assembled only to be factorised.
+
+The pressure or the potential may hold modes that nothing determines: a constant pressure in a block
+that is held along every normal, the pressures of a cell whose faces are all clamped, a constant
+potential in a dielectric that no electrode touches.  The tangent is singular in such a mode, and
+its number of negative eigenvalues is one too small.  So the matrix for a factor gets a tiny
+negative mass on p and phi, see `Tangent.matrix`.
+"""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+
+from dea_fenicsx.materials import IdealDielectric
+from dea_fenicsx.model.fixed_values import Component
+from dea_fenicsx.model.problem import Problem, assembled
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.compat import PETSc, dolfinx
+
+MASS = 1e-8
+"""The mass on p and phi in a matrix that is factorised: as a compressibility, mu/kappa.
+
+It must be small, because a state whose lowest eigenvalue is below it may be counted wrongly, and
+large beside the rounding of a factorisation, some 1e-13.  The counts are the same at 1e-10.
+"""
+
+SMALL = 60_000
+"""Unknowns up to which matrices and factors are kept to be filled anew: some hundred MB at most."""
+
+
+@dataclass
+class _Product:
+    """What PETSc calls for a product with the operator.
+
+    It does not own the tangent: a ring of owners that goes through PETSc is never freed.
+    """
+
+    tangent: weakref.ref[Tangent]
+
+    def mult(self, _: Any, x: Any, y: Any) -> None:
+        tangent = self.tangent()
+        assert tangent
+        y.array[:] = tangent.times(x.array_r)
+
+
+class Tangent:
+    """The tangent of a problem at its present state.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+
+    Attributes
+    ----------
+    operator
+        PETSc matrix in the free unknowns that multiplies without having entries.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self._along = dolfinx.fem.Function(problem.W)
+        residual, w = problem.residual_form, problem.w
+        self._matrix_form = compat.compile_form(
+            ufl.derivative(residual, w, ufl.TrialFunction(problem.W))
+        )
+        self._action = compat.compile_form(ufl.derivative(residual, w, self._along))
+        self._product = compat.create_vector(self._action)
+        self._columns = PETSc.IS().createGeneral(
+            problem.free + problem.rows.start, comm=problem.comm
+        )
+        n = (len(problem.free), None)
+        self.operator = PETSc.Mat().createPython(
+            (n, n), context=_Product(weakref.ref(self)), comm=problem.comm
+        )
+        self.operator.setUp()
+        self._loads: dict[str, np.ndarray] = {}
+        self._masses = scalar_masses(problem)
+        self._kept: tuple[Any, Any] = None, None
+
+    def times(self, direction: np.ndarray) -> np.ndarray:
+        """Product with a vector of the free unknowns; both owned.  Collective."""
+        self.problem.spread(direction, self._along)
+        product = self.problem.restrict(self._along_times())
+        turning = self.problem.turning
+        stiffness = turning.stiffness(self.problem.factors)
+        product[turning.rows] += stiffness * direction[turning.rows]
+        return product
+
+    def times_fixed(self, change: np.ndarray) -> np.ndarray:
+        """Product with a change of the fixed values (owned), in the free rows.  Collective."""
+        self._along.x.array[:] = 0.0
+        self._along.x.array[self.problem.fixed] = change
+        self._along.x.scatter_forward()
+        return self.problem.restrict(self._along_times())
+
+    def by_load(self, ramp: str) -> np.ndarray:
+        """Derivative of the residual by a ramp's factor at fixed free unknowns (owned, free rows).
+
+        Exact: fixed values are linear in the factor and act through the tangent; loads and charges
+        are linear themselves.
+        """
+        problem = self.problem
+        if ramp not in self._loads or ramp in problem.loads.changing:
+            vector = np.zeros(len(problem.free))
+            if ramp in problem.loads.unit_work:
+                vector = problem.restrict(problem.load_vector(ramp))
+            problem.add_sources(vector, ramp, 1.0)
+            self._loads[ramp] = vector
+        return self._loads[ramp] + self.times_fixed(
+            problem.constraints.base[ramp][problem.fixed]
+        )
+
+    def _along_times(self) -> np.ndarray:
+        return assembled(self._product, self._action)
+
+    def matrix(self, mass: float = 0.0, counting: bool = False) -> Any:
+        """Assemble the block in the free unknowns.  Collective.
+
+        Unless it is for counting, it holds a free body's orientation even while dead loads turn
+        the body: a preconditioner made before the loads have brought stresses would be singular.
+        For the caller to destroy.  Of a problem of at most `SMALL` unknowns he may keep it: the
+        next call then fills the same matrix anew, whose pattern a factor knows.
+
+        Parameters
+        ----------
+        mass
+            This multiple of `scalar_masses` is taken from the diagonal of p and phi.  Then each p
+            and each phi gives one negative eigenvalue, whether the tangent determines it or not.
+            With 0 the matrix is the tangent itself.
+        counting
+            Whether its eigenvalues are to be counted, at an equilibrium: then springs hold the
+            orientation only where no dead load acts on it.
+        """
+        problem, form = self.problem, self._matrix_form
+        whole, free = self._kept
+        if not free:  # there is none, or it was destroyed
+            if whole:
+                whole.destroy()
+            whole, free = dolfinx.fem.petsc.create_matrix(form), None
+        whole.zeroEntries()
+        dolfinx.fem.petsc.assemble_matrix(whole, form)
+        whole.assemble()
+        if problem.expansion is not None:
+            free = whole.ptap(problem.expansion, result=free)
+        else:
+            free = whole.createSubMatrix(self._columns, self._columns, submat=free)
+        if mass:
+            diagonal = free.createVecLeft()
+            diagonal.array[:] = -mass * self._masses
+            free.setDiagonal(diagonal, PETSc.InsertMode.ADD)
+            diagonal.destroy()
+        if problem.turning.ramps:
+            first = free.getOwnershipRange()[0]
+            springs = problem.turning.stiffness(problem.factors)
+            if not counting:
+                springs = np.full(len(springs), problem.turning.STIFFNESS)
+            for row, spring in zip(problem.turning.rows, springs, strict=True):
+                free.setValue(first + row, first + row, spring, addv=True)
+            free.assemble()
+        if problem.unknowns <= SMALL:
+            self._kept = whole, free
+        else:
+            whole.destroy()
+        return free
+
+
+def scalar_masses(problem: Problem) -> np.ndarray:
+    """A positive mass of each free p and phi (owned), 0 for u.  Collective.
+
+    Each cell shares out its volume, over its shear modulus, to its nodes of p, and its volume times
+    its permittivity, if a field lives there, to its nodes of phi; all dimensionless.  What is tied
+    adds up.
+    """
+    device, scales = problem.scene.device, problem.scales
+    shares: list[tuple[Component, str, float]] = []
+    for name, material in problem.scene.materials.items():
+        softness = scales.stress / material.elastic.shear_modulus()
+        shares.append((problem.pressure, name, softness))
+        if problem.potential is not None and isinstance(material.electric, IdealDielectric):
+            permittivity = material.electric.permittivity() / scales.permittivity
+            shares.append((problem.potential, name, permittivity))
+    lumped = dolfinx.fem.Function(problem.W)
+    for part, name, weight in shares:
+        cells = device.cells_of(name)
+        cells = cells[cells < device.owned_cells()]
+        dofs = part.dofs[part.space.dofmap.list[cells]]
+        share = weight * problem.cell_volumes[cells] / dofs.shape[1]
+        np.add.at(lumped.x.array, dofs, share[:, None])
+    lumped.x.scatter_reverse(dolfinx.la.InsertMode.add)
+    return problem.restrict(lumped.x.array[: problem.owned])

@@ -1,0 +1,190 @@
+"""The one place where DOLFINx 0.9 and 0.11 differ, and where DOLFINx and PETSc are imported.
+
+All other modules take `dolfinx` and `PETSc` from here: with the PyPI wheel the shared libraries are
+found only once ``dolfinx_solver`` has been imported.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from contextlib import suppress
+from functools import singledispatchmethod
+from typing import Any
+
+from dea_fenicsx.support.agreement import before_petsc
+
+with suppress(ImportError):
+    before_petsc()  # the first import of petsc4py waits for all ranks
+    import dolfinx_solver  # noqa: F401  (loads the wheel's libraries)
+
+import basix
+import dolfinx
+import dolfinx.fem.petsc
+import numpy as np
+from ffcx.codegeneration import jit
+from mpi4py import MPI
+from petsc4py import PETSc
+from ufl.algorithms import expand_derivatives
+from ufl.corealg.map_dag import map_expr_dag
+from ufl.corealg.multifunction import MultiFunction
+from ufl.domain import extract_unique_domain
+
+from dea_fenicsx.support.form_cache import cache_dir, compiling
+
+__all__ = ["PETSc", "collapse", "compile_form", "coordinate_element", "create_vector", "dolfinx",
+           "expression", "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
+
+VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+
+# Measured on Q2 hexahedra: these flags halve the tangent's cost against -O2, and -g0 halves the
+# time to compile.  -ffast-math is not among them: it would hide the NaN of a failed trial step.
+# -freciprocal-math spares an eighth of a product.
+# A kernel is one block of thousands of statements, in which gcc's second scheduling pass looks at
+# all pairs: without it a helical cell's product compiles in 0.7 s instead of 86, and runs as fast.
+_COMPILE_FLAGS = ["-g0", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math",
+                  "-fassociative-math", "-fno-signed-zeros", "-freciprocal-math",
+                  "-fno-schedule-insns2"]  # fmt: skip
+
+
+def _let_traversers_go() -> None:
+    """Keep CPython 3.13 from holding on to each UFL expression whose derivatives were expanded.
+
+    Its `singledispatchmethod` caches a method for each instance in a dictionary with weak keys,
+    and the method owns the instance: no key ever goes.  UFL's traversers own the expression, its
+    functions and their communicators, of which MPICH has 2048.  Without a cache nothing is kept.
+    """
+    with suppress(ImportError):  # UFL 2024.2 has no such classes
+        from ufl.corealg.dag_traverser import DAGTraverser
+
+        classes = [DAGTraverser]
+        for cls in classes:
+            classes += cls.__subclasses__()
+            for method in vars(cls).values():
+                if isinstance(method, singledispatchmethod) and hasattr(method, "_method_cache"):
+                    method._method_cache = None
+
+
+_let_traversers_go()
+
+
+def jit_options() -> dict[str, Any]:
+    """Options for FFCx's just-in-time compiler.
+
+    The environment variable DEA_FENICSX_CFLAGS replaces the compiler's flags: ``-O1 -g0`` compiles
+    in half the time what will run once.
+    """
+    flags = os.environ.get("DEA_FENICSX_CFLAGS", "").split() or list(_COMPILE_FLAGS)
+    # another run may be compiling the same form: wait for it
+    return {"cffi_extra_compile_args": flags, "cache_dir": cache_dir(), "timeout": 300}
+
+
+def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any, Any]:
+    """Distribute the gmsh model of rank 0: mesh, cell tags, facet tags (None if there are none).
+
+    Cells behind shared facets are ghosted, so that an interior surface is seen from both sides.
+    """
+    ghosts = dolfinx.mesh.GhostMode.shared_facet
+    if VERSION >= (0, 11):
+        from dolfinx.io import gmsh as io
+
+        partitioner = dolfinx.mesh.create_cell_partitioner(ghosts, 2)
+        data = io.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner)
+        return data.mesh, data.cell_tags, data.facet_tags
+    if VERSION >= (0, 10):
+        from dolfinx.io import gmsh as io
+
+        partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
+        data = io.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner)
+        return data.mesh, data.cell_tags, data.facet_tags
+    from dolfinx.io import gmshio
+
+    partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
+    mesh, cells, facets = gmshio.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner)
+    return mesh, cells, facets
+
+
+class _StripVariables(MultiFunction):
+    """Replaces each ufl.variable by what it stands for.
+
+    UFL's own strip_variables visits a shared sub-expression once for each use, which for principal
+    stretches takes for ever.
+    """
+
+    expr = MultiFunction.reuse_if_untouched
+
+    def variable(self, _: Any, inner: Any, label: Any) -> Any:
+        return inner
+
+
+def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.ndarray]:
+    """Compiled evaluation of a UFL expression at reference points of cells.
+
+    Returns a function ``(mesh, cells) -> values`` of shape (cells, points, components).
+    """
+    # labels of ufl.variable carry running numbers, which would make every problem's code a new one
+    expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
+    with compiling(jit, _ranks_of(extract_unique_domain(expr))):
+        compiled = dolfinx.fem.Expression(expr, points, jit_options=jit_options())
+    size = int(np.prod(expr.ufl_shape, dtype=int))
+
+    def evaluate(mesh: Any, cells: np.ndarray) -> np.ndarray:
+        if len(cells) == 0:
+            return np.empty((0, len(points), size))
+        values = compiled.eval(mesh, cells)
+        return np.asarray(values).reshape(len(cells), len(points), size)
+
+    return evaluate
+
+
+def _ranks_of(domain: Any) -> MPI.Comm:
+    """Communicator of the mesh on which an expression is compiled."""
+    return MPI.COMM_SELF if domain is None else domain.ufl_cargo().comm
+
+
+def collapse(subspace: Any) -> tuple[Any, np.ndarray]:
+    """A sub-space standing alone, and where its local degrees of freedom lie in the whole.
+
+    0.11 wraps the numbers in a list, one entry for each cell type.
+    """
+    space, dofs = subspace.collapse()
+    return space, np.asarray(dofs, dtype=np.int32).ravel()
+
+
+def geometry_dofmap(mesh: Any) -> np.ndarray:
+    """Geometry nodes of each local cell, shape (cells, nodes)."""
+    return mesh.geometry.dofmap if VERSION < (0, 11) else mesh.geometry.dofmaps[0]
+
+
+def compile_form(form: Any) -> Any:
+    """Compile a UFL form with this package's options."""
+    with compiling(jit, _ranks_of(form.ufl_domains()[0])):
+        return dolfinx.fem.form(form, jit_options=jit_options())
+
+
+def create_vector(form: Any) -> Any:
+    """A ghosted PETSc vector for a linear form's function space."""
+    if VERSION >= (0, 10):
+        return dolfinx.fem.petsc.create_vector(form.function_spaces[0])
+    return dolfinx.fem.petsc.create_vector(form)
+
+
+def set_precision(pc: Any, single: bool) -> None:
+    """Let MUMPS keep this factor in single precision, where PETSc can (3.24), or in double.
+
+    PETSc notes the prefix with the matrix, which two factors may share: so both kinds have one.
+    """
+    prefix = "dea_single_" if single else "dea_double_"
+    if single and PETSc.Sys.getVersion() >= (3, 24):
+        PETSc.Options()[f"{prefix}pc_precision"] = "single"
+    pc.setOptionsPrefix(prefix)
+    pc.setFromOptions()
+
+
+def coordinate_element(mesh: Any) -> Any:
+    """The scalar basix element in which a mesh's coordinates are given."""
+    cmap = mesh.geometry.cmap if VERSION < (0, 11) else mesh.geometry.cmaps[0]
+    variants = basix.LagrangeVariant
+    variant = variants(cmap.variant) if cmap.degree > 2 else variants.gll_warped
+    kind = getattr(basix.CellType, mesh.topology.cell_name())
+    return basix.create_element(basix.ElementFamily.P, kind, cmap.degree, variant)

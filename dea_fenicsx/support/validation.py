@@ -1,0 +1,30 @@
+"""Checks of single inputs that several modules share: names and numbers."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+
+from dea_fenicsx.support.errors import InputError
+
+
+def known(name: str, names: Iterable[str], what: str) -> None:
+    """Raise InputError unless `name` is one of `names`, with the nearest as a suggestion."""
+    names = list(names)
+    if name in names:
+        return
+    near = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {near[0]!r}?" if near else ""
+    listing = ", ".join(sorted(names)) or "none"
+    raise InputError(f"There is no {what} named {name!r}; {hint} the mesh has: {listing}.")
+
+
+def finite(value: object, what: str) -> None:
+    """Raise InputError unless `value` is a finite real number."""
+    try:
+        ok = math.isfinite(value)  # type: ignore[arg-type]
+    except TypeError:
+        ok = False
+    if not ok:
+        raise InputError(f"{what} is {value!r}, but must be a finite number.")
