@@ -12,7 +12,7 @@ from test_rigid import PLANE, ROUND, SPACE, check
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.run import session
+from dea_fenicsx.run import journal
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 RUBBER = dea.Material(dea.NeoHookean(5e4))
@@ -221,13 +221,13 @@ def test_a_run_is_resumed_after_a_turn(tmp_path, monkeypatch):
             dea.Ramp("load", to=0.5, steps=1)]  # fmt: skip
     whole, _, _ = pulled(PLANE, (0.0, 3e4), path=path)
 
-    def broken(solver, step, measured, check=session.check_step):
+    def broken(solver, step, measured, check=journal.check_step):
         if step == 3:
             raise dea.SolverError("the power is off")
         return check(solver, step, measured)
 
     with monkeypatch.context() as patch, pytest.raises(dea.SolverError):
-        patch.setattr(session, "check_step", broken)
+        patch.setattr(journal, "check_step", broken)
         pulled(PLANE, (0.0, 3e4), path=path, out=tmp_path)
     ends, _, run = pulled(PLANE, (0.0, 3e4), path=path, out=tmp_path, resume=True)
     assert [row["step"] for row in run.history] == [0, 1, 2, 3]

@@ -23,14 +23,14 @@ from typing import IO, Any
 import numpy as np
 from numpy.lib import format as npy
 
-from dea_fenicsx.results.columns import load_column
-from dea_fenicsx.support.type_checks import check_declared, is_number
-from dea_fenicsx.support.errors import InputError
-from dea_fenicsx.support.files import clean
-from dea_fenicsx.results.reading import TEXTS
-from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.path.ramping import Cursor
 from dea_fenicsx.path.tracing import Trace
+from dea_fenicsx.results.columns import load_column
+from dea_fenicsx.results.reading import TEXTS
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.files import clean
+from dea_fenicsx.support.type_checks import check_declared, is_number
 
 FORMAT = 2
 """Number of the form of what is told; one of another number is not read."""

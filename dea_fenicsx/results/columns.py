@@ -6,12 +6,12 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
-from dea_fenicsx.support.type_checks import is_number, plain, shown
-from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.measure.failures import ElectricalBreakdown, Gauge, LossOfTension, StretchLimit
 from dea_fenicsx.measure.observables import Measurement
-from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import is_number, plain, shown
 
 FIRST = ("step", "time", "ramp", "event")
 FIELD = ("max_field_V_per_m", "max_field_x_m", "max_field_y_m", "max_field_z_m")

@@ -14,9 +14,9 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from dea_fenicsx.support import compat
-from dea_fenicsx.scene.kinematics import Helical
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.scene.kinematics import Helical
+from dea_fenicsx.support import compat
 
 # VTK's order of the nodes of quadratic cells, in terms of basix's
 _VTK_ORDER = {

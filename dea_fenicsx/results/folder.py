@@ -29,18 +29,15 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.results import checkpoint
-from dea_fenicsx.results import hdf5
-from dea_fenicsx.results import provenance
-from dea_fenicsx.results import xdmf
-from dea_fenicsx.results.columns import check_added
-from dea_fenicsx.support.type_checks import plain
-from dea_fenicsx.support.errors import InputError, MachineError
-from dea_fenicsx.results.fields import Grid
-from dea_fenicsx.support.files import free_name, replace_file
-from dea_fenicsx.support.file_lock import FolderLock
-from dea_fenicsx.results.reading import read_history, read_summary
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.results import checkpoint, hdf5, provenance, xdmf
+from dea_fenicsx.results.columns import check_added
+from dea_fenicsx.results.fields import Grid
+from dea_fenicsx.results.reading import read_history, read_summary
+from dea_fenicsx.support.errors import InputError, MachineError
+from dea_fenicsx.support.file_lock import FolderLock
+from dea_fenicsx.support.files import free_name, replace_file
+from dea_fenicsx.support.type_checks import plain
 
 __all__ = ["RUN_FILES", "Folder", "Run", "read_history", "read_summary", "replace_file"]
 

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.columns import column_of
+from dea_fenicsx.results.fields import Grid
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.type_checks import plain
-from dea_fenicsx.results.fields import Grid
-from dea_fenicsx.model.problem import Problem
 
 CLOSE = 1e-9
 """Differences of coordinates, relative to the device's size, that another number of ranks makes."""

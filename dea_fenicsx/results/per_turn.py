@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.results.reading import read_frame
+from dea_fenicsx.support.errors import InputError
 
 FIELD = "field_strength_V_per_m"
 

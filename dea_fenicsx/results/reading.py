@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.results.untrusted import read_data, read_xml
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean, listed
-from dea_fenicsx.results.untrusted import read_data, read_xml
 
 # XDMF's name of a quadratic cell: VTK's number, nodes, whether it is a flat one
 _CELLS = {

@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.path.ramping import Ramp
+from dea_fenicsx.path.tracing import Trace
 from dea_fenicsx.results.columns import load_column
+from dea_fenicsx.results.identity import described
+from dea_fenicsx.results.provenance import package_versions
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import (
     EquilibriumLost,
@@ -18,12 +24,6 @@ from dea_fenicsx.support.errors import (
     NotReached,
     SolverError,
 )
-from dea_fenicsx.results.identity import described
-from dea_fenicsx.results.provenance import package_versions
-from dea_fenicsx.scene.scene import Scene
-from dea_fenicsx.solvers.newton import NewtonSolver
-from dea_fenicsx.path.ramping import Ramp
-from dea_fenicsx.path.tracing import Trace
 
 
 def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -1,0 +1,242 @@
+"""The journal of a run: what is measured, written and told of each accepted step."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.measure.failures import Gauge, Worst
+from dea_fenicsx.measure.observables import Measurement
+from dea_fenicsx.path.ramping import Cursor, Ramp, Step
+from dea_fenicsx.path.tracing import Trace
+from dea_fenicsx.results import columns
+from dea_fenicsx.results.fields import FieldWriter
+from dea_fenicsx.results.folder import Folder
+from dea_fenicsx.run.step_checks import Checked, check_step
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.support.errors import MachineError
+from dea_fenicsx.support.progress import Progress, step_line
+
+
+@dataclass
+class Journal:
+    """The accepted steps of a run, one after another.
+
+    Attributes
+    ----------
+    solver
+        The nonlinear solver; its problem holds the state of the step that is accepted.
+    path
+        The ramps and traces.
+    stability
+        When negative eigenvalues are counted, see `solve`.
+    measurements
+        How each recorded observable is measured, by the name of its column.
+    gauges
+        The failures that are watched.
+    progress
+        Who tells the user of each step.
+    folder, writer
+        Where steps are written, or None.
+    identity
+        What this run is, for its checkpoint.  Collective at its first call.
+    history
+        One row for each step.
+    found
+        The first occurrence of each failure.
+    earlier_s
+        Seconds that an earlier run took which this one carries on.
+    """
+
+    solver: NewtonSolver
+    path: Sequence[Ramp | Trace]
+    stability: str
+    measurements: Mapping[str, Measurement]
+    gauges: Sequence[Gauge]
+    progress: Progress
+    folder: Folder | None
+    writer: FieldWriter | None
+    identity: Callable[[], dict[str, Any]]
+    history: list[dict[str, Any]] = field(default_factory=list)
+    found: list[dict[str, Any]] = field(default_factory=list)
+    earlier_s: float = 0.0
+    started: float = field(default_factory=time.perf_counter)
+    _counts: tuple[int, int, int] = (0, 0, 0)
+    _step_started: float = 0.0
+
+    @property
+    def scene(self) -> Any:
+        return self.solver.problem.scene
+
+    @property
+    def seconds(self) -> float:
+        """Seconds that the run has taken, with those of the run that it carries on."""
+        return self.earlier_s + time.perf_counter() - self.started
+
+    @cached_property
+    def fingerprint(self) -> dict[str, Any]:
+        """What this run is.  Collective at its first use."""
+        return self.identity()
+
+    def begin(self, cursor: Cursor | None) -> None:
+        """Tell that the path begins here."""
+        self._step_started = time.perf_counter()
+        self.progress.begin(self.share(cursor) if cursor else 0.0)
+
+    def accept(self, step: Step) -> None:
+        """Measure, write and tell of an accepted step.  Collective."""
+        solver, cursor = self.solver, step.cursor
+        known = solver.inertia.settled and solver.inertia.factors == cursor.factors
+        wanted = self.stability == "every" or (self.stability == "last" and step.last)
+        if wanted and not known:
+            solver.refresh_inertia(last=step.last)
+        spent = self._spent()
+        now = time.perf_counter()
+        measured = {name: measure() for name, measure in self.measurements.items()}
+        checked = check_step(solver, cursor.step, measured)
+        read = [(g.failure, *g.measure()) for g in self.gauges]
+        row = self._place(step) | measured | self._extremes(checked)
+        row |= {failure.column: found.value for failure, found, _ in read}
+        row |= self._effort(step, checked, spent) | {
+            "wall_s": self.earlier_s + now - self.started
+        }
+        self.history.append(row)
+        worst = {failure.name: found for failure, found, _ in read}
+        if step.event in worst:
+            self._note_failure(step.event, row, worst[step.event])
+        elif self._is_pull_in(step):
+            self._note_failure("pull-in", row, None)
+        if self.folder and self.writer:
+            self._write(step, row, {f.column: values for f, _, values in read})
+        self._report(row, now - self._step_started, self.share(cursor))
+        self._step_started = time.perf_counter()
+
+    # ------------------------------------------------------------------ a row's columns
+
+    def _spent(self) -> list[int]:
+        """Newton and Krylov iterations and factorisations since the last step."""
+        counters, before = self.solver.counters, self._counts
+        self._counts = (counters.newton, counters.krylov, counters.factorisations)
+        return [now - then for now, then in zip(self._counts, before, strict=True)]
+
+    def _place(self, step: Step) -> dict[str, Any]:
+        """Where on the path a step lies, and its loads."""
+        cursor = step.cursor
+        row: dict[str, Any] = {
+            "step": cursor.step,
+            "time": cursor.ramp + cursor.position,
+            "ramp": step.label,
+            "event": step.event,
+        }
+        for name in self.scene.ramps:
+            key, unit = columns.load_column(self.scene, name)
+            row[key] = cursor.factors[name] * unit
+        return row
+
+    def _extremes(self, checked: Checked) -> dict[str, Any]:
+        """The largest electric field, and where it is."""
+        problem, probe = self.solver.problem, checked.probe
+        if problem.potential is None:
+            return {}
+        places = zip("xyz", probe.place, strict=True)
+        return {
+            "max_field_V_per_m": probe.max_field * problem.scales.field,
+            **{f"max_field_{axis}_m": float(x) * problem.scales.length for axis, x in places},
+        }
+
+    def _effort(self, step: Step, checked: Checked, spent: Sequence[int]) -> dict[str, Any]:
+        """How well a step is solved, and what it took."""
+        inertia = self.solver.inertia
+        return {
+            "min_J": checked.probe.min_J,
+            "volume_error": checked.volume_error,
+            "residual": checked.residual,
+            "newton_iterations": spent[0],
+            "krylov_iterations": spent[1],
+            "factorisations": spent[2],
+            "retries": step.retries,
+            "inertia": inertia.excess,
+            "inertia_is_of_this_step": int(
+                inertia.settled and inertia.factors == step.cursor.factors
+            ),
+        }
+
+    # ------------------------------------------------------------------ writing and telling
+
+    def _write(
+        self, step: Step, row: dict[str, Any], by_cell: Mapping[str, np.ndarray]
+    ) -> None:
+        """Write an accepted step; the run can be resumed from it unless it is an event's."""
+        assert self.folder and self.writer
+        told = None if step.event else {
+            "cursor": asdict(step.cursor),
+            "history": self.history,
+            "fingerprint": self.fingerprint,
+            "references": self.solver.references.sizes,
+            "failures": self.found,
+            "wall_s": row["wall_s"],
+        }  # fmt: skip
+        cells = self.writer.cell_fields()
+        for column, mine in by_cell.items():
+            values = self.writer.gather(mine)
+            if cells is not None and values is not None:
+                cells[column] = values
+        nodes, state = self.writer.node_fields(), self.writer.gather_state()
+        shape = self.writer.vector(step.mode) if step.mode is not None else None
+        folder, grid = self.folder, self.writer.grid
+
+        def write() -> None:
+            folder.write_step(step.cursor.step, told, self.history, nodes, cells, state)
+            if shape is not None:
+                folder.write_mode(step.cursor.step, grid, nodes, shape)
+
+        try:
+            folder.write(write)
+        except MachineError:
+            self.history.pop()  # not on disk, and so no step of this run
+            raise
+
+    def loads(self, row: Mapping[str, Any]) -> dict[str, float]:
+        """Columns of a row that hold the loads."""
+        names = (columns.load_column(self.scene, ramp)[0] for ramp in self.scene.ramps)
+        return {name: row[name] for name in names if name in row}
+
+    def _note_failure(self, mode: str, row: Mapping[str, Any], worst: Worst | None) -> None:
+        """Keep where and at which load a failure first occurred."""
+        entry: dict[str, Any] = {"mode": mode, "step": row["step"], **self.loads(row)}
+        if worst is not None:
+            entry |= {"region": worst.region, "place_m": [float(x) for x in worst.place]}
+        self.found.append(entry)
+
+    def _is_pull_in(self, step: Step) -> bool:
+        """Whether a step is a maximum of voltages or charges alone, at either polarity."""
+        item = self.path[step.cursor.ramp]
+        reverse = isinstance(item, Trace) and step.cursor.factors[item.what] < 0
+        electric = all(self.scene.is_electric(name) for name in item.names(self.scene))
+        return electric and step.event == ("minimum" if reverse else "maximum")
+
+    def _report(self, row: dict[str, Any], seconds: float, share: float) -> None:
+        """Tell of an accepted step."""
+        before = self.loads(self.history[-2]) if len(self.history) > 1 else {}
+        seen = list(self.measurements)[:3]
+        self.progress.step(step_line(row, self.loads(row), before, seen, seconds), share)
+
+    def share(self, cursor: Cursor) -> float:
+        """Share of the path that is behind, each of its items taken alike."""
+        return (cursor.ramp + cursor.position) / len(self.path)
+
+    def kept(self) -> str:
+        """What an interrupted run leaves behind, in words."""
+        if self.folder is None:
+            return "nothing is on disk, for the run has no results folder"
+        if not self.history:
+            return f"no step was completed, and {self.folder.path} holds none"
+        return (
+            f"the steps up to {self.history[-1]['step']} are kept in {self.folder.path}, and the "
+            "run can be resumed from there"
+        )
