@@ -47,8 +47,7 @@ if TYPE_CHECKING:
     )
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.mesh.device import Device, read_gmsh
-    from dea_fenicsx.path.ramping import Ramp
-    from dea_fenicsx.path.tracing import Trace
+    from dea_fenicsx.path.items import Ramp, Trace
     from dea_fenicsx.results.folder import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
@@ -84,7 +83,7 @@ if TYPE_CHECKING:
         ThreeD,
     )
     from dea_fenicsx.scene.scene import Scene
-    from dea_fenicsx.solvers.newton import NewtonOptions
+    from dea_fenicsx.solvers.options import NewtonOptions
     from dea_fenicsx.support.errors import (
         DeaError,
         EquilibriumLost,
@@ -128,9 +127,8 @@ _HOME = {
     "run.session": ("solve",),
     "scene.scene": ("Scene",),
     "run.parser": ("Parser",),
-    "solvers.newton": ("NewtonOptions",),
-    "path.ramping": ("Ramp",),
-    "path.tracing": ("Trace",),
+    "solvers.options": ("NewtonOptions",),
+    "path.items": ("Ramp", "Trace"),
     "results.per_turn": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}

@@ -25,9 +25,9 @@ def solver(cube):
 
 
 def moved(problem, name, by):
-    state = problem.get_state()
-    state[problem.free[problem.free_fields[name]][:1]] += by
-    problem.set_state(state)
+    values = problem.state.values.copy()
+    values[problem.free[problem.free_fields[name]][:1]] += by
+    problem.commit(problem.state.with_values(values))
 
 
 FAULTS = {
@@ -38,7 +38,7 @@ FAULTS = {
     "NaN pressure": (lambda p: moved(p, "p", np.nan), "residual inf is above"),
     "NaN potential": (lambda p: moved(p, "phi", np.nan), "residual inf is above"),
     "inside out": (lambda p: moved(p, "u", 5.0), "residual .* is above"),
-    "another load": (lambda p: (p.set_factors({"voltage": 1.1}), p.insert_fixed()), "residual"),
+    "another load": (lambda p: p.commit(p.imposed(p.under(p.state, {"voltage": 1.1}))), "residual"),
 }
 
 
@@ -53,11 +53,11 @@ def test_a_faulty_state_is_not_accepted(solver, fault):
 def test_volume_and_admissibility_are_checked_on_their_own(solver, monkeypatch):
     """Even where the residual says nothing."""
     monkeypatch.setattr(NewtonSolver, "residual_of", lambda self, r: 0.0)
-    keep = solver.problem.get_state()
+    keep = solver.problem.state
     moved(solver.problem, "u", 1e-6)
     with pytest.raises(dea.SolverError, match=r"volume error .* is above"):
         check_step(solver, 1, {})
-    solver.problem.set_state(keep)
+    solver.problem.commit(keep)
     moved(solver.problem, "u", 5.0)
     with pytest.raises(dea.SolverError, match="det F falls to -"):
         check_step(solver, 1, {})
@@ -72,14 +72,14 @@ def test_the_volume_bound_holds_and_is_sharp(solver):
     """A residual at the tolerance makes a volume error below the bound, and not far below."""
     problem = solver.problem
     tolerance = solver.options.tolerance
-    state = problem.get_state()
+    state = problem.state
     direction = np.random.default_rng(3).standard_normal(len(problem.free_fields["u"]))
     dofs = problem.free[problem.free_fields["u"]]
 
     def rows(size):
-        moved = state.copy()
+        moved = state.values.copy()
         moved[dofs] += size * direction
-        problem.set_state(moved)
+        problem.commit(state.with_values(moved))
         return solver.references.norms(problem.residual())["p"]
 
     size = 1e-10 * tolerance / rows(1e-10)
@@ -93,11 +93,11 @@ def test_the_volume_bound_holds_and_is_sharp(solver):
 def test_a_failed_trial_does_not_loosen_later_tests(solver):
     """The reactions of a trial state far off leave the references as they were."""
     problem = solver.problem
-    before, state = dict(solver.references.sizes), problem.get_state()
+    before, state = dict(solver.references.sizes), problem.state
     problem.add_free(0.1 * np.ones(len(problem.free)))
     solver.references.norms(problem.residual())
     assert solver.references.sizes == before
-    problem.set_state(state)
+    problem.commit(state)
     check_step(solver, 1, {})
 
 
@@ -112,7 +112,7 @@ def test_a_given_charge_out_of_balance_is_seen():
         kinematics=dea.PlaneStrain(),
     )
     problem = Problem(scene)
-    problem.set_factors({"charge": 1.0, "load": 0.0})
+    problem.commit(problem.under(problem.state, {"charge": 1.0, "load": 0.0}))
     assert NewtonSolver(problem).residual_of(problem.residual()) == np.inf
 
 

@@ -83,15 +83,15 @@ def turn_all(problem: Problem, R: np.ndarray) -> None:
 def test_a_bent_strip_keeps_its_factor(dim):
     """Bent by its voltage, it takes half the iterations with the factor from rest turned along."""
     run = dea.solve(bender(dim, 6000.0), dea.Ramp(steps=4), {}, quiet=True)
-    problem, bent = run.problem, run.problem.get_state()
+    problem, bent = run.problem, run.problem.state
     rhs = problem.unbalanced(np.random.default_rng(1).normal(size=problem.owned))
     solver = NewtonSolver(problem, dea.NewtonOptions(factor="whole", krylov_limit=100))
     taken = []
     for turning in (True, False):
-        problem.set_state(0 * bent)
+        problem.commit(bent.with_values(0 * bent.values))
         solver.forget_factor()
         assert solver.linear_solve(rhs, 1e-6) is not None
-        problem.set_state(bent)
+        problem.commit(bent)
         if not turning:
             solver._corotation.update = lambda: None
         before = solver.counters.krylov

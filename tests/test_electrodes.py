@@ -278,14 +278,14 @@ def test_charge_does_work_with_the_voltage(kinematics):
     electrode = given.electrodes[0]
     energy = energy_of(problem)
     dofs = problem.electrode_dofs[live]
-    state = problem.get_state()
+    state = problem.state
     found = []
     for sign in (1, -1):  # all of the electrode moves by 1 % of its potential
-        changed = state.copy()
+        changed = state.values.copy()
         changed[dofs] *= 1 + sign * 0.01
-        problem.set_state(changed)
+        problem.commit(state.with_values(changed))
         found.append(energy())
-    problem.set_state(state)
+    problem.commit(state)
     charge = -(found[0] - found[1]) / (0.02 * electrode.volts)
     assert run["V_V"] == electrode.volts
     assert run["q_C"] == pytest.approx(charge, rel=1e-8)

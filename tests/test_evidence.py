@@ -9,7 +9,8 @@ from mpi4py import MPI
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.results.summary import count_changes
-from dea_fenicsx.solvers.newton import Attempt, NewtonSolver
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
 RUBBER = dea.NeoHookean(5e4)
 FILM = dea.Material(RUBBER, dea.IdealDielectric(3.0))
@@ -146,10 +147,10 @@ def test_failure_of_the_method_is_no_pull_in(monkeypatch):
     """Newton's method that fails beyond half of the load, where no limit point is near."""
     solve = NewtonSolver.solve
 
-    def failing(self, *arguments, **options):
-        if self.problem.factors["voltage"] > 0.5:
-            return Attempt("slow", 15, 1e-3)
-        return solve(self, *arguments, **options)
+    def failing(self, start, factors=None, *arguments, **options):
+        if (factors or start.factors)["voltage"] > 0.5:
+            return Attempt(Outcome.SLOW, 15, 1e-3)
+        return solve(self, start, factors, *arguments, **options)
 
     monkeypatch.setattr(NewtonSolver, "solve", failing)
     with pytest.raises(dea.SolverError, match="no limit point") as caught:

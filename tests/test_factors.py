@@ -91,8 +91,7 @@ def test_the_cheap_count_proves_a_stable_state_and_no_other(share, is_stable):
         supports=[dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")],
     )  # fmt: skip
     problem = Problem(scene)
-    problem.set_factors({"voltage": 1.0})
-    problem.insert_fixed()
+    problem.commit(problem.imposed(problem.under(problem.state, {"voltage": 1.0})))
     for part, growth in zip(problem.displacement, (stretch, stretch, stretch**-2), strict=True):
         axis = problem.displacement.index(part)
         x = part.space.tabulate_dof_coordinates()
@@ -101,7 +100,9 @@ def test_the_cheap_count_proves_a_stable_state_and_no_other(share, is_stable):
     z = potential.space.tabulate_dof_coordinates()[:, 2]
     problem.w.x.array[potential.dofs] = z / z.max() * volts / problem.scales.potential
     solver = NewtonSolver(problem)
-    assert solver.solve(lift=False).converged  # the pressure is all that is missing
+    attempt = solver.solve(problem.state)
+    assert attempt.converged  # the pressure is all that is missing
+    problem.commit(attempt.found)
     tangent = Tangent(problem)
     matrix = tangent.matrix()
     assert (SplitFactor(problem).excess(matrix) == 0) is is_stable
@@ -146,8 +147,7 @@ def test_the_count_lets_the_potential_follow_where_that_is_needed(monkeypatch):
 def test_an_aged_factor_is_renewed_when_its_age_has_cost_a_new_one():
     problem = Problem(helix())
     solver = NewtonSolver(problem)
-    problem.set_factors({"voltage": 0.1})
-    assert solver.solve(lift=True).converged
+    assert solver.solve(problem.state, {"voltage": 0.1}).converged
     worth = solver._factor.worth
     assert 1 < worth < 1000
     solver._judge_factor(3, 1e-3)

@@ -108,10 +108,9 @@ def test_taylor_remainder_of_all_unknowns():
     rng = np.random.default_rng(5)
     loads = [dea.AxialForce(0.1), dea.Torque(1e-4)]
     problem = Problem(ring(volts=0.5 * UNIT, pitch=RING.pitch, loads=loads))
-    problem.set_factors({"voltage": 1.0, "load": 1.0})
-    problem.insert_fixed()
+    problem.commit(problem.imposed(problem.under(problem.state, {"voltage": 1.0, "load": 1.0})))
     problem.add_free(1e-3 * rng.standard_normal(len(problem.free)))
-    start, residual = problem.get_state(), problem.unbalanced(problem.residual())
+    start, residual = problem.state, problem.unbalanced(problem.residual())
     linear = Tangent(problem)
     tangent = linear.matrix()
     x, y = tangent.createVecs()
@@ -121,15 +120,15 @@ def test_taylor_remainder_of_all_unknowns():
     assert linear.times(direction) == pytest.approx(y.array_r, abs=1e-11 * tangent.norm())
     steps, remainders = np.array([1e-4, 1e-5, 1e-6]), []
     for h in steps:
-        problem.set_state(start)
+        problem.commit(start)
         problem.add_free(h * direction)
         change = problem.unbalanced(problem.residual()) - residual - h * y.array_r
         remainders.append(np.linalg.norm(change))
     assert np.polyfit(np.log(steps), np.log(remainders), 1)[0] == pytest.approx(2, abs=0.1)
     assert tangent.isSymmetric(1e-12 * tangent.norm())
     # the load's derivative is that of the residual, as all acts linearly
-    problem.set_state(start)
-    problem.set_factors({"voltage": 1.0, "load": 1.5})
+    problem.commit(start)
+    problem.commit(problem.under(problem.state, {"voltage": 1.0, "load": 1.5}))
     change = problem.unbalanced(problem.residual()) - residual
     assert change == pytest.approx(0.5 * linear.by_load("load"), abs=1e-12)
 

@@ -26,11 +26,13 @@ from dea_fenicsx.materials import (
 )
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.path.ramping import Ramp, follow
+from dea_fenicsx.path.items import Ramp
+from dea_fenicsx.path.walk import follow
 from dea_fenicsx.scene.conditions import DeadLoad, Electrode, Fix, Ground, Stretch
 from dea_fenicsx.scene.kinematics import Axisymmetric, PlaneStrain, ThreeD
 from dea_fenicsx.scene.scene import Scene
-from dea_fenicsx.solvers.newton import NewtonOptions, NewtonSolver
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.solvers.tangent import Tangent
 from dea_fenicsx.support import compat  # noqa: F401  (first, for the wheel's libraries)
 
@@ -255,7 +257,7 @@ def test_compressible_film():
 def test_assembled_tangent_is_the_derivative_of_the_residual(name):
     """Taylor remainder of order 2 about a stretched, charged state."""
     *_, problem = run(ThreeD(), "hexahedron", single(name), 2e4, 1e4, 5e3)
-    state = problem.get_state()
+    state = problem.state
     d = np.random.default_rng(7).uniform(-0.02, 0.02, len(problem.free))
     linear = Tangent(problem)
     tangent = linear.matrix()
@@ -265,7 +267,7 @@ def test_assembled_tangent_is_the_derivative_of_the_residual(name):
     residual, linear = problem.residual()[problem.free], y.array_r.copy()
     remainders = []
     for h in (0.125, 0.0625, 0.03125):
-        problem.set_state(state)
+        problem.commit(state)
         problem.add_free(h * d)
         remainders.append(
             np.linalg.norm(problem.residual()[problem.free] - residual - h * linear)

@@ -72,15 +72,16 @@ def test_derivative_by_the_ramp():
     """Remainder of order 2 in the pre-stretch's factor, loads moving with it."""
     problem = Problem(membrane((2.0, 1.5), (5e4, 3e4), 1e3))
     rng = np.random.default_rng(3)
-    problem.set_factors({"prestretch": 0.6, "load": 0.6, "voltage": 1.0})
-    problem.insert_fixed()
+    load = {"prestretch": 0.6, "load": 0.6, "voltage": 1.0}
+    problem.commit(problem.imposed(problem.under(problem.state, load)))
     problem.add_free(1e-3 * rng.standard_normal(len(problem.free)))
     start = problem.unbalanced(problem.residual())
     tangent = Tangent(problem)
     slope = sum(tangent.by_load(r) for r in ("prestretch", "load"))
     errors = []
     for h in (1e-2, 5e-3):
-        problem.set_factors({"prestretch": 0.6 + h, "load": 0.6 + h, "voltage": 1.0})
+        moved = load | {"prestretch": 0.6 + h, "load": 0.6 + h}
+        problem.commit(problem.under(problem.state, moved))
         errors.append(
             np.linalg.norm(problem.unbalanced(problem.residual()) - start - h * slope)
         )

@@ -184,6 +184,10 @@ def cursor(**changed):
     return lambda state, told: told["cursor"].update(changed)
 
 
+def load(factors):
+    return lambda state, told: told.update(factors=factors)
+
+
 def row(number, **changed):
     return lambda state, told: told["history"][number].update(changed)
 
@@ -191,7 +195,7 @@ def row(number, **changed):
 def finished(state, told):
     """Two steps are said to have ended the path, wherever that is told."""
     told["cursor"]["position"] = told["history"][-1]["time"] = 1.0
-    told["cursor"]["factors"] = {"voltage": 1.0}
+    told["factors"] = {"voltage": 1.0}
     told["history"][-1]["voltage_V"] = 3e3
 
 
@@ -208,10 +212,10 @@ MADE_UP = {
     "position 1": cursor(position=1.0),
     "position text": cursor(position="0.5"),
     "size infinite": cursor(size=float("inf")),
-    "no factors": cursor(factors={}),
-    "other factors": cursor(factors={"voltage": 0.75}),
-    "factors of another ramp": cursor(factors={"volts": 0.5}),
-    "factors of text": cursor(factors={"voltage": "x"}),
+    "no factors": load({}),
+    "other factors": load({"voltage": 0.75}),
+    "factors of another ramp": load({"volts": 0.5}),
+    "factors of text": load({"voltage": "x"}),
     "another start": cursor(start={"voltage": 0.25}),
     "a step further": cursor(step=4),
     "one thing more": cursor(more=1),

@@ -57,8 +57,9 @@ def count_now(scene, factors=None):
     """The count in equilibrium at the given factors, by the solver's usual way."""
     problem = Problem(scene)
     solver = NewtonSolver(problem)
-    problem.set_factors(dict.fromkeys(problem.factors, 0.0) | (factors or {}))
-    assert solver.solve(lift=True).converged
+    attempt = solver.solve(problem.state, dict.fromkeys(problem.factors, 0.0) | (factors or {}))
+    assert attempt.converged
+    problem.commit(attempt.found)
     solver.refresh_inertia()
     return solver.inertia.excess
 

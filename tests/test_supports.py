@@ -83,10 +83,11 @@ def held_forces(problem):
     residual = problem.residual()
     held = [problem.displacement[p.axis].dofs[problem.displacement[p.axis].on(0, p.vertices)]
             for p in problem.constraints.pins]  # fmt: skip
-    keep = problem.get_state()
-    problem.set_state(np.where(np.isin(np.arange(problem.size), problem.pressure.dofs), 0.0, keep))
+    keep = problem.state
+    is_pressure = np.isin(np.arange(problem.size), problem.pressure.dofs)
+    problem.commit(keep.with_values(np.where(is_pressure, 0.0, keep.values)))
     size = np.max(np.abs(problem.residual()))
-    problem.set_state(keep)
+    problem.commit(keep)
     return np.max(np.abs(residual[np.concatenate(held)])) / size
 
 

@@ -38,8 +38,7 @@ def problem_at_a_rough_state(elastic, kappa, cells, kinematics, rng):
         kinematics=kinematics,
     )
     problem = Problem(scene)
-    problem.set_factors(dict.fromkeys(scene.ramps, 1.0))
-    problem.insert_fixed()
+    problem.commit(problem.imposed(problem.under(problem.state, dict.fromkeys(scene.ramps, 1.0))))
     problem.add_free(0.02 * rng.standard_normal(len(problem.free)))
     return problem
 
@@ -49,7 +48,7 @@ def problem_at_a_rough_state(elastic, kappa, cells, kinematics, rng):
 def test_taylor_remainder(case, place):
     rng = np.random.default_rng(7)
     problem = problem_at_a_rough_state(*CASES[case], *PLACES[place], rng)
-    start = problem.get_state()
+    start = problem.state
     direction = rng.standard_normal(len(problem.free))
     residual = problem.residual()[problem.free]
     linear = Tangent(problem)
@@ -61,7 +60,7 @@ def test_taylor_remainder(case, place):
     steps = np.array([1e-2, 1e-3, 1e-4]) * 0.1
     remainders = []
     for h in steps:
-        problem.set_state(start)
+        problem.commit(start)
         problem.add_free(h * direction)
         change = problem.residual()[problem.free] - residual - h * y.array_r
         remainders.append(np.linalg.norm(change))
@@ -74,12 +73,12 @@ def test_fixed_columns_are_the_tangents_too():
     """The lifted first step uses the tangent's columns of the fixed unknowns."""
     rng = np.random.default_rng(3)
     problem = problem_at_a_rough_state(dea.NeoHookean(50e3), None, (1, 1, 1), dea.ThreeD(), rng)
-    start, before = problem.get_state(), problem.residual()[problem.free]
+    start, before = problem.state, problem.residual()[problem.free]
     tangent = Tangent(problem)
     change = rng.standard_normal(len(problem.fixed))
     product = tangent.times_fixed(change)
     h = 1e-6
-    problem.set_state(start)
+    problem.commit(start)
     problem.w.x.array[problem.fixed] += h * change
     difference = (problem.residual()[problem.free] - before) / h
     assert difference == pytest.approx(product, abs=1e-4 * np.abs(product).max())

@@ -65,37 +65,34 @@ def test_the_cubic_between_two_points_is_of_fourth_order():
     """
     solver = NewtonSolver(Problem(film(dea.NeoHookean(MU))))
     problem = solver.problem
-    problem.set_factors({"voltage": 0.68})
-    assert solver.solve(lift=True).converged
+    problem.commit(solver.solve(problem.state, {"voltage": 0.68}).found)
     branch = Branch(solver, {"voltage": 1.0}, 0.05, 0.68)
-    here = branch.point(None, 1.0)
+    here = branch.point(problem.state, None, 1.0)
     x = problem.displacement[0]
     size = np.ptp(x.space.tabulate_dof_coordinates()[:, 0])
 
-    def miss():
-        lam = 1 + np.max(problem.w.x.array[x.dofs]) / size
-        return abs(np.sqrt(lam**-2 - lam**-8) / branch.factor - 1)
+    def miss(state, factor):
+        lam = 1 + np.max(state.values[x.dofs]) / size
+        return abs(np.sqrt(lam**-2 - lam**-8) / factor - 1)
 
     errors = []
     for arc in (1.0, 0.5, 0.25):
-        attempt, there, reason = branch.advance(here, arc)
+        attempt, there = branch.advance(here, arc)
         assert attempt.converged
-        assert not reason
         cubic = Cubic.through(branch, here, there)
         assert cubic.arc == pytest.approx(arc, rel=1e-9)
         for s, point in ((0.0, here), (arc, there)):
-            cubic.put(s)
-            assert problem.get_state() == pytest.approx(point.state, rel=1e-12, abs=1e-14)
-            assert branch.factor == pytest.approx(point.factor, rel=1e-12)
-        cubic.put(arc / 2)
-        errors.append(miss())
+            state, factor = cubic.guess(s)
+            assert state.values == pytest.approx(point.state.values, rel=1e-12, abs=1e-14)
+            assert factor == pytest.approx(point.factor, rel=1e-12)
+        errors.append(miss(*cubic.guess(arc / 2)))
     assert errors[0] / errors[1] > 10
     assert errors[1] / errors[2] > 10
-    attempt, there, _ = branch.advance(here, 3.0)
+    attempt, there = branch.advance(here, 3.0)
     assert here.slope > 0 > there.slope
     cubic = Cubic.through(branch, here, there)
-    cubic.put(cubic.stationary)
-    assert branch.factor == pytest.approx(np.sqrt(4 ** (-1 / 3) - 4 ** (-4 / 3)), rel=1e-3)
+    largest = np.sqrt(4 ** (-1 / 3) - 4 ** (-4 / 3))
+    assert cubic.guess(cubic.stationary)[1] == pytest.approx(largest, rel=1e-3)
 
 
 def test_snap_through_and_stability():
@@ -161,17 +158,15 @@ def test_load_derivative_is_exact():
     problem = Problem(scene)
     tangent = Tangent(problem)
     factors = {"load": 0.7, "voltage": 0.4}
-    problem.set_factors(factors)
-    problem.insert_fixed()
+    problem.commit(problem.imposed(problem.under(problem.state, factors)))
     problem.add_free(0.01 * np.random.default_rng(1).standard_normal(len(problem.free)))
     for ramp in factors:
-        problem.set_factors(factors)
-        problem.insert_fixed()
+        problem.commit(problem.imposed(problem.under(problem.state, factors)))
         exact = tangent.by_load(ramp)
         sides = []
         for h in (1e-4, -1e-4):
-            problem.set_factors(factors | {ramp: factors[ramp] + h})
-            problem.insert_fixed()
+            changed = factors | {ramp: factors[ramp] + h}
+            problem.commit(problem.imposed(problem.under(problem.state, changed)))
             sides.append(problem.residual()[problem.free])
         difference = (sides[0] - sides[1]) / 2e-4
         assert difference == pytest.approx(exact, abs=1e-7 * np.abs(exact).max())

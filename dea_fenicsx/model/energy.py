@@ -194,7 +194,7 @@ def _bind(elastics: dict[str, Elastic], cellwise: Callable) -> Elastic:
 
 
 @dataclass(frozen=True)
-class State:
+class MaterialPoint:
     """Symbolic fields of a kernel: F, J, true electric field, and the energy.
 
     `total` is F times the pre-stretch: what the material has undergone.  `rates` are the energy's
@@ -210,10 +210,10 @@ class State:
     rates: dict[str, Any]
 
 
-def state(
+def material_point(
     scene: Scene, kernel: Kernel, scales: Scales, u: Any, p: Any, phi: Any | None,
     helix: Helix | None = None,
-) -> State:  # fmt: skip
+) -> MaterialPoint:  # fmt: skip
     """Energy density of a kernel, dimensionless, and the measures of deformation and field."""
     x = ufl.SpatialCoordinate(scene.device.mesh)
     kin = scene.kinematics
@@ -249,8 +249,8 @@ def state(
         true_field = pulled / J
     margin = kernel.elastic.chain_margin(strain)
     rates = {ramp: ufl.diff(energy, t) for ramp, t in factors.items()}
-    return State(F, total, J, true_field, energy, margin if margin is not None else ufl.as_ufl(1.0),
-                 rates)  # fmt: skip
+    margin = ufl.as_ufl(1.0) if margin is None else margin
+    return MaterialPoint(F, total, J, true_field, energy, margin, rates)
 
 
 def _stress_of_strain(elastic: Elastic, strain: StrainOf, J: Any) -> Any:
@@ -277,6 +277,6 @@ def measure(device: Device, parts: list[np.ndarray], degree: int, kind: str = "d
     )
 
 
-def cauchy_stress(s: State) -> Any:
+def cauchy_stress(s: MaterialPoint) -> Any:
     """True stress J^-1 (dPi/dF) F^T, electrostatic part included, dimensionless."""
     return ufl.dot(ufl.diff(s.energy, s.F), ufl.transpose(s.F)) / s.J

@@ -6,6 +6,7 @@ on two ranks that share a node.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -68,7 +69,7 @@ class Constraints:
             base = self.base.setdefault(ramp, np.zeros(len(self.fixed)))
             base[dofs] = values
 
-    def values(self, factors: dict[str, float]) -> np.ndarray:
+    def values(self, factors: Mapping[str, float]) -> np.ndarray:
         """Value of every fixed degree of freedom (0 at the free ones)."""
         total = np.zeros(len(self.fixed))
         for ramp, base in self.base.items():

@@ -8,6 +8,7 @@ unknowns like any other displacement.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +17,35 @@ from dea_fenicsx.model.dead_loads import felt_axes
 from dea_fenicsx.model.fixed_values import Constraints
 from dea_fenicsx.model.free_body import Corners, Pin, across, without
 from dea_fenicsx.model.rigid_motions import FreePart, modes
+from dea_fenicsx.model.state import State
 from dea_fenicsx.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Springs:
+    """Springs on single degrees of freedom, which are relaxed in one orientation of the body.
+
+    Attributes
+    ----------
+    dofs
+        Local degrees of freedom.
+    rows
+        Their places among the free unknowns of this rank.
+    always
+        Whether each acts under dead loads, too.
+    rest
+        The value at which each is relaxed.
+    """
+
+    dofs: np.ndarray
+    rows: np.ndarray
+    always: np.ndarray
+    rest: np.ndarray
+
+
+NO_SPRINGS = Springs(
+    np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int64), np.empty(0, dtype=bool), np.empty(0)
+)
 
 
 class Turning:
@@ -38,9 +67,10 @@ class Turning:
     ----------
     ramps
         Ramps of the dead loads; empty if nothing turns.
-    rows
-        Places among the free unknowns of those that have springs.
     """
+
+    NAME = "orientation"
+    """Name of its springs in the history of a state."""
 
     STIFFNESS = 1.0
     """Of each spring, in units of a shear modulus times the device's size."""
@@ -52,16 +82,20 @@ class Turning:
         self._scene, self._parts, self._free = scene, parts, free
         self._released, self._pins = constraints.released, constraints.pins
         self._felt = felt_axes(scene, self._released) if self.ramps else np.empty((0, 3))
-        self._dofs, self.rows = np.empty(0, dtype=np.int32), np.empty(0, dtype=np.int64)
-        self._always, self._rest = np.empty(0, dtype=bool), np.empty(0)
-        self.place(np.zeros(len(constraints.fixed)))
 
-    def place(self, state: np.ndarray) -> None:
-        """Place the springs for the orientation of a state, which they keep.  Collective."""
+    def springs_of(self, state: State) -> Springs:
+        """The springs of a state, relaxed where its body was last left alone.  Collective."""
+        return state.history.get(self.NAME, NO_SPRINGS)
+
+    def anchored(self, state: State) -> State:
+        """The state with springs that keep the orientation that it has now.  Collective."""
         if not self.ramps:
-            return
+            return state
+        return replace(state, history={**state.history, self.NAME: self._placed(state.values)})
+
+    def _placed(self, values: np.ndarray) -> Springs:
         found = list(springs(self._scene, self._parts, self._released, self._pins,
-                             self._felt, state))  # fmt: skip
+                             self._felt, values))  # fmt: skip
         dofs, always = [], []
         for pin, kept in found:
             part = self._parts[pin.axis]
@@ -69,28 +103,28 @@ class Turning:
             local = local[np.isin(local, self._free)]
             dofs.append(local)
             always.append(np.full(len(local), kept))
-        self._dofs, self._always = np.concatenate(dofs), np.concatenate(always)
-        self.rows = np.searchsorted(self._free, self._dofs)
-        self._rest = state[self._dofs]
+        mine = np.concatenate(dofs)
+        rows = np.searchsorted(self._free, mine)
+        return Springs(mine, rows, np.concatenate(always), values[mine])
 
     def holds(self, factors: Mapping[str, float]) -> bool:
         """Whether all springs act: no dead load does."""
         return bool(self.ramps) and not any(factors[ramp] for ramp in self.ramps)
 
-    def force(self, state: np.ndarray, factors: Mapping[str, float]) -> np.ndarray:
+    def force(self, at: Springs, values: np.ndarray, factors: Mapping[str, float]) -> np.ndarray:
         """Forces of the springs, in their rows."""
-        return self.stiffness(factors) * (state[self._dofs] - self._rest)
+        return self.stiffness(at, factors) * (values[at.dofs] - at.rest)
 
-    def stiffness(self, factors: Mapping[str, float]) -> np.ndarray:
+    def stiffness(self, at: Springs, factors: Mapping[str, float]) -> np.ndarray:
         """Stiffness of each spring, in its row."""
-        return self.STIFFNESS * (self._always | self.holds(factors))
+        return self.STIFFNESS * (at.always | self.holds(factors))
 
 
 def springs(
     scene: Scene, parts: Sequence[Component], part: FreePart | None, held: Sequence[Pin],
     felt: np.ndarray, state: np.ndarray,
 ) -> Iterator[tuple[Pin, bool]]:  # fmt: skip
-    """Where springs hold the orientation of a state, and which of them act under dead loads, too.
+    """Where springs hold an orientation, and which of them act under dead loads, too.
 
     Collective.
 

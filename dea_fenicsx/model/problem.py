@@ -8,7 +8,8 @@ a slice's stretch along its depth) are one constant a cell, all tied to one anot
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import basix
@@ -19,7 +20,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.mesh.cell_quality import check_cells
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.energy import Scales, cauchy_stress, kernels, measure, state
+from dea_fenicsx.model.energy import Scales, cauchy_stress, kernels, material_point, measure
 from dea_fenicsx.model.fixed_values import (
     Constraints,
     apply_electrodes,
@@ -28,44 +29,16 @@ from dea_fenicsx.model.fixed_values import (
 )
 from dea_fenicsx.model.load_balance import check_balance
 from dea_fenicsx.model.loads import Loads
-from dea_fenicsx.model.orientation_springs import Turning
+from dea_fenicsx.model.orientation_springs import NO_SPRINGS, Turning
+from dea_fenicsx.model.probe import Probe, Prober
 from dea_fenicsx.model.rigid_motions import check_rigid
+from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.model.tied_unknowns import Group, Pairs, Rows, expansion, followers
 from dea_fenicsx.scene.conditions import AxialForce, ChargedElectrode, Torque
 from dea_fenicsx.scene.kinematics import Helical, Helix
 from dea_fenicsx.scene.scene import SIMPLICES, Scene, period
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
-
-
-@dataclass(frozen=True)
-class Probe:
-    """Extreme values over all quadrature points.
-
-    Attributes
-    ----------
-    min_J : smallest det F
-    min_margin : smallest distance to chain lock-up (1 where there is none)
-    max_field : largest true electric field, dimensionless
-    place : undeformed position of the largest field, dimensionless, shape (3,)
-    """
-
-    min_J: float
-    min_margin: float
-    max_field: float
-    place: np.ndarray
-
-    @property
-    def admissible(self) -> bool:
-        """Whether every energy is defined; False for NaN as well."""
-        return not self.fault
-
-    @property
-    def fault(self) -> str:
-        """Which energy is not defined, in the solver's words; empty if all are."""
-        if not self.min_J > 0:
-            return "det F <= 0"
-        return "" if self.min_margin > 0 else "locked chain"
 
 
 class Problem:
@@ -78,7 +51,9 @@ class Problem:
     scales
         SI value of each dimensionless unit.
     factors
-        Current factor of each ramp.
+        The present load.
+    springs
+        Springs that keep the present orientation of a free body.
     fields
         For each field, ``"u"`` (with the overall unknowns), ``"p"`` and if there is one ``"phi"``,
         its owned local degrees of freedom.
@@ -111,10 +86,15 @@ class Problem:
         self.mesh = scene.device.mesh
         self.comm: MPI.Comm = scene.device.comm
         self.scales = Scales.of(scene)
-        self.factors = {name: 0.0 for name in scene.ramps}
+        self.factors = Factors(
+            dict.fromkeys(scene.ramps, 0.0),
+            {name: scene.reference_voltage(name) for name in scene.ramps},
+        )
+        self._history: Mapping[str, Any] = {}
         self._build_space()
         self._constrain()
         self._build_forms()
+        self.commit(self.turning.anchored(self.state))
 
     # ---------------------------------------------------------------- spaces
 
@@ -189,6 +169,7 @@ class Problem:
             for name, dofs in self.fields.items()
         }
         self.turning = Turning(self.scene, self.displacement, self.constraints, self.free)
+        self.springs = NO_SPRINGS
         self.unknowns = self.comm.allreduce(len(self.free), op=MPI.SUM)
         self.counts = {
             name: self.comm.allreduce(len(where), op=MPI.SUM)
@@ -255,7 +236,7 @@ class Problem:
         weight = scene.kinematics.weight(x)
         u, p, phi, helix = self._split(self.w)
         self.helix = helix
-        self.states = [state(scene, k, scales, u, p, phi, helix) for k in self.kernels]
+        self.states = [material_point(scene, k, scales, u, p, phi, helix) for k in self.kernels]
         dx = measure(scene.device, [k.cells for k in self.kernels], degree)
         energy = sum(s.energy * weight * dx(k) for k, s in enumerate(self.states))
         test = ufl.TestFunction(self.W)
@@ -274,16 +255,7 @@ class Problem:
             getattr(basix.CellType, self.mesh.topology.cell_name()), degree
         )
         self.points = points
-        self._probes = [
-            compat.expression(
-                ufl.as_vector(
-                    [s.J, s.chain_margin, ufl.sqrt(ufl.dot(s.true_field, s.true_field))]
-                ),
-                points,
-            )
-            for s in self.states
-        ]
-        self._place = compat.expression(x, points)
+        self._prober = Prober(self.mesh, self.kernels, self.states, points)
         cellwise = ufl.TestFunction(dolfinx.fem.functionspace(self.mesh, ("DG", 0)))
         self._swelling = compat.compile_form(
             sum((s.J - 1) * cellwise * weight * dx(k) for k, s in enumerate(self.states))
@@ -318,26 +290,58 @@ class Problem:
 
     # ------------------------------------------------------------- evaluation
 
-    def set_factors(self, factors: dict[str, float]) -> None:
-        """Set the ramp factors: dead loads at once, fixed values at `insert_fixed`."""
-        if self.turning.holds(factors) and not self.turning.holds(self.factors):
-            self.keep_orientation()
-        self.factors = dict(factors)
+    @property
+    def state(self) -> State:
+        """A copy of the present state: the accepted one, or the one that `at` tries."""
+        return State(self.w.x.array.copy(), self.factors, history=self._history)
+
+    @contextmanager
+    def at(self, state: State) -> Iterator[None]:
+        """Try a state: within the block the problem is there, and then where it was before."""
+        before = self.state
+        self.show(state)
+        try:
+            yield
+        finally:
+            self.show(before)
+
+    def commit(self, state: State) -> None:
+        """Accept a state as the present one."""
+        self.show(state)
+
+    def show(self, state: State) -> None:
+        """Go to a state, for a search inside of `at`, which comes back."""
+        self.w.x.array[:] = state.values
+        self.factors = state.factors
+        self._history = state.history
+        self.springs = self.turning.springs_of(state)
         for ramp, constant in self.loads.factors.items():
-            constant.value = factors[ramp]
+            constant.value = state.factors[ramp]
 
-    def insert_fixed(self) -> np.ndarray:
-        """Put the fixed values of the current factors into w; returns their change (owned)."""
-        target = self.constraints.values(self.factors)
+    def under(self, state: State, factors: Mapping[str, float]) -> State:
+        """The unknowns of a state under another load, fixed values left as they are.  Collective.
+
+        Where the last dead load on a free body has gone, springs keep the orientation that the
+        body has in this state.
+        """
+        moved = state.with_factors(factors)
+        if self.turning.holds(moved.factors) and not self.turning.holds(state.factors):
+            return self.turning.anchored(moved)
+        return moved
+
+    def imposed(self, state: State) -> State:
+        """The state with the fixed values that belong to its load."""
+        values = state.values.copy()
         fixed = self.constraints.fixed
-        array = self.w.x.array
-        change = target[self.fixed] - array[self.fixed]
-        array[fixed] = target[fixed]
-        return change
+        values[fixed] = self.constraints.values(state.factors)[fixed]
+        return state.with_values(values)
 
-    def keep_orientation(self) -> None:
-        """Let a free body stay as it is oriented now where no dead load turns it.  Collective."""
-        self.turning.place(self.w.x.array)
+    def anchored(self, state: State) -> State:
+        """The state of a free body which is to keep its orientation from now on.  Collective.
+
+        It keeps it wherever no dead load turns the body.
+        """
+        return self.turning.anchored(state)
 
     def overall_values(self) -> np.ndarray:
         """Elongation and, of a helical cell, twist (rad/m), if there are such.  Collective."""
@@ -347,17 +351,15 @@ class Problem:
         ]
         return np.array(values) / np.array([1.0, self.scales.length][: len(values)])
 
-    def get_state(self) -> np.ndarray:
-        """Copy of all local values of w, ghosts included."""
-        return self.w.x.array.copy()
-
-    def set_state(self, values: np.ndarray) -> None:
-        self.w.x.array[:] = values
-
     def add_free(self, increment: np.ndarray) -> None:
         """Add an increment to the free unknowns (owned) and update what follows them."""
         self.spread(increment, self._step)
         self.w.x.array[:] += self._step.x.array
+
+    def moved(self, state: State, increment: np.ndarray) -> State:
+        """The state with an increment of the free unknowns (owned).  Collective."""
+        self.spread(increment, self._step)
+        return state.with_values(state.values + self._step.x.array)
 
     def spread(self, values: np.ndarray, into: Any) -> None:
         """Lay out free unknowns (owned) and what follows them; fixed ones become 0.  Collective."""
@@ -392,7 +394,8 @@ class Problem:
         rows = self.restrict(residual)
         for ramp, factor in self.factors.items():
             self.add_sources(rows, ramp, factor)
-        rows[self.turning.rows] += self.turning.force(self.w.x.array, self.factors)
+        at = self.springs
+        rows[at.rows] += self.turning.force(at, self.w.x.array, self.factors)
         return rows
 
     def add_sources(self, rows: np.ndarray, ramp: str, factor: float) -> None:
@@ -411,31 +414,12 @@ class Problem:
 
     def probe(self) -> Probe:
         """Extremes of J, lock-up margin and field over the quadrature points.  Collective."""
-        low = np.array([np.inf, np.inf])
-        best = (-1.0, -1, -1)
-        for kernel, evaluate in zip(self.kernels, self._probes, strict=True):
-            if len(kernel.cells) == 0:
-                continue
-            values = evaluate(self.mesh, kernel.cells)
-            low = np.minimum(low, values[:, :, :2].min(axis=(0, 1)))
-            field = values[:, :, 2]
-            k, q = np.unravel_index(int(np.argmax(field)), field.shape)
-            if field[k, q] > best[0]:
-                best = (float(field[k, q]), int(kernel.cells[k]), int(q))
-        place = np.zeros(3)
-        if best[1] >= 0:
-            x = self.place_of(best[1], best[2])
-            place[: len(x)] = x
-        # a NaN on one rank must reach all of them, and MPI's MIN may drop it
-        low = np.where(np.isnan(low), -np.inf, low)
-        everyone = self.comm.allgather((low, best[0], place))
-        low = np.min([e[0] for e in everyone], axis=0)
-        winner = max(everyone, key=lambda e: (e[1], *e[2]))
-        return Probe(float(low[0]), float(low[1]), max(winner[1], 0.0), winner[2])
+        return self._prober.extremes()
 
     def place_of(self, cell: int, point: int) -> np.ndarray:
         """Undeformed position of a quadrature point of a local cell, dimensionless."""
-        return self._place(self.mesh, np.array([cell], dtype=np.int32))[0, point]
+        return self._prober.place_of(cell, point)
+
     def swelling(self) -> np.ndarray:
         """Change of volume int (J - 1) dX of each owned cell, dimensionless."""
         return _cell_values(self._swelling)[: len(self.cell_volumes)]

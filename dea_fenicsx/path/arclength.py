@@ -21,6 +21,7 @@ branch and not the old one.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,8 +29,11 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.state import Factors, State
+from dea_fenicsx.path.roots import Bracket
 from dea_fenicsx.path.stability import Place, load_derivative
-from dea_fenicsx.solvers.newton import LINEARISING, Attempt, NewtonSolver
+from dea_fenicsx.solvers.newton import LINEARISING, NewtonSolver
+from dea_fenicsx.solvers.outcome import Attempt, Outcome, fault_of
 
 UNIT_STRETCH = 0.05
 """Displacement that counts as one unit of arc, as a share of the device's size."""
@@ -53,12 +57,12 @@ NEAR = 0.1
 
 @dataclass(frozen=True)
 class Point:
-    """A point of the branch: its state, its load factor, and the tangent there (unit length).
+    """A point of the branch: its state, its load f, and the tangent there (unit length).
 
     `direction` holds the free unknowns' part; `slope` is df along the branch, 0 at a limit point.
     """
 
-    state: np.ndarray
+    state: State
     factor: float
     direction: np.ndarray
     slope: float
@@ -80,12 +84,12 @@ class Branch:
     """
 
     def __init__(
-        self, solver: NewtonSolver, rates: dict[str, float], first: float, factor: float
+        self, solver: NewtonSolver, rates: Mapping[str, float], first: float, factor: float
     ) -> None:
         self.solver = solver
         self.problem: Problem = solver.problem
         self.rates = rates
-        self.factor = factor
+        self._lead = max(rates, key=lambda name: abs(rates[name]))
         now = self.problem.factors
         self._origin = now | {name: now[name] - rate * factor for name, rate in rates.items()}
         self.load_unit = abs(first)
@@ -107,30 +111,34 @@ class Branch:
         mine = np.array([x[self.u] @ y[self.u]])
         return float(self._sum(mine)[0]) * self.weight + f * g / self.load_unit**2
 
-    def factors_at(self, factor: float) -> dict[str, float]:
-        """Factor of each ramp at a load."""
+    def factors_at(self, factor: float) -> Factors:
+        """Factor of each ramp at a load f."""
         moved = {name: self._origin[name] + rate * factor for name, rate in self.rates.items()}
         return self._origin | moved
 
-    def set_factor(self, factor: float) -> None:
-        """Set the load and put its fixed values into the state."""
-        self.factor = factor
-        self.problem.set_factors(self.factors_at(factor))
-        self.problem.insert_fixed()
+    def factor_of(self, state: State) -> float:
+        """The load f of a state."""
+        name = self._lead
+        return (state.factors[name] - self._origin[name]) / self.rates[name]
 
-    def point(self, along: Point | None, sign: float = 1.0) -> Point | None:
-        """The problem's present state with its tangent, oriented along another point's.
+    def loaded(self, state: State, factor: float) -> State:
+        """The free unknowns of a state with the load f and its fixed values."""
+        return self.problem.imposed(self.problem.under(state, self.factors_at(factor)))
+
+    def point(self, state: State, along: Point | None, sign: float = 1.0) -> Point | None:
+        """An equilibrium with its tangent, oriented along another point's.
 
         Without another point the load's change has the given sign.  None if the solve fails.
         """
-        x = self._response(TANGENT)
+        with self.problem.at(state):
+            x = self._response(TANGENT)
         if x is None:
             return None
         length = np.sqrt(self.dot(x, 1.0, x, 1.0))
         if along is not None:
             sign = self.dot(x, 1.0, along.direction, along.slope)
         length = np.copysign(length, sign)
-        return Point(self.problem.get_state(), self.factor, x / length, 1.0 / length)
+        return Point(state, self.factor_of(state), x / length, 1.0 / length)
 
     def _response(self, tolerance: float) -> np.ndarray | None:
         """dx/df at the present state, solved for from the last one; None if the solve fails."""
@@ -149,39 +157,40 @@ class Branch:
         self._by_load = x
         return x
 
-    def aside(self, state: np.ndarray, factor: float, mode: np.ndarray) -> Point:
+    def aside(self, state: State, factor: float, mode: np.ndarray) -> Point:
         """A bifurcation with its null vector as the direction to go."""
         x = mode[self.problem.free]
         return Point(state, factor, x / np.sqrt(self.dot(x, 0.0, x, 0.0)), 0.0)
-
-    def restore(self, point: Point) -> None:
-        """Put the problem into the state of a point."""
-        self.set_factor(point.factor)
-        self.problem.set_state(point.state)
 
     def step(self, start: Point, arc: float, end: Point | None = None) -> Attempt:
         """Go an arc along the branch: a guess, then Newton in the plane normal to the start.
 
         The guess lies on the start's tangent, or on the cubic through another point of the branch.
         """
-        problem, solver = self.problem, self.solver
-        self.restore(start)
         if end is None:
-            self._move(arc * start.direction, arc * start.slope)
+            factor = start.factor + arc * start.slope
+            moved = self.problem.moved(start.state, arc * start.direction)
+            guess = self.loaded(moved, factor)
         else:
-            Cubic.through(self, start, end).put(arc)
+            guess, factor = Cubic.through(self, start, end).guess(arc)
+        with self.problem.at(guess):
+            return self._correct(start, guess, factor, at_least=0 if end is not None else 1)
+
+    def _correct(self, start: Point, state: State, factor: float, at_least: int) -> Attempt:
+        """Newton's method from the present state in the plane normal to a point's tangent."""
+        problem, solver = self.problem, self.solver
         iterations, previous = 0, np.inf
         while True:
-            if fault := problem.probe().fault:
+            if (fault := fault_of(problem.probe())) is not Outcome.CONVERGED:
                 return Attempt(fault, iterations, np.inf)
             residual = problem.residual()
             norm = solver.residual_of(residual)
-            if norm <= solver.options.tolerance and (iterations > 0 or end is not None):
-                return Attempt("", iterations, norm, problem.probe())
+            if norm <= solver.options.tolerance and iterations >= at_least:
+                return Attempt(Outcome.CONVERGED, iterations, norm, state)
             if iterations == solver.options.max_iterations:
-                return Attempt("slow", iterations, norm)
+                return Attempt(Outcome.SLOW, iterations, norm)
             if not np.isfinite(norm) or (iterations > 3 and norm > 1e3 * previous):
-                return Attempt("diverged", iterations, norm)
+                return Attempt(Outcome.DIVERGED, iterations, norm)
             solver.notify(LINEARISING)
             r = solver.linear_solve(-problem.unbalanced(residual), FORCING)
             b = self._response(FORCING)
@@ -190,72 +199,72 @@ class Branch:
             down = self.dot(r, 0.0, start.direction, start.slope)
             across = self.dot(b, 1.0, start.direction, start.slope)
             change = -down / across
-            self._move(r + change * b, change)
+            factor += change
+            state = self.loaded(problem.moved(state, r + change * b), factor)
+            problem.show(state)
             solver.counters.newton += 1
             iterations += 1
             previous = norm
 
     def advance(
         self, here: Point, arc: float, before: Point | None = None
-    ) -> tuple[Attempt, Point | None, str]:
-        """Go an arc along the branch: how the step ended, its point, and why it is refused.
+    ) -> tuple[Attempt, Point | None]:
+        """Go an arc along the branch: how the step ended, and its point if it is accepted.
 
-        The reason is empty, and there is a point, if the step is accepted.  The cubic through a
-        point before this one is followed first, if there is one.
+        The cubic through a point before this one is followed first, if there is one.
         """
         attempt = self.step(here, arc, before)
         if before is not None and not attempt.converged:
             attempt = self.step(here, arc)
-        there = self.point(along=here) if attempt.converged else None
+        if not attempt.converged:
+            return attempt, None
+        there = self.point(attempt.found, along=here)
         if there is None:
-            return attempt, None, attempt.reason or self.solver.trouble
-        return attempt, there, self._objection(here, there, arc)
+            return attempt.refused(self.solver.trouble), None
+        objection = self._objection(here, there, arc)
+        if objection is not Outcome.CONVERGED:
+            return attempt.refused(objection), None
+        return attempt, there
 
-    def _objection(self, here: Point, there: Point, arc: float) -> str:
+    def _objection(self, here: Point, there: Point, arc: float) -> Outcome:
         """Why a step has not stayed on its branch: far off its plane's foot, or turned about.
 
         The foot of the plane lies at distance `arc`; a point much farther away is on another
         branch.
         """
-        moved = (there.state - here.state)[self.problem.free]
+        moved = (there.state.values - here.state.values)[self.problem.free]
         change = there.factor - here.factor
         distance = np.sqrt(self.dot(moved, change, moved, change))
         turn = self.dot(here.direction, here.slope, there.direction, there.slope)
         if not distance < 1.3 * arc:
-            return "on another branch"
-        return "" if turn > 0.6 else "turned too sharply"
+            return Outcome.OTHER_BRANCH
+        return Outcome.CONVERGED if turn > 0.6 else Outcome.SHARP_TURN
 
     def place(self, start: Point, end: Point, arc: float) -> Place:
         """How to find equilibria at a share of the arc between two points."""
         return lambda share: self.step(start, share * arc, end)
 
-    def _move(self, increment: np.ndarray, change: float) -> None:
-        self.problem.add_free(increment)
-        self.set_factor(self.factor + change)
-
     def limit_point(self, start: Point, end: Point, arc: float) -> tuple[Point, float] | None:
         """The point between two others at which the load is stationary, and its arc.
 
-        Illinois rule on df, from where their cubic has its own.
+        The root of df, searched from where their cubic has its own.
         """
-        low, high = (0.0, start.slope), (arc, end.slope)
+        bracket = Bracket((0.0, start.slope), (arc, end.slope))
         scale = max(abs(start.slope), abs(end.slope))
         s = Cubic.through(self, start, end).stationary
         found = None
         for _ in range(30):
-            if not self.step(start, s, end).converged:
+            attempt = self.step(start, s, end)
+            if not attempt.converged:
                 return found
-            point = self.point(along=start)
+            point = self.point(attempt.found, along=start)
             if point is None:
                 return found
             found = (point, s)
             if abs(point.slope) < 1e-6 * scale:
                 return found
-            if point.slope * high[1] < 0:
-                low, high = high, (s, point.slope)
-            else:
-                low, high = (low[0], low[1] / 2), (s, point.slope)
-            s = (low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1])
+            bracket.narrow(s, point.slope)
+            s = bracket.secant
         return found
 
     def land(self, start: Point, end: Point, wanted: float) -> Attempt:
@@ -264,16 +273,17 @@ class Branch:
         try:
             s = brentq(lambda x: cubic.load(x) - wanted, 0.0, cubic.arc)
         except ValueError:
-            return Attempt("slow", 0, np.inf)
+            return Attempt(Outcome.SLOW, 0, np.inf)
         first = self.step(start, s, end)
         if not first.converged:
             return first
-        before, load = self.problem.get_state(), self.factor
-        self.set_factor(wanted)
-        attempt = self.solver.solve(lift=False)
-        moved = (self.problem.get_state() - before)[self.problem.free]
-        way = np.sqrt(self.dot(moved, wanted - load, moved, wanted - load))
-        return attempt if way < NEAR * cubic.arc else Attempt("jumped", attempt.iterations, np.inf)
+        change = wanted - self.factor_of(first.found)
+        attempt = self.solver.solve(self.loaded(first.found, wanted))
+        if not attempt.converged:
+            return attempt
+        moved = (attempt.found.values - first.found.values)[self.problem.free]
+        way = np.sqrt(self.dot(moved, change, moved, change))
+        return attempt if way < NEAR * cubic.arc else attempt.refused(Outcome.JUMPED)
 
 
 @dataclass(frozen=True)
@@ -292,7 +302,7 @@ class Cubic:
 
     @classmethod
     def through(cls, branch: Branch, start: Point, end: Point) -> Cubic:
-        moved = (end.state - start.state)[branch.problem.free]
+        moved = (end.state.values - start.state.values)[branch.problem.free]
         here = start.direction, start.slope
         arc = branch.dot(moved, end.factor - start.factor, *here)
         return cls(branch, start, end, arc, branch.dot(end.direction, end.slope, *here))
@@ -318,14 +328,15 @@ class Cubic:
 
         return float(self.arc * brentq(slope, 0.0, 1.0))
 
-    def put(self, s: float) -> None:
-        """Bring the problem to an arc, which is not yet in equilibrium."""
-        branch, problem = self.branch, self.branch.problem
+    def guess(self, s: float) -> tuple[State, float]:
+        """The state at an arc, which is not yet in equilibrium, and its load f."""
+        branch, factor = self.branch, self.load(s)
         far, first, last = _hermite(s / self.arc)
-        problem.set_state((1 - far) * self.start.state + far * self.end.state)
+        between = self.start.state.with_values(
+            (1 - far) * self.start.state.values + far * self.end.state.values
+        )
         ways = first * self.start.direction + last / self.turn * self.end.direction
-        problem.add_free(self.arc * ways)
-        branch.set_factor(self.load(s))
+        return branch.loaded(branch.problem.moved(between, self.arc * ways), factor), factor
 
 
 def _hermite(t: float) -> tuple[float, float, float]:

@@ -5,14 +5,16 @@ Each is located by equilibria in between, so that its load does not depend on th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
 
+from dea_fenicsx.model.state import State
 from dea_fenicsx.path.stability import Place, Spectrum
-from dea_fenicsx.solvers.newton import Attempt, NewtonSolver
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.outcome import Attempt
 from dea_fenicsx.support.errors import SolverError
 
 MOST = 3
@@ -45,20 +47,21 @@ class Passed:
         ``"bifurcation"`` or an alarm's name.
     share
         Its place on the way, 0 to 1.
-    state, factors
-        The equilibrium there.
     attempt
-        How it was found.
+        How the equilibrium there was found.
     mode
         The null vector of a bifurcation, laid out like the state.
     """
 
     name: str
     share: float
-    state: np.ndarray
-    factors: dict[str, float]
     attempt: Attempt
     mode: np.ndarray | None = None
+
+    @property
+    def state(self) -> State:
+        """The equilibrium there."""
+        return self.attempt.found
 
 
 class Sentinel:
@@ -103,48 +106,55 @@ class Sentinel:
 
     def start(self) -> None:
         """Take the problem's present state as the one before the next step."""
-        self._margins = {a.name: a.margin() for a in self._armed()}
+        state = self.problem.state
+        self._margins = self._measured(state)
         if self.counting:
-            self.excess = self._spectrum.count()
+            self.excess = self._spectrum.count(state)
 
     def _armed(self) -> list[Alarm]:
         return [a for a in self.alarms if a.name not in self.fired]
 
-    def count(self) -> int | None:
-        """Negative eigenvalues of the present state beyond those of a stable one, or None."""
-        return self._spectrum.count() if self.counting else None
+    def _measured(self, state: State) -> dict[str, float]:
+        """Margins of the alarms that have not been given, at a state."""
+        with self.problem.at(state):
+            return {a.name: a.margin() for a in self._armed()}
+
+    def count(self, state: State) -> int | None:
+        """Negative eigenvalues of a state beyond those of a stable one, or None."""
+        return self._spectrum.count(state) if self.counting else None
 
     def mode_of(self, vector: np.ndarray) -> np.ndarray:
         """A direction in the free unknowns laid out like a state."""
-        return self._spectrum.as_state(vector)
+        return self._spectrum.as_values(vector)
 
     def passed(
         self,
+        here: State,
         place: Place,
-        rates: dict[str, float],
+        rates: Mapping[str, float],
         count: int | None = None,
         limits: int = 0,
     ) -> list[Passed]:
-        """What lies between the state before and the present one, in the order of travel.
+        """What lies between the state before and this one, in the order of travel.
 
-        The present state becomes the one before.
+        This state becomes the one before.
 
         Parameters
         ----------
+        here
+            The state that the path has come to.
         place
-            Brings the problem into equilibrium at a share of the way.
+            Finds an equilibrium at a share of the way.
         rates
             Change of each ramp's factor along the way.
         count
-            Inertia of the present state.
+            Inertia of this state.
         limits
             Limit points on the way, which change the inertia by one each.
         """
-        problem = self.problem
-        here, factors = problem.get_state(), dict(problem.factors)
         before, self.excess = self.excess, count
         found: list[Passed] = []
-        margins = {a.name: a.margin() for a in self._armed()}
+        margins = self._measured(here)
         for alarm in self._armed():
             if margins[alarm.name] < 0:
                 event = self._cross(alarm, place, self._margins[alarm.name], margins[alarm.name])
@@ -155,11 +165,8 @@ class Sentinel:
         if self.stability and changed:
             assert before is not None and count is not None
             found += self._bifurcations(place, before, count, rates)
-        if found:
-            problem.set_factors(factors)
-            problem.set_state(here)
-            if any(e.mode is not None for e in found):
-                self.solver.forget_factor()  # it was made where the tangent is singular
+        if any(e.mode is not None for e in found):
+            self.solver.forget_factor()  # it was made where the tangent is singular
         return sorted(found, key=lambda e: e.share)
 
     def _cross(self, alarm: Alarm, place: Place, low: float, high: float) -> Passed | None:
@@ -167,10 +174,12 @@ class Sentinel:
         attempts: list[Attempt] = []
 
         def margin(share: float) -> float:
-            attempts.append(place(share))
-            if not attempts[-1].converged:
-                raise SolverError(attempts[-1].reason)
-            return alarm.margin()
+            attempt = place(share)
+            if not attempt.converged:
+                raise SolverError(attempt.outcome.value)
+            attempts.append(attempt)
+            with self.problem.at(attempt.found):
+                return alarm.margin()
 
         try:
             # the ends are known; only what lies between is solved for
@@ -181,13 +190,10 @@ class Sentinel:
             margin(share)
         except SolverError:
             return None
-        problem = self.problem
-        return Passed(
-            alarm.name, share, problem.get_state(), dict(problem.factors), attempts[-1]
-        )
+        return Passed(alarm.name, share, attempts[-1])
 
     def _bifurcations(
-        self, place: Place, before: int, after: int, rates: dict[str, float]
+        self, place: Place, before: int, after: int, rates: Mapping[str, float]
     ) -> list[Passed]:
         """The first states on the way at which the inertia changes, limit points left out."""
         found: list[Passed] = []
@@ -198,9 +204,8 @@ class Sentinel:
                 break
             if critical.is_bifurcation:
                 found.append(
-                    Passed("bifurcation", critical.share, critical.state, critical.factors,
-                           critical.attempt, critical.mode)
-                )  # fmt: skip
+                    Passed("bifurcation", critical.share, critical.attempt, critical.mode)
+                )
             before, low = critical.after, min(1.0, critical.share + 10 * critical.width + 1e-7)
             if before == after or low >= 1.0:
                 break

@@ -23,14 +23,12 @@ A step without evidence is halved by the caller.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
-
+from dea_fenicsx.model.state import State
 from dea_fenicsx.path.events import Sentinel
-from dea_fenicsx.path.predictor import Known, Predictor
+from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.stability import path_slope
-from dea_fenicsx.solvers.newton import AT_REST, Attempt, NewtonSolver
+from dea_fenicsx.solvers.newton import AT_REST, NewtonSolver
+from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
 FASTER = 4.0
 """Largest ratio of speeds (displacement per load coordinate) along one path.
@@ -110,38 +108,34 @@ class Evidence:
         self.predictor, self.sentinel = predictor, sentinel
         self.count: int | None = None
 
-    def judge(
-        self, factors: dict[str, float], attempt: Attempt, guess: np.ndarray | None
-    ) -> Attempt:
+    def judge(self, attempt: Attempt, guess: State | None) -> Attempt:
         """Refuse a converged state that does not continue the path.  Collective.
 
         Parameters
         ----------
-        factors
-            Factors of the ramps at the solution, which the problem holds.
         attempt
-            How it was found.
+            How the state was found.
         guess
-            The extrapolation of the states before to these factors, or None.
+            The extrapolation of the states before to its load, or None.
 
         Returns
         -------
         Attempt
-            The attempt, with the reason ``"jumped"`` if the state is refused.
+            The attempt, with the outcome `Outcome.JUMPED` if the state is refused.
         """
         self.count = None
         if not attempt.converged:
             return attempt
-        found = Known(dict(factors), self.problem.get_state())
+        found = attempt.found
         if not self._is_smooth(found, attempt, guess) or not self._count_agrees(found):
             self.solver.forget_factor()  # it may have been made on the other branch
-            return replace(attempt, reason="jumped")
+            return attempt.refused(Outcome.JUMPED)
         return attempt
 
-    def _is_smooth(self, found: Known, attempt: Attempt, guess: np.ndarray | None) -> bool:
+    def _is_smooth(self, found: State, attempt: Attempt, guess: State | None) -> bool:
         """Whether the state moves with the load as it did before, or a state half-way shows it."""
         predictor, known = self.predictor, self.predictor.known
-        moved = predictor.moved(known[-1].state, found.state)
+        moved = predictor.moved(known[-1], found)
         if moved < AT_REST:  # rounding alone moves a device that is held everywhere
             return True
         doubtful = attempt.iterations > WANDERING
@@ -151,15 +145,13 @@ class Evidence:
             doubtful = doubtful or self._is_astray(guess, found)
         return not doubtful or self.leads_to(found)
 
-    def _is_astray(self, guess: np.ndarray | None, found: Known) -> bool:
+    def _is_astray(self, guess: State, found: State) -> bool:
         """Whether a state lies far from where it was expected, measured by the step's motion."""
-        if guess is None:
-            return False
         predictor = self.predictor
-        moved = predictor.moved(predictor.known[-1].state, found.state)
-        return predictor.moved(guess, found.state) > ASTRAY * moved
+        moved = predictor.moved(predictor.known[-1], found)
+        return predictor.moved(guess, found) > ASTRAY * moved
 
-    def leads_to(self, found: Known) -> bool:
+    def leads_to(self, found: State) -> bool:
         """Whether states half-way show that a path leads from the last known state to this one.
 
         The way may not be much faster than the tangent at its start.  Newton's method, started
@@ -180,26 +172,25 @@ class Evidence:
                 break
             share = predictor.middle(low, high)
             attempt = predictor.between(low, high, HALFWAY_TOLERANCE, patient=True)(share)
-            middle = Known(dict(self.problem.factors), self.problem.get_state())
             if attempt.iterations > WANDERING or not attempt.converged:
                 verdict = False
                 break
+            middle = attempt.found
             first, second = predictor.speed(low, middle), predictor.speed(middle, high)
             slow, fast = min(first, second), max(first, second)
             verdict = fast <= FASTER * slow and not self._is_other(middle, start)
             if verdict and start is not None and high is found:
                 # A jump in the second half leaves the speed as it is where most of the motion is
                 # prescribed; but then the parabola through the first half does not lead there.
-                parabola = predictor.through([start, predictor.known[-1], middle], found.factors)
-                way = predictor.moved(middle.state, found.state)
-                verdict = predictor.moved(parabola, found.state) <= OFF_PARABOLA * way
+                parabola = predictor.through([start, predictor.known[-1], middle], found)
+                way = predictor.moved(middle, found)
+                verdict = predictor.moved(parabola, found) <= OFF_PARABOLA * way
             if fast <= QUICKENED * slow:
                 break
             low, high = (low, middle) if first > second else (middle, high)
-        self._restore(found)
         return verdict
 
-    def _start_of_tangent(self, found: Known) -> Known | None:
+    def _start_of_tangent(self, found: State) -> State | None:
         """A point on the tangent at the last known state, a little before it.
 
         The tangent is extrapolated as the secant through the two.  None where the tangent says
@@ -209,56 +200,49 @@ class Evidence:
         rates = {name: found.factors[name] - f for name, f in last.factors.items()}
         if self.predictor.even and last.factors[self.predictor.name] == 0:
             return None
-        self._restore(last)
-        slope = path_slope(self.solver, rates)
+        slope = path_slope(self.solver, last, rates)
         if slope is None:
             return None
-        problem.add_free(-BACKWARDS * slope)
-        problem.set_factors({n: f - BACKWARDS * rates[n] for n, f in last.factors.items()})
-        problem.insert_fixed()
-        return Known(dict(problem.factors), problem.get_state())
+        before = {n: f - BACKWARDS * rates[n] for n, f in last.factors.items()}
+        back = problem.moved(last, -BACKWARDS * slope)
+        return problem.imposed(problem.under(back, before))
 
-    def _is_other(self, middle: Known, start: Known | None) -> bool:
+    def _is_other(self, middle: State, start: State | None) -> bool:
         """Whether a state half-way is on another branch than the last accepted one."""
         if start is not None:
             pair = [start, self.predictor.known[-1]]
-            if self._is_astray(self.predictor.through(pair, middle.factors), middle):
+            if self._is_astray(self.predictor.through(pair, middle), middle):
                 return True
         before = self.sentinel.excess
-        count = self.sentinel.count() if before is not None else None
+        count = self.sentinel.count(middle) if before is not None else None
         return count is not None and count != before
 
-    def _count_agrees(self, found: Known) -> bool:
+    def _count_agrees(self, found: State) -> bool:
         """Whether the number of negative eigenvalues is that of the last state, or changes on the
         way without a jump."""
         before = self.sentinel.excess
-        self.count = after = self.sentinel.count()
+        self.count = after = self.sentinel.count(found)
         if before is None or after is None or before == after:
             return True
         low, high = self.predictor.known[-1], found
-        distance = self.predictor.moved(low.state, high.state)
+        distance = self.predictor.moved(low, high)
         continuous = self._change_is_continuous(low, high, before, distance)
-        self._restore(found)
         self.solver.forget_factor()  # it was made near a singular tangent
         return continuous
 
     def _change_is_continuous(
-        self, low: Known, high: Known, before: int, distance: float
+        self, low: State, high: State, before: int, distance: float
     ) -> bool:
         """Bisect the place where the count changes; whether its two sides are neighbours."""
         predictor = self.predictor
         for _ in range(BISECTIONS):
-            if not predictor.between(low, high, BISECTION_TOLERANCE)(0.5).converged:
+            attempt = predictor.between(low, high, BISECTION_TOLERANCE)(0.5)
+            if not attempt.converged:
                 return False
-            middle = Known(dict(self.problem.factors), self.problem.get_state())
-            count = self.sentinel.count()
+            middle = attempt.found
+            count = self.sentinel.count(middle)
             if count is None:
                 return False
             low, high = (middle, high) if count == before else (low, middle)
-        gap = predictor.moved(low.state, high.state)
+        gap = predictor.moved(low, high)
         return gap <= max(NEIGHBOURS * distance / 2**BISECTIONS, AT_REST)
-
-    def _restore(self, found: Known) -> None:
-        """Put a solution back that the problem held before."""
-        self.problem.set_factors(found.factors)
-        self.problem.set_state(found.state)

@@ -14,12 +14,16 @@ from mpi4py import MPI
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.dead_loads import felt_axes
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.state import State
+from dea_fenicsx.support.compat import dolfinx
 
 NONE = 1e-6
 """Moment, as a share of the sum of all forces times their arms, that turns nothing."""
 
 
-def turn_to_loads(problem: Problem, rates: Mapping[str, float]) -> float:
+def turn_to_loads(
+    problem: Problem, rates: Mapping[str, float]
+) -> tuple[State, float]:
     """Turn a free body as a whole to where the loads that begin to act have no moment.  Collective.
 
     Of the orientations without a moment it is the stable one, in which the loads' potential is
@@ -28,32 +32,30 @@ def turn_to_loads(problem: Problem, rates: Mapping[str, float]) -> float:
     Parameters
     ----------
     problem
-        The problem; its state is turned.
+        The problem in its present state.
     rates
         Change of each ramp's factor that begins.
 
     Returns
     -------
-    float
-        The angle in rad; 0 if the body is not free to turn, if dead loads act already, or if the
-        new ones have no moment.
+    State, float
+        The turned state, and the angle in rad; 0 if the body is not free to turn, if dead loads
+        act already, or if the new ones have no moment.
     """
     acting = problem.turning.ramps & {ramp for ramp, rate in rates.items() if rate}
     if not acting or not problem.turning.holds(problem.factors):
-        return 0.0
+        return problem.state, 0.0
     forces = -sum(rates[ramp] * problem.load_vector(ramp) for ramp in sorted(acting))
     moments, size = _first_moments(problem, np.asarray(forces))
     axes = felt_axes(problem.scene, problem.constraints.released)
     turned = np.array([moments[2, 1] - moments[1, 2], moments[0, 2] - moments[2, 0],
                        moments[1, 0] - moments[0, 1]])  # fmt: skip
     if np.linalg.norm(axes @ turned) <= NONE * size:
-        return 0.0
+        return problem.state, 0.0
     R = _about(axes[0], moments) if len(axes) == 1 else _lowest(moments)
     centre = problem.constraints.pins[0].place
-    _rotate(problem, R, centre)
-    problem.insert_fixed()
-    problem.keep_orientation()
-    return float(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1)))
+    turned_state = problem.anchored(problem.imposed(_rotated(problem, R, centre)))
+    return turned_state, float(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1)))
 
 
 def _positions(problem: Problem) -> list[np.ndarray]:
@@ -126,12 +128,14 @@ def _lowest(moments: np.ndarray) -> np.ndarray:
     return _rotation(axis / sine, float(v @ u), sine)
 
 
-def _rotate(problem: Problem, R: np.ndarray, centre: np.ndarray) -> None:
-    """Turn the free part of the device as a whole about an undeformed place."""
-    state = problem.get_state()
+def _rotated(problem: Problem, R: np.ndarray, centre: np.ndarray) -> State:
+    """The present state with the free part of the device turned as a whole about a place."""
+    state = problem.state
+    values = dolfinx.fem.Function(problem.W)
+    values.x.array[:] = state.values
     for i, (part, x) in enumerate(zip(problem.displacement, _positions(problem), strict=True)):
         mine = _nodes(problem, part)
         turned = (x[mine] - centre) @ R[i] + centre[i]
-        state[part.dofs[mine]] = turned - part.space.tabulate_dof_coordinates()[mine, i]
-    problem.set_state(state)
-    problem.w.x.scatter_forward()
+        values.x.array[part.dofs[mine]] = turned - part.space.tabulate_dof_coordinates()[mine, i]
+    values.x.scatter_forward()
+    return state.with_values(values.x.array.copy())

@@ -2,32 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.state import State
 from dea_fenicsx.path.stability import Place
-from dea_fenicsx.solvers.newton import Attempt, NewtonSolver
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.outcome import Attempt
 
-
-@dataclass(frozen=True)
-class Known:
-    """An equilibrium: the factors of all ramps, and all local values of the mixed function."""
-
-    factors: dict[str, float]
-    state: np.ndarray
-
-
-Judge = Callable[[dict[str, float], Attempt, np.ndarray | None], Attempt]
-"""Accepts or refuses a solution, given its factors, the attempt, and the extrapolation to it.
+Judge = Callable[[Attempt, State | None], Attempt]
+"""Accepts or refuses a solution, given the attempt that found it and the extrapolation to it.
 
 The extrapolation is None where only one state is known.
 """
 
 
-def trusting(factors: dict[str, float], attempt: Attempt, guess: np.ndarray | None) -> Attempt:
+def trusting(attempt: Attempt, guess: State | None) -> Attempt:
     """A judge that accepts everything that has converged."""
     return attempt
 
@@ -58,35 +50,34 @@ class Predictor:
         scene = self.problem.scene
         self.name = names[0] if lead is None else lead
         self.even = all(scene.is_electric(n) for n in names)
-        self.known: list[Known] = []
+        self.known: list[State] = []
         self._phi = np.zeros(self.problem.size, dtype=bool)
         if self.problem.potential is not None:
             self._phi[self.problem.potential.dofs] = True
 
-    def add(self, factors: dict[str, float]) -> None:
-        """Remember the problem's state as that of the ramps' factors."""
-        new = Known(dict(factors), self.problem.get_state())
+    def add(self, state: State) -> None:
+        """Remember an accepted state."""
         # A ramp to the present value meets the same factor twice, which no polynomial can.
-        others = [old for old in self.known if old.factors[self.name] != factors[self.name]]
-        self.known = [*others[-2:], new]
+        others = [s for s in self.known if s.factors[self.name] != state.factors[self.name]]
+        self.known = [*others[-2:], state]
 
-    def coordinate(self, factors: dict[str, float]) -> float:
+    def coordinate(self, factors: Mapping[str, float]) -> float:
         """The load coordinate in which displacements are smooth: the factor or its square."""
         factor = factors[self.name]
         return factor**2 if self.even else factor
 
-    def moved(self, since: np.ndarray, now: np.ndarray) -> float:
+    def moved(self, since: State, now: State) -> float:
         """Largest change of displacement between two states, dimensionless.  Collective."""
         dofs = self.problem.fields["u"]
-        move = float(np.max(np.abs(now[dofs] - since[dofs]), initial=0.0))
+        move = float(np.max(np.abs(now.values[dofs] - since.values[dofs]), initial=0.0))
         return self.problem.comm.allreduce(move, op=MPI.MAX)
 
-    def speed(self, first: Known, second: Known) -> float:
+    def speed(self, first: State, second: State) -> float:
         """Largest change of displacement between two states per change of the load coordinate."""
         span = abs(self.coordinate(second.factors) - self.coordinate(first.factors))
-        return self.moved(first.state, second.state) / span if span else 0.0
+        return self.moved(first, second) / span if span else 0.0
 
-    def middle(self, first: Known, second: Known) -> float:
+    def middle(self, first: State, second: State) -> float:
         """Share of the way at which the load coordinate is half-way between two states."""
         low, high = first.factors[self.name], second.factors[self.name]
         between = ((low**2 + high**2) / 2) ** 0.5 if self.even else (low + high) / 2
@@ -97,8 +88,8 @@ class Predictor:
 
     def between(
         self,
-        low: Known,
-        high: Known,
+        low: State,
+        high: State,
         tolerance: float | None = None,
         patient: bool = False,
     ) -> Place:
@@ -115,22 +106,16 @@ class Predictor:
         start, end = low.factors[self.name], high.factors[self.name]
 
         def place(share: float) -> Attempt:
-            mixed = {n: (1 - share) * f + share * high.factors[n] for n, f in low.factors.items()}
-            problem.set_factors(mixed)
-            guess = (1 - share) * low.state + share * high.state
+            guess = problem.under(low, low.factors.mixed(share, high.factors))
             if start != end:
-                guess = self.through([low, high], mixed)
-            problem.set_state(guess)
-            problem.insert_fixed()
-            return self.solver.solve(lift=False, tolerance=tolerance, patient=patient)
+                guess = self.through([low, high], guess)
+            else:
+                guess = guess.with_values((1 - share) * low.values + share * high.values)
+            return self.solver.solve(problem.imposed(guess), None, tolerance, patient)
 
         return place
 
-    def restore(self) -> None:
-        """Put the last accepted state back."""
-        self.problem.set_state(self.known[-1].state)
-
-    def solve(self, factors: dict[str, float], judge: Judge = trusting) -> Attempt:
+    def solve(self, factors: Mapping[str, float], judge: Judge = trusting) -> Attempt:
         """Solve at new factors: from the extrapolation, else by a tangent step.
 
         Parameters
@@ -141,31 +126,32 @@ class Predictor:
             Accepts or refuses a solution; one that is refused from the extrapolation is tried
             again by a tangent step.
         """
-        problem = self.problem
-        problem.set_factors(factors)
+        problem, last = self.problem, self.known[-1]
         guess = self.extrapolated(factors)
         if guess is not None:
-            problem.set_state(guess)
-            problem.insert_fixed()
-            if problem.probe().admissible:
-                attempt = judge(factors, self.solver.solve(lift=False), guess)
+            start = problem.imposed(guess)
+            with problem.at(start):
+                admissible = problem.probe().admissible
+            if admissible:
+                attempt = judge(self.solver.solve(start), guess)
                 if attempt.converged:
                     return attempt
-            problem.set_factors(factors)
-            self.restore()
-        return judge(factors, self.solver.solve(lift=True), guess)
+        return judge(self.solver.solve(last, factors), guess)
 
-    def extrapolated(self, factors: dict[str, float]) -> np.ndarray | None:
-        """The states before extrapolated to other factors; None where there is one state only."""
+    def extrapolated(self, factors: Mapping[str, float]) -> State | None:
+        """The states before extrapolated to other factors; None where there is one state only.
+
+        Its fixed values are extrapolated, too.
+        """
         if len(self.known) < 2:
             return None
-        return self.through(self.known, factors)
+        return self.through(self.known, self.problem.under(self.known[-1], factors))
 
-    def through(self, known: list[Known], factors: dict[str, float]) -> np.ndarray:
-        """The polynomial through states at different factors, at other factors."""
-        factor = factors[self.name]
-        at = np.array([k.factors[self.name] for k in known])
-        states = [k.state for k in known]
+    def through(self, known: Sequence[State], target: State) -> State:
+        """The polynomial through states at different factors, at the load of another state."""
+        factor = target.factors[self.name]
+        at = np.array([s.factors[self.name] for s in known])
+        states = [s.values for s in known]
         by_factor = _lagrange(at, factor)
         guess = sum(c * s for c, s in zip(by_factor, states, strict=True))
         if self.even:
@@ -174,7 +160,7 @@ class Predictor:
                 by_square = _lagrange(squares, factor**2)
                 even = sum(c * s for c, s in zip(by_square, states, strict=True))
                 guess = np.where(self._phi, guess, even)
-        return np.asarray(guess)
+        return target.with_values(np.asarray(guess))
 
 
 def _lagrange(nodes: np.ndarray, x: float) -> np.ndarray:

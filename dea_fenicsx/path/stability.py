@@ -12,13 +12,15 @@ v . b is not 0, at a bifurcation it is (Keller 1977; Riks 1979).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.solvers.newton import Attempt, NewtonSolver
+from dea_fenicsx.model.state import State
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.outcome import Attempt
 from dea_fenicsx.solvers.tangent import Tangent
 
 ORTHOGONAL = 1e-4
@@ -31,7 +33,7 @@ Closer to the singular state Newton's method wanders along the null vector.
 """
 
 Place = Callable[[float], Attempt]
-"""Brings the problem into equilibrium at a share, 0 to 1, of the way between two states."""
+"""Finds an equilibrium at a share, 0 to 1, of the way between two states."""
 
 
 @dataclass(frozen=True)
@@ -44,29 +46,25 @@ class Critical:
         Its place between the two states of the search, 0 to 1.
     width
         Width of the last bracket, in the same measure.
-    state, factors
-        All local values of the mixed function, and the factors of the ramps.
     mode
-        The null vector, in the same layout; its largest displacement is 1.
+        The null vector, laid out like the values of the state; its largest displacement is 1.
     is_bifurcation
         Whether the load's derivative is orthogonal to the mode.
     after
         Negative eigenvalues beyond those of a stable state on the far side.
     attempt
-        How the last equilibrium was found.
+        How the equilibrium was found.
     """
 
     share: float
     width: float
-    state: np.ndarray
-    factors: dict[str, float]
     mode: np.ndarray
     is_bifurcation: bool
     after: int
     attempt: Attempt
 
 
-def load_derivative(tangent: Tangent, rates: dict[str, float]) -> np.ndarray:
+def load_derivative(tangent: Tangent, rates: Mapping[str, float]) -> np.ndarray:
     """dR/df in the free rows where each ramp's factor changes at its rate with f."""
     return sum(
         (rate * tangent.by_load(name) for name, rate in rates.items()),
@@ -82,12 +80,15 @@ layers' length was wrong by a factor of ten.
 """
 
 
-def path_slope(solver: NewtonSolver, rates: dict[str, float]) -> np.ndarray | None:
-    """dx/df of the free unknowns at the present state, each ramp's factor at its rate with f.
+def path_slope(
+    solver: NewtonSolver, state: State, rates: Mapping[str, float]
+) -> np.ndarray | None:
+    """dx/df of the free unknowns at a state, each ramp's factor at its rate with f.
 
     None if the linear solve fails.  Collective.
     """
-    return solver.linear_solve(-load_derivative(solver.tangent, rates), SLOPE_TOLERANCE)
+    with solver.problem.at(state):
+        return solver.linear_solve(-load_derivative(solver.tangent, rates), SLOPE_TOLERANCE)
 
 
 class Spectrum:
@@ -112,16 +113,21 @@ class Spectrum:
             x = part.space.tabulate_dof_coordinates()
             self._compass[part.dofs] = 1 + x @ (0.37, 0.61, 0.83)
 
-    def count(self) -> int | None:
+    def count(self, state: State) -> int | None:
         """Negative eigenvalues beyond those of a stable state; None if MUMPS fails."""
-        self.solver.refresh_inertia()
+        with self.problem.at(state):
+            self.solver.refresh_inertia()
         return self.solver.inertia.excess
 
     def _dot(self, x: np.ndarray, y: np.ndarray) -> float:
         return self.problem.comm.allreduce(float(x[self.u] @ y[self.u]), op=MPI.SUM)
 
-    def nearest_zero(self) -> tuple[int, float, np.ndarray] | None:
+    def nearest_zero(self, state: State) -> tuple[int, float, np.ndarray] | None:
         """Inertia, size of the eigenvalue nearest zero, and its vector in the free unknowns."""
+        with self.problem.at(state):
+            return self._nearest_zero()
+
+    def _nearest_zero(self) -> tuple[int, float, np.ndarray] | None:
         self.solver.refresh_inertia()
         count = self.solver.inertia.excess
         if count is None:
@@ -148,7 +154,7 @@ class Spectrum:
         self,
         place: Place,
         before: int,
-        rates: dict[str, float],
+        rates: Mapping[str, float],
         low: float = 0.0,
     ) -> Critical | None:
         """The first state behind `low` at which the inertia is no longer `before`.
@@ -156,7 +162,7 @@ class Spectrum:
         Parameters
         ----------
         place
-            Brings the problem into equilibrium at a share of the way; the inertia differs at 1.
+            Finds an equilibrium at a share of the way; the inertia differs at 1.
         before
             Inertia at `low`.
         rates
@@ -169,7 +175,8 @@ class Spectrum:
         """
         ends: list[tuple[float, float, int]] = []
         for share in (low, 1.0):
-            if not place(share).converged or (found := self.nearest_zero()) is None:
+            end = place(share)
+            if not end.converged or (found := self.nearest_zero(end.found)) is None:
                 return None
             ends.append((share, found[1], found[0]))
         (a, fa, _), (b, fb, after) = ends
@@ -180,7 +187,7 @@ class Spectrum:
             # says on which side a trial lies; now and then the middle, against one-sided creeping
             x = (a * fb + b * fa) / (fa + fb) if k % 3 != 2 else (a + b) / 2
             attempt = place(x)
-            if not attempt.converged or (trial := self.nearest_zero()) is None:
+            if not attempt.converged or (trial := self.nearest_zero(attempt.found)) is None:
                 break
             count, size, vector = trial
             if count == before:
@@ -199,31 +206,27 @@ class Spectrum:
         width: float,
         vector: np.ndarray,
         after: int,
-        rates: dict[str, float],
+        rates: Mapping[str, float],
         attempt: Attempt,
     ) -> Critical:
         problem = self.problem
-        slope = load_derivative(self.solver.tangent, rates)
+        with problem.at(attempt.found):
+            slope = load_derivative(self.solver.tangent, rates)
         total = problem.comm.allreduce(
             np.array([vector @ slope, vector @ vector, slope @ slope]), op=MPI.SUM
         )
         cosine = abs(total[0]) / np.sqrt(total[1] * total[2]) if total[2] > 0 else 0.0
         return Critical(
-            share, width, problem.get_state(), dict(problem.factors), self.as_state(vector),
-            cosine < ORTHOGONAL, after, attempt,
+            share, width, self.as_values(vector), cosine < ORTHOGONAL, after, attempt,
         )  # fmt: skip
 
-    def as_state(self, vector: np.ndarray) -> np.ndarray:
-        """A vector in the free unknowns laid out like a state, largest displacement 1."""
+    def as_values(self, vector: np.ndarray) -> np.ndarray:
+        """A vector in the free unknowns laid out like a state's, largest displacement 1."""
         problem = self.problem
         largest = float(np.max(np.abs(vector[self.u]), initial=0.0))
         largest = problem.comm.allreduce(largest, op=MPI.MAX)
         compass = float(vector[self.u] @ self._compass[problem.free[self.u]])
         if problem.comm.allreduce(compass, op=MPI.SUM) < 0:
             largest = -largest
-        kept = problem.get_state()
-        problem.set_state(np.zeros_like(kept))
-        problem.add_free(vector / largest)
-        mode = problem.get_state()
-        problem.set_state(kept)
-        return mode
+        rest = problem.state.with_values(np.zeros(problem.size))
+        return problem.moved(rest, vector / largest).values

@@ -8,169 +8,254 @@ from itertools import pairwise
 
 import numpy as np
 
+from dea_fenicsx.model.state import State
 from dea_fenicsx.path.arclength import SHORTEST, Branch, Point
 from dea_fenicsx.path.events import Sentinel
-from dea_fenicsx.scene.scene import Scene
-from dea_fenicsx.solvers.newton import Attempt, NewtonSolver
-from dea_fenicsx.support.errors import SolverError
-from dea_fenicsx.support.type_checks import plain_numbers
+from dea_fenicsx.path.items import Trace
+from dea_fenicsx.path.roots import Bracket
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.outcome import Attempt, Outcome
+
+__all__ = ["BranchLost", "Trace", "Traced", "Tracer"]
 
 CLOSE = 1e-7
 """How close a trace comes to the value at which it ends, of the change over the last step."""
 
-
-@dataclass(frozen=True)
-@plain_numbers
-class Trace:
-    """Follow the branch by arc length in one ramp of the scene, through limit points.
-
-    Parameters
-    ----------
-    what
-        Name of the ramp, such as ``"voltage"``.
-    first
-        Load factor of the first step; negative to start backwards.
-    steps
-        Most steps that are taken, events included.
-    until
-        A column of the history and a value: the trace ends where the column takes the value.
-    longest
-        Longest step in units of arc, of 5 % stretch each.
-    at
-        Load factors to land on exactly, each time that the branch passes one.
-    switch
-        Length of a step, in units of arc, along the null vector of the first bifurcation: the
-        trace goes on along the branch that lies there, and the sign chooses the side.  0 stays on
-        the branch.  Needs ``stability="every"``.
-    """
-
-    what: str
-    first: float = 0.05
-    steps: int = 200
-    until: tuple[str, float] | None = None
-    longest: float = 4.0
-    at: tuple[float, ...] = ()
-    switch: float = 0.0
-
-    def names(self, scene: Scene) -> tuple[str, ...]:
-        return (self.what,)
-
-    def label(self, scene: Scene) -> str:
-        return self.what
+SHORT_ENOUGH = 0.1
+"""Arc up to which a limit point and a bifurcation in one step are not told apart any more."""
 
 
 @dataclass(frozen=True)
 class Traced:
-    """An accepted point of a trace: what `stepping` makes a step of."""
+    """An accepted point of a trace.
 
-    factor: float
+    Attributes
+    ----------
+    state
+        The equilibrium.
+    arc
+        Length of the next step.
+    direction
+        Sign of the load's change along the branch.
+    retries
+        How often the step was halved.
+    event, mode, last
+        As of a `Step`; `last` where the trace has come to its end.
+    """
+
+    state: State
     arc: float
     direction: float
-    attempt: Attempt
-    retries: int
+    retries: int = 0
     event: str = ""
     mode: np.ndarray | None = None
     last: bool = False
 
 
-def trace(
-    solver: NewtonSolver,
-    item: Trace,
-    arc: float,
-    sign: float,
-    log: Callable[[str], None],
-    sentinel: Sentinel,
-    gap: Callable[[], float | None],
-    may_switch: bool = True,
-) -> Iterator[Traced | str]:
-    """Follow a branch from the problem's state; yields accepted points, then a reason if lost.
+@dataclass(frozen=True)
+class _Spot:
+    """A point of interest between two points of a branch, at an arc from the first."""
+
+    arc: float
+    traced: Traced
+
+
+class BranchLost(Exception):
+    """A branch cannot be followed any further, however short the arc."""
+
+    def __init__(self, outcome: Outcome) -> None:
+        super().__init__(outcome.value)
+        self.outcome = outcome
+
+
+class Tracer:
+    """Follows a branch from the problem's present state.
 
     Parameters
     ----------
-    solver, item
-        The solver, in equilibrium, and what to follow.
-    arc, sign
-        Length of the first step, and the sign of the load's change along it.
-    log
-        Called with a line for every retry and every event.
+    solver
+        The nonlinear solver, in equilibrium.
+    item
+        What to follow.
     sentinel
         Watches for bifurcations and alarms.
     gap
         How far the problem's present state is from the end, of either sign; None for no end.
-    may_switch
-        False once the trace has left its first branch.
+    log
+        Called with a line for every retry and every event.
     """
-    problem = solver.problem
-    branch = Branch(solver, {item.what: 1.0}, item.first, problem.factors[item.what])
-    here = branch.point(None, sign)
-    if here is None:
-        yield solver.trouble
-        return
-    before: Point | None = None
-    retries, left = 0, gap()
-    while True:
-        attempt, there, reason = branch.advance(here, arc, before)
-        count = None
-        turns = there is not None and here.slope * there.slope < 0
-        if not reason:
-            count = sentinel.count()
-            if turns and arc > 0.1 and _mixed(sentinel.excess, count):
-                reason = "a limit point and a bifurcation in one step"
-        if reason or there is None:
-            retries += 1
-            arc /= 2
-            branch.restore(here)
-            log(f"{item.what}: arc halved ({reason})")
-            if arc < SHORTEST:
-                yield reason
-                return
-            continue
-        if not sentinel.stability and _unexplained(sentinel.excess, count, turns):
-            log(f"{item.what}: the number of negative eigenvalues changes from {sentinel.excess} "
-                f"to {count} within this step, and no limit point explains it")  # fmt: skip
-        spots = list(_spots(branch, item, here, there, arc, turns, sentinel))
-        branch.restore(there)
-        if end := _end(branch, here, there, arc, left, gap, log):
-            spots.append(end)
-            branch.restore(there)
-        events = sentinel.passed(branch.place(here, there, arc), branch.rates, count, int(turns))
-        for event in events:
-            slope = np.sign(there.factor - here.factor)
-            factor = event.factors[item.what]
-            spots.append((event.share * arc, event.state,
-                          Traced(factor, arc, slope, event.attempt, 0, event.name, event.mode)))
-        for _, state, traced in sorted(spots, key=lambda spot: spot[0]):
-            branch.set_factor(traced.factor)
-            problem.set_state(state)
-            if traced.event:
-                log(f"{item.what}: {traced.event} at factor {traced.factor:.8g}")
-            yield replace(traced, retries=retries)
-            if traced.last:
-                return
-            retries = 0
-            if traced.event == "bifurcation" and item.switch and may_switch:
-                may_switch = False
-                assert traced.mode is not None
-                before = None
-                here = branch.aside(state, traced.factor, np.sign(item.switch) * traced.mode)
-                arc = abs(item.switch)
-                left = gap()
-                break
-        else:
-            branch.restore(there)
-            was, left = left, gap()
+
+    def __init__(
+        self,
+        solver: NewtonSolver,
+        item: Trace,
+        sentinel: Sentinel,
+        gap: Callable[[], float | None],
+        log: Callable[[str], None],
+    ) -> None:
+        self.solver, self.problem, self.item = solver, solver.problem, item
+        self.sentinel, self.gap, self.log = sentinel, gap, log
+        now = self.problem.factors[item.what]
+        self.branch = Branch(solver, {item.what: 1.0}, item.first, now)
+
+    def follow(self, arc: float, sign: float, may_switch: bool = True) -> Iterator[Traced]:
+        """Yield the accepted points, one after another.
+
+        Parameters
+        ----------
+        arc, sign
+            Length of the first step, and the sign of the load's change along it.
+        may_switch
+            False once the trace has left its first branch.
+
+        Raises
+        ------
+        BranchLost
+            If no step can be made any more.
+        """
+        item, branch = self.item, self.branch
+        here = branch.point(self.problem.state, None, sign)
+        if here is None:
+            raise BranchLost(self.solver.trouble)
+        before: Point | None = None
+        left = self._left(here.state)
+        while True:
+            attempt, there, arc, retries, count = self._step(here, arc, before)
+            switched = False
+            for spot in self._spots(here, there, arc, left, count):
+                traced = spot.traced
+                if traced.event:
+                    factor = branch.factor_of(traced.state)
+                    self.log(f"{item.what}: {traced.event} at factor {factor:.8g}")
+                yield replace(traced, retries=retries)
+                if traced.last:
+                    return
+                retries = 0
+                if traced.event == "bifurcation" and item.switch and may_switch:
+                    here, may_switch, switched = self._aside(traced), False, True
+                    before, arc, left = None, abs(item.switch), self._left(here.state)
+                    self.sentinel.excess = None  # the new branch's own is taken at its first state
+                    break
+            if switched:
+                continue
+            was, left = left, self._left(there.state)
             grown = 1.5 if attempt.iterations <= 3 else 1.0 if attempt.iterations <= 6 else 0.7
             arc = min(arc * grown, item.longest, _just_beyond(arc, was, left))
             before, here = here, there
-            yield Traced(there.factor, arc, np.sign(there.slope), attempt, retries)
-            retries = 0
-            continue
-        sentinel.excess = None  # the new branch's own count is taken at its first state
+            yield Traced(there.state, arc, float(np.sign(there.slope)), retries)
 
+    def _aside(self, traced: Traced) -> Point:
+        """A bifurcation as the first point of the branch that crosses there."""
+        assert traced.mode is not None
+        factor = self.branch.factor_of(traced.state)
+        return self.branch.aside(traced.state, factor, np.sign(self.item.switch) * traced.mode)
 
-def _unexplained(before: int | None, after: int | None, turns: bool) -> bool:
-    """Whether the count of negative eigenvalues changes by something else than a limit point."""
-    return before is not None and after is not None and abs(after - before) != int(turns)
+    def _left(self, state: State) -> float | None:
+        """How far a state is from the end of the trace, of either sign; None for no end."""
+        with self.problem.at(state):
+            return self.gap()
+
+    def _step(
+        self, here: Point, arc: float, before: Point | None
+    ) -> tuple[Attempt, Point, float, int, int | None]:
+        """Go an arc, halved until the step is accepted.
+
+        Returns
+        -------
+        attempt, point, arc, retries, count
+            How the step ended, its point, the arc that was gone, how often it was halved, and the
+            number of negative eigenvalues, if it is counted.
+        """
+        retries = 0
+        while True:
+            attempt, there = self.branch.advance(here, arc, before)
+            outcome = attempt.outcome
+            if there is not None:
+                count = self.sentinel.count(there.state)
+                turns = here.slope * there.slope < 0
+                if not (turns and arc > SHORT_ENOUGH and _mixed(self.sentinel.excess, count)):
+                    self._tell_unexplained(count, turns)
+                    return attempt, there, arc, retries, count
+                outcome = Outcome.MIXED_EVENTS
+            retries += 1
+            arc /= 2
+            self.log(f"{self.item.what}: arc halved ({outcome.value})")
+            if arc < SHORTEST:
+                raise BranchLost(outcome)
+
+    def _tell_unexplained(self, count: int | None, turns: bool) -> None:
+        """Say so if the count of negative eigenvalues changes by more than a limit point does."""
+        before = self.sentinel.excess
+        if self.sentinel.stability or before is None or count is None:
+            return
+        if abs(count - before) != int(turns):
+            self.log(
+                f"{self.item.what}: the number of negative eigenvalues changes from {before} to "
+                f"{count} within this step, and no limit point explains it"
+            )
+
+    # ------------------------------------------------------------------ between two points
+
+    def _spots(
+        self, here: Point, there: Point, arc: float, left: float | None, count: int | None
+    ) -> list[_Spot]:
+        """Events, requested loads and the end between two points, in the order of travel."""
+        branch = self.branch
+        spots = list(self._landings(here, there, arc))
+        if end := self._end(here, there, arc, left):
+            spots.append(end)
+        turns = here.slope * there.slope < 0
+        events = self.sentinel.passed(
+            there.state, branch.place(here, there, arc), branch.rates, count, int(turns)
+        )
+        slope = float(np.sign(there.factor - here.factor))
+        for event in events:
+            traced = Traced(event.state, arc, slope, event=event.name, mode=event.mode)
+            spots.append(_Spot(event.share * arc, traced))
+        return sorted(spots, key=lambda spot: spot.arc)
+
+    def _landings(self, here: Point, there: Point, arc: float) -> Iterator[_Spot]:
+        """Limit point and requested loads between two points."""
+        branch, item = self.branch, self.item
+        pieces = [(0.0, here), (arc, there)]
+        sign = float(np.sign(there.slope))
+        turns = here.slope * there.slope < 0
+        if turns and (found := branch.limit_point(here, there, arc)) is not None:
+            limit, s = found
+            kind = "maximum" if here.slope > 0 else "minimum"
+            pieces.insert(1, (s, limit))
+            mode = self.sentinel.mode_of(limit.direction) if self.sentinel.stability else None
+            yield _Spot(s, Traced(limit.state, arc, sign, event=kind, mode=mode))
+        for (low, start), (high, end) in pairwise(pieces):
+            for wanted in item.at:
+                if (start.factor - wanted) * (end.factor - wanted) < 0:
+                    attempt = branch.land(start, end, wanted)
+                    if attempt.converged:
+                        share = (wanted - start.factor) / (end.factor - start.factor)
+                        traced = Traced(attempt.found, arc, sign, event="landed")
+                        yield _Spot(low + share * (high - low), traced)
+
+    def _end(self, here: Point, there: Point, arc: float, left: float | None) -> _Spot | None:
+        """Where the trace ends, if that is in this step; `left` is the gap at its start."""
+        beyond = self._left(there.state)
+        if left is None or beyond is None or left == 0 or left * beyond > 0:
+            return None
+        s, state = arc, there.state
+        bracket = Bracket((0.0, left), (arc, beyond))
+        close = CLOSE * max(abs(left), abs(beyond))
+        for _ in range(20):
+            if abs(bracket.high[1]) <= close:
+                break
+            s = bracket.secant
+            attempt = self.branch.step(here, s, there)
+            now = self._left(attempt.found) if attempt.converged else None
+            if now is None:  # the step's own end is an equilibrium, a little behind the value
+                self.log("no equilibrium was found at the very end of the trace; it ends behind")
+                s, state = arc, there.state
+                break
+            state = attempt.found
+            bracket.narrow(s, now)
+        return _Spot(s, Traced(state, arc, float(np.sign(there.slope)), last=True))
 
 
 def _mixed(before: int | None, after: int | None) -> bool:
@@ -178,145 +263,8 @@ def _mixed(before: int | None, after: int | None) -> bool:
     return before is not None and after is not None and abs(after - before) != 1
 
 
-def _spots(
-    branch: Branch,
-    item: Trace,
-    here: Point,
-    there: Point,
-    arc: float,
-    turns: bool,
-    sentinel: Sentinel,
-) -> Iterator[tuple[float, np.ndarray, Traced]]:
-    """Limit point and requested loads between two points: arc, state and what to report."""
-    pieces = [(0.0, here), (arc, there)]
-    sign = np.sign(there.slope)
-    if turns and (found := branch.limit_point(here, there, arc)) is not None:
-        limit, s = found
-        branch.restore(limit)
-        kind = "maximum" if here.slope > 0 else "minimum"
-        attempt = Attempt("", 0, branch.solver.residual_of(branch.problem.residual()),
-                          branch.problem.probe())  # fmt: skip
-        pieces.insert(1, (s, limit))
-        mode = sentinel.mode_of(limit.direction) if sentinel.stability else None
-        yield s, limit.state, Traced(limit.factor, arc, sign, attempt, 0, kind, mode)
-    for (low, start), (high, end) in pairwise(pieces):
-        for wanted in item.at:
-            if (start.factor - wanted) * (end.factor - wanted) < 0:
-                attempt = branch.land(start, end, wanted)
-                if attempt.converged:
-                    share = (wanted - start.factor) / (end.factor - start.factor)
-                    yield (low + share * (high - low), branch.problem.get_state(),
-                           Traced(wanted, arc, sign, attempt, 0, "landed"))  # fmt: skip
-
-
 def _just_beyond(arc: float, was: float | None, left: float | None) -> float:
     """An arc a little longer than to the end of the trace, by what the last arc has closed."""
     if was is None or left is None or left * (was - left) <= 0:
         return np.inf
     return arc * max(1.1 * left / (was - left), 0.05)
-
-
-def _end(
-    branch: Branch,
-    here: Point,
-    there: Point,
-    arc: float,
-    left: float | None,
-    gap: Callable[[], float | None],
-    log: Callable[[str], None],
-) -> tuple[float, np.ndarray, Traced] | None:
-    """Where the trace ends, if that is in this step: arc, state and what to report.
-
-    `left` is the gap at the step's start; the problem is at its end.
-    """
-    beyond = gap()
-    if left is None or beyond is None or left == 0 or left * beyond > 0:
-        return None
-    whole = Attempt("", 0, branch.solver.residual_of(branch.problem.residual()),
-                    branch.problem.probe())  # fmt: skip
-    s, attempt = arc, whole
-    low, high, close = (0.0, left), (arc, beyond), CLOSE * max(abs(left), abs(beyond))
-    for _ in range(20):
-        if abs(high[1]) <= close:
-            break
-        s = (low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1])
-        attempt = branch.step(here, s, there)
-        now = gap() if attempt.converged else None
-        if now is None:  # the step's own end is an equilibrium, a little behind the value
-            log("no equilibrium was found at the very end of the trace; it ends behind")
-            branch.restore(there)
-            s, attempt = arc, whole
-            break
-        # Illinois rule, as for a limit point
-        low = high if now * high[1] < 0 else (low[0], low[1] / 2)
-        high = (s, now)
-    sign = np.sign(there.slope)
-    return s, branch.problem.get_state(), Traced(branch.factor, arc, sign, attempt, 0, last=True)
-
-
-def over_the_limit(
-    solver: NewtonSolver,
-    rates: dict[str, float],
-    factor: float,
-    first: float,
-    log: Callable[[str], None],
-    steps: int = 400,
-) -> tuple[Point, Attempt | None]:
-    """Where a load that can only grow takes the device that it carries over a limit point.
-
-    The branch is followed by arc length over the limit point, on which nothing rests, to the next
-    state that bears the same load and is stable: the landing of a snap with enough damping.
-
-    Parameters
-    ----------
-    solver
-        The solver, in equilibrium before the limit point.
-    rates, factor, first
-        As in `Branch`; the load f grows.
-    steps
-        Most steps that are taken.
-
-    Returns
-    -------
-    Point, Attempt or None
-        The limit point, and the landing, in which the problem then is; None if there is none.
-
-    Raises
-    ------
-    SolverError
-        If no limit point is found.
-    """
-    branch = Branch(solver, rates, first, factor)
-    here, arc = branch.point(None, 1.0), 1.0
-    before: Point | None = None
-    limit: Point | None = None
-    for _ in range(steps):
-        if here is None:
-            break
-        attempt, there, reason = branch.advance(here, arc, before)
-        if there is None or reason:
-            arc /= 2
-            branch.restore(here)
-            if arc < SHORTEST:
-                log(f"the branch could be followed to {here.factor:.8g} only ({reason})")
-                break
-            continue
-        if limit is None and there.slope < 0 and (
-            found := branch.limit_point(here, there, arc)
-        ):  # fmt: skip
-            limit = found[0]
-            log(f"limit point at {limit.factor:.8g} of the ramp; its far side is searched")
-            branch.restore(there)
-        if limit is not None and there.slope > 0 and there.factor > limit.factor:
-            landing = branch.land(here, there, limit.factor)
-            solver.refresh_inertia()
-            if landing.converged and solver.inertia.excess == 0:
-                return limit, landing
-            branch.restore(there)
-        # forces grow by orders of magnitude towards lock-up, and rounding with them
-        solver.references.remember(solver.problem.residual())
-        arc = min(arc * (1.5 if attempt.iterations <= 3 else 1.0), 4.0)
-        before, here = here, there
-    if limit is None:
-        raise SolverError("no limit point was found")
-    return limit, None

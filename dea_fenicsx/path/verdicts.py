@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.path.predictor import Known, Predictor
+from dea_fenicsx.model.state import Factors, State
+from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.stability import path_slope
-from dea_fenicsx.scene.scene import Scene
-from dea_fenicsx.solvers.newton import REASONS, Attempt
+from dea_fenicsx.solvers.outcome import Attempt, Outcome
 from dea_fenicsx.support.errors import EquilibriumLost, NotReached, PathError, SolverError
 
 STEEP = 3.0
@@ -30,30 +30,20 @@ long, has a ratio of 1.2.
 NEIGHBOUR = 8.0
 """Length of such a way, in units of the last trial's step."""
 
-UNCERTAIN = ("slow", "diverged", "jumped")
-"""Reasons of a last trial that alone do not tell a lost equilibrium from a failure of Newton's.
+UNCERTAIN = (Outcome.SLOW, Outcome.DIVERGED, Outcome.JUMPED)
+"""Outcomes of a last trial that alone do not tell a lost equilibrium from a failure of Newton's.
 
 A chain past its lock-up and a cell turned inside out tell of the material.
 """
 
 
-def describe(scene: Scene, factors: dict[str, float], names: Sequence[str]) -> str:
-    """The load of a state in words: volts for electrodes, the bare factor for all else."""
-    words = []
-    for name in names:
-        volts = scene.reference_voltage(name)
-        value = factors[name]
-        words.append(f"{value * volts:.6g} V" if volts else f"{name} factor {value:.6g}")
-    return ", ".join(words)
-
-
-def is_near_limit(predictor: Predictor, origin: Known, failed: dict[str, float]) -> bool:
+def is_near_limit(predictor: Predictor, origin: State, failed: Mapping[str, float]) -> bool:
     """Whether the last accepted state shows a limit point ahead.  Collective.
 
     Parameters
     ----------
     predictor
-        Holds the last accepted states; the problem holds the very last one.
+        Holds the last accepted states.
     origin
         The state at the start of the ramp.
     failed
@@ -69,29 +59,29 @@ def is_near_limit(predictor: Predictor, origin: Known, failed: dict[str, float])
     now = last.factors[predictor.name]
     step = failed[predictor.name] - now
     rates = {name: (failed[name] - factor) / step for name, factor in last.factors.items()}
-    slope = path_slope(predictor.solver, rates)
+    slope = path_slope(predictor.solver, last, rates)
     if slope is None:
         return True
     mine = float(np.max(np.abs(slope[problem.free_fields["u"]]), initial=0.0))
     speed = problem.comm.allreduce(mine, op=MPI.MAX)
-    rest = Known(dict.fromkeys(last.factors, 0.0), np.zeros_like(last.state))
+    zero = dict.fromkeys(last.factors, 0.0)
+    rest = last.with_factors(zero).with_values(np.zeros_like(last.values))
     for earlier in (origin, *predictor.known[:-1], rest):
         way = abs(now - earlier.factors[predictor.name])
         if way == 0:
             continue
         short = earlier is not rest and way <= NEIGHBOUR * abs(step)
-        mean = predictor.moved(earlier.state, last.state) / way
+        mean = predictor.moved(earlier, last) / way
         if speed > (STEEPER if short else STEEP) * mean > 0:
             return True
     return False
 
 
 def ramp_lost(
-    scene: Scene,
     names: Sequence[str],
     label: str,
-    reached: dict[str, float],
-    failed: dict[str, float],
+    reached: Factors,
+    failed: Factors,
     attempt: Attempt,
     near_limit: bool,
 ) -> PathError:
@@ -99,8 +89,6 @@ def ramp_lost(
 
     Parameters
     ----------
-    scene
-        The scene.
     names, label
         The ramps that move, and what they are called together.
     reached, failed
@@ -110,20 +98,19 @@ def ramp_lost(
     near_limit
         Whether the last accepted state shows a limit point ahead.
     """
-    low, high = describe(scene, reached, names), describe(scene, failed, names)
-    if attempt.reason in ("factorisation", "stagnation"):
+    low, high, last = reached.told(names), failed.told(names), attempt.outcome.value
+    if attempt.outcome.is_linear_failure:
         return SolverError(
             f"The linear solver failed between {low} and {high} of the {label} ramp "
-            f"({REASONS[attempt.reason]}); check supports and material constants."
+            f"({last}); check supports and material constants."
         )
-    if attempt.reason == "rounding":
+    if attempt.outcome is Outcome.ROUNDING:
         return SolverError(
             f"Newton's residual came to rest at {attempt.residual:.2g} between {low} and {high} of "
             f"the {label} ramp, just above its tolerance; it is rounding, so loosen "
             "NewtonOptions(tolerance=...) or use cells that are less thin."
         )
-    last = REASONS.get(attempt.reason, attempt.reason)
-    if not near_limit and attempt.reason in UNCERTAIN:
+    if not near_limit and attempt.outcome in UNCERTAIN:
         return SolverError(
             f"No step from {low} towards {high} of the {label} ramp could be made, however short "
             f"(last trial: {last}), and the state at {low} shows no limit point ahead; this is a "
@@ -140,17 +127,17 @@ def ramp_lost(
     return error
 
 
-def trace_lost(scene: Scene, what: str, factors: dict[str, float], reason: str) -> PathError:
+def trace_lost(what: str, factors: Factors, outcome: Outcome) -> PathError:
     """The error that ends a trace whose steps have become too short."""
-    place = describe(scene, factors, (what,))
-    if reason in ("factorisation", "stagnation"):
+    place = factors.told((what,))
+    if outcome.is_linear_failure:
         return SolverError(
-            f"The linear solver failed at {place} of the {what} trace ({REASONS[reason]}); check "
+            f"The linear solver failed at {place} of the {what} trace ({outcome.value}); check "
             "supports and material constants."
         )
     error = EquilibriumLost(
         f"The branch could not be followed beyond {place} of the {what} trace, however short the "
-        f"arc (last trial: {REASONS.get(reason, reason)}); all steps before it are kept."
+        f"arc (last trial: {outcome.value}); all steps before it are kept."
     )
     error.reached, error.failed, error.ramps = dict(factors), dict(factors), ()
     return error

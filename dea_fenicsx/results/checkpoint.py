@@ -23,8 +23,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.lib import format as npy
 
-from dea_fenicsx.path.ramping import Cursor
-from dea_fenicsx.path.tracing import Trace
+from dea_fenicsx.path.cursor import Cursor
+from dea_fenicsx.path.items import Trace
 from dea_fenicsx.results.columns import load_column
 from dea_fenicsx.results.reading import TEXTS
 from dea_fenicsx.scene.scene import Scene
@@ -86,6 +86,9 @@ def read(file: Path) -> tuple[dict[str, Any], np.ndarray]:
         )
     if state.dtype.kind != "f" or state.ndim != 2:
         raise InputError(f"{file} is no checkpoint of this package (its state is no table).")
+    place = told.get("cursor")
+    if "factors" not in told and isinstance(place, dict):
+        told["factors"] = place.pop("factors", None)  # where version 0.1.0 has written them
     told["digest_agrees"] = sealed == digest(state, text)
     return told, state
 
@@ -142,14 +145,24 @@ def cursor_of(
     Unusable
         If it does not.
     """
+    factors = _load(told.get("factors"), scene)
     cursor = _cursor(told.get("cursor"), scene, path)
     rows = told.get("history")
     _check_rows(rows, columns, cursor)
     assert isinstance(rows, list)
-    _check_start(cursor, rows, scene, path)
-    _check_place(cursor, rows, scene, path)
+    _check_start(cursor, factors, rows, scene)
+    _check_place(cursor, factors, rows, scene, path)
     _check_rest(told)
     return cursor
+
+
+def _load(found: Any, scene: Scene) -> dict[str, float]:
+    """A load factor for each of the scene's ramps."""
+    if not isinstance(found, dict) or set(found) != set(scene.ramps):
+        raise Unusable("its load factors are not those of the scene's ramps")
+    if not all(is_number(factor) and math.isfinite(factor) for factor in found.values()):
+        raise Unusable("its load factors are no finite numbers")
+    return found
 
 
 def _cursor(found: Any, scene: Scene, path: Sequence[Any]) -> Cursor:
@@ -161,12 +174,8 @@ def _cursor(found: Any, scene: Scene, path: Sequence[Any]) -> Cursor:
         check_declared(cursor)
     except InputError as error:
         raise Unusable("its place on the path holds what is no number") from error
-    numbers = [cursor.position, cursor.size, cursor.direction]
-    for factors in (cursor.factors, cursor.start):
-        if set(factors) != set(scene.ramps) or not all(map(is_number, factors.values())):
-            raise Unusable("its load factors are not those of the scene's ramps")
-        numbers += factors.values()
-    if not all(map(math.isfinite, numbers)):
+    _load(cursor.start, scene)
+    if not all(map(math.isfinite, (cursor.position, cursor.size, cursor.direction))):
         raise Unusable("its place on the path holds what is no finite number")
     if not (0 <= cursor.ramp < len(path) and 0 <= cursor.position <= 1 and cursor.size >= 0):
         raise Unusable("its place lies outside of the path")
@@ -204,10 +213,12 @@ def _factors(row: Mapping[str, Any], scene: Scene) -> dict[str, float]:
     return found
 
 
-def _check_start(cursor: Cursor, rows: list[Any], scene: Scene, path: Sequence[Any]) -> None:
+def _check_start(
+    cursor: Cursor, factors: Mapping[str, float], rows: list[Any], scene: Scene
+) -> None:
     """The loads must be those of the last row, and their start those where its item began."""
     begun = [row for row in rows if row["time"] <= cursor.ramp + SAME_TIME]
-    pairs = [(cursor.factors, _factors(rows[-1], scene))]
+    pairs = [(factors, _factors(rows[-1], scene))]
     if cursor.ramp + cursor.position > 0:
         pairs.append((cursor.start, _factors(begun[-1], scene)))
     for mine, theirs in pairs:
@@ -216,7 +227,13 @@ def _check_start(cursor: Cursor, rows: list[Any], scene: Scene, path: Sequence[A
                 raise Unusable("its load factors are not those of its history")
 
 
-def _check_place(cursor: Cursor, rows: list[Any], scene: Scene, path: Sequence[Any]) -> None:
+def _check_place(
+    cursor: Cursor,
+    factors: Mapping[str, float],
+    rows: list[Any],
+    scene: Scene,
+    path: Sequence[Any],
+) -> None:
     """The place on an item of the path must be that of its loads or of its steps."""
     item = path[cursor.ramp]
     if isinstance(item, Trace):
@@ -227,7 +244,7 @@ def _check_place(cursor: Cursor, rows: list[Any], scene: Scene, path: Sequence[A
         return
     for ramp in item.names(scene):
         here = (1 - cursor.position) * cursor.start[ramp] + cursor.position * item.to
-        if not abs(cursor.factors[ramp] - here) <= CLOSE * max(1.0, abs(here)):
+        if not abs(factors[ramp] - here) <= CLOSE * max(1.0, abs(here)):
             raise Unusable("its load factors are not those of its place on the path")
 
 

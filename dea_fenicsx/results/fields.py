@@ -15,8 +15,10 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.scene.kinematics import Helical
 from dea_fenicsx.support import compat
+from dea_fenicsx.support.compat import dolfinx
 
 # VTK's order of the nodes of quadratic cells, in terms of basix's
 _VTK_ORDER = {
@@ -207,8 +209,8 @@ class FieldWriter:
         )
         return bool(self.problem.comm.bcast(good, root=0))
 
-    def scatter_state(self, values: np.ndarray | None) -> None:
-        """Set the mixed function from what `gather_state` gave, on any number of ranks."""
+    def scattered(self, values: np.ndarray | None, factors: Factors) -> State:
+        """The state that `gather_state` gave (on rank 0) at a load, on any number of ranks."""
         problem = self.problem
         shape = problem.comm.bcast(None if values is None else values.shape, root=0)
         if problem.comm.rank != 0:
@@ -216,8 +218,10 @@ class FieldWriter:
         values = np.ascontiguousarray(values)
         problem.comm.Bcast(values, root=0)
         table = problem.W.dofmap.list[: self.owned_cells]
-        problem.w.x.array[table.ravel()] = values[self.original].ravel()
-        problem.w.x.scatter_forward()
+        carry = dolfinx.fem.Function(problem.W)
+        carry.x.array[table.ravel()] = values[self.original].ravel()
+        carry.x.scatter_forward()
+        return State(carry.x.array.copy(), factors)
 
 
 _VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.path.ramping import Ramp
-from dea_fenicsx.path.tracing import Trace
+from dea_fenicsx.path.items import Ramp, Trace
 from dea_fenicsx.results.columns import load_column
 from dea_fenicsx.results.identity import described
 from dea_fenicsx.results.provenance import package_versions

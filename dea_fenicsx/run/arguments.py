@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.path.ramping import Ramp, check_path
-from dea_fenicsx.path.tracing import Trace
+from dea_fenicsx.path.items import Ramp, Trace, check_path
 from dea_fenicsx.scene.scene import Scene
-from dea_fenicsx.solvers.newton import NewtonOptions
+from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared, shown
 

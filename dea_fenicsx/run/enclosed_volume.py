@@ -7,7 +7,7 @@ the step; without a word the linear solver would break down.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,7 @@ from mpi4py import MPI
 from dea_fenicsx.model.energy import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_motions import components, regions_in
-from dea_fenicsx.path.ramping import Ramp
-from dea_fenicsx.path.tracing import Trace
+from dea_fenicsx.path.items import Ramp, Trace
 from dea_fenicsx.scene.kinematics import Helical
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
@@ -56,12 +55,7 @@ def check_volume(problem: Problem, path: Sequence[Ramp | Trace]) -> None:
     if not _moves(problem):
         return
     chambers = _closed(problem)
-    keep, factors = problem.get_state(), problem.factors
-    try:
-        _check(problem, [_Chamber(problem, cells) for cells in chambers], path)
-    finally:
-        problem.set_state(keep)
-        problem.set_factors(factors)
+    _check(problem, [_Chamber(problem, cells) for cells in chambers], path)
 
 
 def _moves(problem: Problem) -> bool:
@@ -73,19 +67,22 @@ def _moves(problem: Problem) -> bool:
 
 def _check(problem: Problem, chambers: list[_Chamber], path: Sequence[Ramp | Trace]) -> None:
     for factors in _loads(problem, path):
-        problem.set_factors(factors)
-        problem.set_state(np.zeros(problem.size))
-        problem.insert_fixed()
-        for chamber in chambers:
-            change = chamber.change()
-            if abs(change) > TOLERANCE and chamber.is_given():
-                words = ", ".join(f"{n} factor {v:.6g}" for n, v in factors.items() if v)
-                raise InputError(
-                    f"The prescribed displacements bring incompressible material in "
-                    f"{chamber.where} to {1 + change:.6g} times its volume at {words}: each of its "
-                    "surfaces is held or moved along its normal, so that none can give way; "
-                    "release one of them, or give the material a bulk_modulus."
-                )
+        rest = problem.under(problem.state.with_values(np.zeros(problem.size)), factors)
+        with problem.at(problem.imposed(rest)):
+            for chamber in chambers:
+                _check_chamber(chamber, factors)
+
+
+def _check_chamber(chamber: _Chamber, factors: Mapping[str, float]) -> None:
+    change = chamber.change()
+    if abs(change) > TOLERANCE and chamber.is_given():
+        words = ", ".join(f"{n} factor {v:.6g}" for n, v in factors.items() if v)
+        raise InputError(
+            f"The prescribed displacements bring incompressible material in {chamber.where} to "
+            f"{1 + change:.6g} times its volume at {words}: each of its surfaces is held or moved "
+            "along its normal, so that none can give way; release one of them, or give the "
+            "material a bulk_modulus."
+        )
 
 
 def _loads(problem: Problem, path: Sequence[Ramp | Trace]) -> Iterator[dict[str, float]]:

@@ -20,10 +20,10 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from dea_fenicsx.measure.observables import Observable
-from dea_fenicsx.path.ramping import Ramp
+from dea_fenicsx.path.items import Ramp
 from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.scene import Scene
-from dea_fenicsx.solvers.newton import NewtonOptions
+from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.support.errors import InputError
 
 Make = Callable[[int], Scene]

@@ -12,8 +12,8 @@ import numpy as np
 
 from dea_fenicsx.measure.failures import Gauge, Worst
 from dea_fenicsx.measure.observables import Measurement
-from dea_fenicsx.path.ramping import Cursor, Ramp, Step
-from dea_fenicsx.path.tracing import Trace
+from dea_fenicsx.path.cursor import Cursor, Step
+from dea_fenicsx.path.items import Ramp, Trace
 from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
@@ -91,7 +91,7 @@ class Journal:
     def accept(self, step: Step) -> None:
         """Measure, write and tell of an accepted step.  Collective."""
         solver, cursor = self.solver, step.cursor
-        known = solver.inertia.settled and solver.inertia.factors == cursor.factors
+        known = solver.inertia.settled and solver.inertia.factors == step.state.factors
         wanted = self.stability == "every" or (self.stability == "last" and step.last)
         if wanted and not known:
             solver.refresh_inertia(last=step.last)
@@ -135,7 +135,7 @@ class Journal:
         }
         for name in self.scene.ramps:
             key, unit = columns.load_column(self.scene, name)
-            row[key] = cursor.factors[name] * unit
+            row[key] = step.state.factors[name] * unit
         return row
 
     def _extremes(self, checked: Checked) -> dict[str, Any]:
@@ -162,7 +162,7 @@ class Journal:
             "retries": step.retries,
             "inertia": inertia.excess,
             "inertia_is_of_this_step": int(
-                inertia.settled and inertia.factors == step.cursor.factors
+                inertia.settled and inertia.factors == step.state.factors
             ),
         }
 
@@ -175,6 +175,7 @@ class Journal:
         assert self.folder and self.writer
         told = None if step.event else {
             "cursor": asdict(step.cursor),
+            "factors": dict(step.state.factors),
             "history": self.history,
             "fingerprint": self.fingerprint,
             "references": self.solver.references.sizes,
@@ -216,7 +217,7 @@ class Journal:
     def _is_pull_in(self, step: Step) -> bool:
         """Whether a step is a maximum of voltages or charges alone, at either polarity."""
         item = self.path[step.cursor.ramp]
-        reverse = isinstance(item, Trace) and step.cursor.factors[item.what] < 0
+        reverse = isinstance(item, Trace) and step.state.factors[item.what] < 0
         electric = all(self.scene.is_electric(name) for name in item.names(self.scene))
         return electric and step.event == ("minimum" if reverse else "maximum")
 

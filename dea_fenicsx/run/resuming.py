@@ -11,7 +11,8 @@ from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.energy import Scales
-from dea_fenicsx.path.ramping import Cursor
+from dea_fenicsx.model.state import State
+from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.results.checkpoint import Unusable, cursor_of
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
@@ -76,14 +77,15 @@ def carry_on(
             )
 
     agree(difference(fingerprint, told.get("fingerprint")))
-    cursor, why = Cursor(), None
+    cursor, factors, why = Cursor(), problem.factors, None
     try:
         cursor = cursor_of(told, problem.scene, path, columns)
+        factors = problem.factors | told["factors"]
     except Unusable as error:
         why = f"its checkpoint is damaged, for {error}"
     agree(why)
     agree(None if writer.fits(state) else "its checkpoint is damaged, for its state does not fit")
-    if not _restored(solver, writer, state, cursor, told["references"]):
+    if not _restored(solver, writer.scattered(state, factors), cursor, told["references"]):
         agree("its last state is no equilibrium of this scene")
     agree(None if told["digest_agrees"] else "its checkpoint was changed after it was written")
     agree(_other_value(problem.scales, told["history"], record, measurements))
@@ -92,18 +94,15 @@ def carry_on(
 
 def _restored(
     solver: NewtonSolver,
-    writer: FieldWriter,
-    state: np.ndarray | None,
+    state: State,
     cursor: Cursor,
     references: Mapping[str, float],
 ) -> bool:
     """Put a state back; whether it is an equilibrium at the cursor's loads.  Collective."""
     problem = solver.problem
-    writer.scatter_state(state)
     solver.references.sizes |= references
-    problem.set_factors(cursor.factors)
-    problem.keep_orientation()
-    change = problem.insert_fixed()
+    problem.commit(problem.anchored(problem.imposed(state)))
+    change = problem.state.values[problem.fixed] - state.values[problem.fixed]
     moved = problem.comm.allreduce(float(np.max(np.abs(change), initial=0.0)), op=MPI.MAX)
     try:
         check_step(solver, cursor.step, {})

@@ -11,9 +11,10 @@ from typing import Any
 from dea_fenicsx.measure.failures import Failure, Gauge, default_failures
 from dea_fenicsx.measure.observables import Measurement, Observable
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.path.events import Alarm, Sentinel
-from dea_fenicsx.path.ramping import Cursor, Ramp, follow
-from dea_fenicsx.path.tracing import Trace
+from dea_fenicsx.path.items import Ramp, Trace
+from dea_fenicsx.path.walk import Walk
 from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder, Run
@@ -30,7 +31,9 @@ from dea_fenicsx.run.journal import Journal
 from dea_fenicsx.run.resuming import carry_on
 from dea_fenicsx.scene.electrode_checks import without_field
 from dea_fenicsx.scene.scene import Scene
-from dea_fenicsx.solvers.newton import LINEARISING, NewtonOptions, NewtonSolver, silent
+from dea_fenicsx.solvers.linear import silent
+from dea_fenicsx.solvers.newton import LINEARISING, NewtonSolver
+from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.support.agreement import bind_alike, check_same
 from dea_fenicsx.support.errors import (
     InputError,
@@ -242,9 +245,8 @@ class _Session:
         try:
             solver.notify = notify
             with interruption:
-                for step in follow(
-                    solver, self.path, cursor, self.progress.say, self._gap, sentinel
-                ):
+                walk = Walk(solver, self.path, sentinel, self.progress.say, self._gap)
+                for step in walk.follow(cursor):
                     journal.accept(step)
         finally:
             solver.notify = silent  # it holds this session, which holds the solver

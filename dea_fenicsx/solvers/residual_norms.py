@@ -96,13 +96,12 @@ class References:
         part = problem.potential
         if part is None:
             return 0.0
-        keep = problem.get_state()
-        state = keep.copy()
+        here = problem.state
+        values = here.values.copy()
         x = part.space.tabulate_dof_coordinates()
-        state[part.dofs] = np.sin(1e6 * (x @ np.sqrt([1.0, 2.0, 3.0])))
-        problem.set_state(state)
-        residual = problem.residual()
-        problem.set_state(keep)
+        values[part.dofs] = np.sin(1e6 * (x @ np.sqrt([1.0, 2.0, 3.0])))
+        with problem.at(here.with_values(values)):
+            residual = problem.residual()
         mine = float(np.sum(residual[problem.fields["phi"]] ** 2))
         return float(np.sqrt(problem.comm.allreduce(mine, op=MPI.SUM)))
 
@@ -134,25 +133,21 @@ class References:
             return 0.0
         if anew or self._loads[0] != now:
             forces = problem.residual()
-            for constant in problem.loads.factors.values():
-                constant.value = 0.0
-            size = self._size_u(problem.residual() - forces)
-            for ramp, constant in problem.loads.factors.items():
-                constant.value = now[ramp]
+            with problem.at(problem.state.with_factors(dict.fromkeys(now, 0.0))):
+                size = self._size_u(problem.residual() - forces)
             self._loads = (now, size if np.isfinite(size) else 0.0)
         return self._loads[1]
 
     def _pressing(self, residual: np.ndarray) -> float:
         """Forces of pressure and field in the present state."""
         problem = self.problem
-        keep = problem.get_state()
-        state = keep.copy()
+        here = problem.state
+        values = here.values.copy()
         for part in (problem.pressure, problem.potential):
             if part is not None:
-                state[part.dofs] = 0.0
-        problem.set_state(state)
-        without = problem.residual()
-        problem.set_state(keep)
+                values[part.dofs] = 0.0
+        with problem.at(here.with_values(values)):
+            without = problem.residual()
         return self._size_u(residual - without)
 
     def _moduli(self) -> float:
@@ -164,12 +159,11 @@ class References:
             value = material.elastic.shear_modulus() / problem.scales.stress
             on = part.space.dofmap.list[scene.device.cells_of(name)].ravel()
             moduli[on] = np.maximum(moduli[on], value)
-        keep, sizes = problem.get_state(), []
+        here, sizes = problem.state, []
         for pressure in (np.full(len(moduli), SMALL), ROUNDING * moduli):
-            state = np.zeros(problem.size)
-            state[part.dofs] = pressure
-            problem.set_state(state)
-            problem.w.x.scatter_forward()
-            sizes.append(self._size_u(problem.residual()))
-        problem.set_state(keep)
+            values = np.zeros(problem.size)
+            values[part.dofs] = pressure
+            with problem.at(here.with_values(values)):
+                problem.w.x.scatter_forward()
+                sizes.append(self._size_u(problem.residual()))
         return max(sizes)

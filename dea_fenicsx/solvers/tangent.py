@@ -90,9 +90,9 @@ class Tangent:
         """Product with a vector of the free unknowns; both owned.  Collective."""
         self.problem.spread(direction, self._along)
         product = self.problem.restrict(self._along_times())
-        turning = self.problem.turning
-        stiffness = turning.stiffness(self.problem.factors)
-        product[turning.rows] += stiffness * direction[turning.rows]
+        springs = self.problem.springs
+        stiffness = self.problem.turning.stiffness(springs, self.problem.factors)
+        product[springs.rows] += stiffness * direction[springs.rows]
         return product
 
     def times_fixed(self, change: np.ndarray) -> np.ndarray:
@@ -160,11 +160,12 @@ class Tangent:
             diagonal.destroy()
         if problem.turning.ramps:
             first = free.getOwnershipRange()[0]
-            springs = problem.turning.stiffness(problem.factors)
+            springs = problem.springs
+            stiffness = problem.turning.stiffness(springs, problem.factors)
             if not counting:
-                springs = np.full(len(springs), problem.turning.STIFFNESS)
-            for row, spring in zip(problem.turning.rows, springs, strict=True):
-                free.setValue(first + row, first + row, spring, addv=True)
+                stiffness = np.full(len(stiffness), problem.turning.STIFFNESS)
+            for row, value in zip(springs.rows, stiffness, strict=True):
+                free.setValue(first + row, first + row, value, addv=True)
             free.assemble()
         if problem.unknowns <= SMALL:
             self._kept = whole, free

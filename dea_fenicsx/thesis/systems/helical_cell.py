@@ -12,13 +12,12 @@ from dea_fenicsx.materials import EPSILON_0, Conductor, IdealDielectric, Materia
 from dea_fenicsx.materials.material import bulk_modulus_of
 from dea_fenicsx.measure.axial import OverallContraction
 from dea_fenicsx.mesh.device import read_gmsh
-from dea_fenicsx.path.ramping import Ramp
-from dea_fenicsx.path.tracing import Trace
+from dea_fenicsx.path.items import Ramp, Trace
 from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.conditions import DeadPressure, Electrode, FreeBody, Ground
 from dea_fenicsx.scene.kinematics import Helical
 from dea_fenicsx.scene.scene import Scene
-from dea_fenicsx.solvers.newton import NewtonOptions
+from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.thesis.systems.stacks import contraction, table_5_2
 from dea_fenicsx.thesis.table import ASSUMED, MISSING, REPRODUCED, WRONG, Row, answer, computed
 

@@ -13,7 +13,7 @@ from dea_fenicsx.materials import Material, NeoHookean, bulk_modulus_of
 from dea_fenicsx.measure.observables import Reaction
 from dea_fenicsx.mesh.device import read_gmsh
 from dea_fenicsx.origami import INCH
-from dea_fenicsx.path.ramping import Ramp
+from dea_fenicsx.path.items import Ramp
 from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.conditions import Clamp, Displacement
 from dea_fenicsx.scene.scene import Scene

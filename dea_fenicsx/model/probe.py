@@ -1,0 +1,97 @@
+"""Extremes over all quadrature points: det F, the chains' margin, and the electric field."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+
+from dea_fenicsx.model.energy import Kernel, MaterialPoint
+from dea_fenicsx.support import compat
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Extreme values over all quadrature points.
+
+    Attributes
+    ----------
+    min_J : smallest det F
+    min_margin : smallest distance to chain lock-up (1 where there is none)
+    max_field : largest true electric field, dimensionless
+    place : undeformed position of the largest field, dimensionless, shape (3,)
+    """
+
+    min_J: float
+    min_margin: float
+    max_field: float
+    place: np.ndarray
+
+    @property
+    def admissible(self) -> bool:
+        """Whether every energy is defined; False for NaN as well."""
+        return self.min_J > 0 and self.min_margin > 0
+
+
+class Prober:
+    """Evaluates a problem's present state at its quadrature points.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    kernels, states
+        The kernels, and the symbolic fields of each.
+    points
+        Quadrature points of the reference cell.
+    """
+
+    def __init__(
+        self,
+        mesh: Any,
+        kernels: Sequence[Kernel],
+        states: Sequence[MaterialPoint],
+        points: np.ndarray,
+    ) -> None:
+        self._mesh = mesh
+        self._evaluated = [
+            (kernel, compat.expression(
+                ufl.as_vector(
+                    [s.J, s.chain_margin, ufl.sqrt(ufl.dot(s.true_field, s.true_field))]
+                ),
+                points,
+            ))
+            for kernel, s in zip(kernels, states, strict=True)
+        ]  # fmt: skip
+        self._place = compat.expression(ufl.SpatialCoordinate(mesh), points)
+
+    def extremes(self) -> Probe:
+        """Extremes of J, lock-up margin and field over the quadrature points.  Collective."""
+        low = np.array([np.inf, np.inf])
+        best = (-1.0, -1, -1)
+        for kernel, evaluate in self._evaluated:
+            if len(kernel.cells) == 0:
+                continue
+            values = evaluate(self._mesh, kernel.cells)
+            low = np.minimum(low, values[:, :, :2].min(axis=(0, 1)))
+            field = values[:, :, 2]
+            k, q = np.unravel_index(int(np.argmax(field)), field.shape)
+            if field[k, q] > best[0]:
+                best = (float(field[k, q]), int(kernel.cells[k]), int(q))
+        place = np.zeros(3)
+        if best[1] >= 0:
+            x = self.place_of(best[1], best[2])
+            place[: len(x)] = x
+        # a NaN on one rank must reach all of them, and MPI's MIN may drop it
+        low = np.where(np.isnan(low), -np.inf, low)
+        everyone = self._mesh.comm.allgather((low, best[0], place))
+        low = np.min([e[0] for e in everyone], axis=0)
+        winner = max(everyone, key=lambda e: (e[1], *e[2]))
+        return Probe(float(low[0]), float(low[1]), max(winner[1], 0.0), winner[2])
+
+    def place_of(self, cell: int, point: int) -> np.ndarray:
+        """Undeformed position of a quadrature point of a local cell, dimensionless."""
+        return self._place(self._mesh, np.array([cell], dtype=np.int32))[0, point]

@@ -1,0 +1,52 @@
+"""Where on a path a run stands, and the steps that it has accepted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dea_fenicsx.model.state import State
+
+
+@dataclass(frozen=True)
+class Cursor:
+    """Where on the path a run stands; enough, with the state, to carry on.
+
+    Attributes
+    ----------
+    step : number of the accepted step
+    ramp : number of the ramp in the path
+    position : travelled share of that ramp, 0 to 1
+    size : size of the next step, as a share of the ramp
+    start : factors at the start of the current ramp
+    direction : in a trace, sign of the load's change
+    switched : whether a trace has left its first branch
+    """
+
+    step: int = 0
+    ramp: int = 0
+    position: float = 0.0
+    size: float = 0.0
+    start: dict[str, float] = field(default_factory=dict)
+    direction: float = 0.0
+    switched: bool = False
+
+
+@dataclass(frozen=True)
+class Step:
+    """An accepted step; its state is the problem's while it is yielded.
+
+    `event` is empty for the path's own steps.  A step with an event lies between two of them, and a
+    run is not resumed from it: ``"maximum"`` or ``"minimum"`` where the load is stationary,
+    ``"snap"`` where a device has landed behind a limit point, ``"bifurcation"``, ``"landed"`` on a
+    requested load of a trace, or an alarm's name.  `mode` is the null vector of a critical point.
+    """
+
+    cursor: Cursor
+    label: str
+    state: State
+    retries: int = 0
+    last: bool = False
+    event: str = ""
+    mode: np.ndarray | None = None

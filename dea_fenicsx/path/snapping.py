@@ -1,0 +1,91 @@
+"""Where a load that can only grow takes a device that it carries over a limit point."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from dea_fenicsx.model.state import State
+from dea_fenicsx.path.arclength import SHORTEST, Branch, Point
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.support.errors import SolverError
+
+MOST_POINTS = 400
+"""Most points of the branch that are looked at beyond the limit point."""
+
+LONGEST_ARC = 4.0
+"""Longest step along the branch, in units of arc."""
+
+
+def over_the_limit(
+    solver: NewtonSolver,
+    rates: Mapping[str, float],
+    factor: float,
+    first: float,
+    log: Callable[[str], None],
+) -> tuple[Point, State | None]:
+    """Follow the branch over the limit point to the next stable state that bears the same load.
+
+    Nothing rests on the branch in between.  The state behind it is the landing of a snap with
+    enough damping.  The problem is left in the state in which it was.
+
+    Parameters
+    ----------
+    solver
+        The solver, in equilibrium before the limit point.
+    rates, factor, first
+        As in `Branch`; the load f grows.
+    log
+        Called with a line of text.
+
+    Returns
+    -------
+    Point, State or None
+        The limit point, and the landing; None if there is none.
+
+    Raises
+    ------
+    SolverError
+        If no limit point is found.
+    """
+    branch = Branch(solver, rates, first, factor)
+    here, arc = branch.point(solver.problem.state, None, 1.0), 1.0
+    before: Point | None = None
+    limit: Point | None = None
+    for _ in range(MOST_POINTS):
+        if here is None:
+            break
+        attempt, there = branch.advance(here, arc, before)
+        if there is None:
+            arc /= 2
+            if arc < SHORTEST:
+                log(f"the branch could be followed to {here.factor:.8g} only "
+                    f"({attempt.outcome.value})")  # fmt: skip
+                break
+            continue
+        if limit is None and there.slope < 0 and (
+            found := branch.limit_point(here, there, arc)
+        ):  # fmt: skip
+            limit = found[0]
+            log(f"limit point at {limit.factor:.8g} of the ramp; its far side is searched")
+        if limit is not None and there.slope > 0 and there.factor > limit.factor:
+            landing = _landing(branch, here, there, limit)
+            if landing is not None:
+                return limit, landing
+        with solver.problem.at(there.state):
+            # forces grow by orders of magnitude towards lock-up, and rounding with them
+            solver.references.remember(solver.problem.residual())
+        arc = min(arc * (1.5 if attempt.iterations <= 3 else 1.0), LONGEST_ARC)
+        before, here = here, there
+    if limit is None:
+        raise SolverError("no limit point was found")
+    return limit, None
+
+
+def _landing(branch: Branch, here: Point, there: Point, limit: Point) -> State | None:
+    """The stable equilibrium between two points that bears the load of the limit point, or None."""
+    landing = branch.land(here, there, limit.factor)
+    if not landing.converged:
+        return None
+    with branch.problem.at(landing.found):
+        branch.solver.refresh_inertia()
+    return landing.found if branch.solver.inertia.excess == 0 else None

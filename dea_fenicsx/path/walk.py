@@ -1,0 +1,146 @@
+"""A whole path followed, item by item."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dea_fenicsx.path.cursor import Cursor, Step
+from dea_fenicsx.path.events import Sentinel
+from dea_fenicsx.path.items import Ramp, Trace, check_path
+from dea_fenicsx.path.load_orientation import turn_to_loads
+from dea_fenicsx.path.ramping import RampWalk
+from dea_fenicsx.path.tracing import BranchLost, Tracer
+from dea_fenicsx.path.verdicts import trace_lost, trace_short
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.solvers.newton import NewtonSolver
+
+
+@dataclass
+class Walk:
+    """A path that is followed.
+
+    Attributes
+    ----------
+    solver
+        The nonlinear solver with its problem.
+    path
+        Ramps and traces, one after another.
+    sentinel
+        Watches for events; without one, only limit points of traces are noticed.
+    log
+        Called with a line of text for every retry.
+    gap
+        How far the present state is from the value at which an item of the path ends; None if
+        it ends at none.
+    """
+
+    solver: NewtonSolver
+    path: Sequence[Ramp | Trace]
+    sentinel: Sentinel | None = None
+    log: Callable[[str], None] = lambda line: None
+    gap: Callable[[int], float | None] = lambda item: None
+
+    def follow(self, resume: Cursor | None = None) -> Iterator[Step]:
+        """Yield each accepted step, the undeformed state first.
+
+        Parameters
+        ----------
+        resume
+            Where to carry on; the problem must hold the state that belongs to it.
+
+        Raises
+        ------
+        EquilibriumLost
+            If no equilibrium is found beyond a load.  The problem then holds the last accepted
+            state.
+        SolverError
+            If the linear solver fails however small the step.
+        NotReached
+            If a trace uses up its steps before its end.
+        """
+        problem = self.solver.problem
+        scene = problem.scene
+        check_path(scene, self.path)
+        sentinel = self.sentinel or Sentinel(self.solver)
+        if resume is None:
+            zero = dict.fromkeys(scene.ramps, 0.0)
+            cursor = Cursor(start=zero)
+            problem.commit(problem.under(problem.state, zero))
+            yield Step(cursor, self.path[0].label(scene), problem.state)
+        else:
+            cursor = resume
+        sentinel.start()
+        while cursor.ramp < len(self.path):
+            item = self.path[cursor.ramp]
+            self._orient(item)
+            is_last = cursor.ramp == len(self.path) - 1
+            steps = (
+                self._trace(item, cursor, is_last, sentinel)
+                if isinstance(item, Trace)
+                else RampWalk(self.solver, item, cursor, is_last, sentinel, self.log).follow()
+            )
+            for step in steps:
+                cursor = step.cursor
+                yield step
+            cursor = replace(
+                cursor, ramp=cursor.ramp + 1, position=0.0, size=0.0,
+                start=dict(problem.factors), direction=0.0, switched=False,
+            )  # fmt: skip
+
+    def _orient(self, item: Ramp | Trace) -> None:
+        """Turn a free body to where the loads that begin to act have no moment."""
+        problem = self.solver.problem
+        problem.commit(problem.anchored(problem.state))
+        state, angle = turn_to_loads(problem, _rates(item, problem.scene, problem.factors))
+        if angle:
+            problem.commit(state)
+            self.log(
+                f"{item.label(problem.scene)}: the loads turn the free body by "
+                f"{math.degrees(angle):.3g} degrees, to where they have no moment"
+            )
+
+    def _trace(
+        self, item: Trace, cursor: Cursor, is_last: bool, sentinel: Sentinel
+    ) -> Iterator[Step]:
+        """Follow one trace from a cursor to its end or until its steps are used up."""
+        problem, number = self.solver.problem, cursor.ramp
+        done = round(cursor.position * item.steps)
+        if done >= item.steps:
+            return  # resumed after its last step
+        sign = cursor.direction or float(np.sign(item.first))
+        tracer = Tracer(self.solver, item, sentinel, lambda: self.gap(number), self.log)
+        points = tracer.follow(cursor.size or 1.0, sign, not cursor.switched)
+        while True:
+            try:
+                found = next(points, None)
+            except BranchLost as lost:
+                raise trace_lost(item.what, problem.factors, lost.outcome) from None
+            if found is None:
+                return
+            problem.commit(found.state)
+            done = item.steps if found.last else done + 1
+            switched = cursor.switched or (bool(item.switch) and found.event == "bifurcation")
+            cursor = Cursor(
+                cursor.step + 1, cursor.ramp, done / item.steps, found.arc, dict(cursor.start),
+                found.direction, switched,
+            )  # fmt: skip
+            last = done >= item.steps and is_last
+            yield Step(
+                cursor, item.what, found.state, found.retries, last, found.event, found.mode
+            )
+            if done >= item.steps:
+                left = None if found.last else self.gap(number)
+                if left is not None and item.until is not None:
+                    raise trace_short(item.what, *item.until, left, item.steps)
+                return
+
+
+def _rates(item: Ramp | Trace, scene: Scene, factors: Mapping[str, float]) -> dict[str, float]:
+    """By how much an item of a path changes the factor of each of its ramps, at first."""
+    if isinstance(item, Trace):
+        return {item.what: item.first}
+    return {name: item.to - factors[name] for name in item.names(scene)}

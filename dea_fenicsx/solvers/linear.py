@@ -1,0 +1,245 @@
+"""Linear solves with the tangent: GMRES on the true tangent, preconditioned by a kept factor.
+
+A factorisation L D L^T by MUMPS costs far more than an assembly or a triangular solve.  So it is
+kept, across Newton iterations and load steps, as the preconditioner of GMRES on the true tangent,
+turned with the material, and renewed only when the Krylov iterations grow.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.solvers.corotation import Corotation
+from dea_fenicsx.solvers.factors import SplitFactor, WholeFactor
+from dea_fenicsx.solvers.options import NewtonOptions
+from dea_fenicsx.solvers.outcome import Counters, Inertia, Outcome
+from dea_fenicsx.solvers.tangent import MASS, Tangent
+from dea_fenicsx.support.compat import PETSc
+from dea_fenicsx.support.errors import InputError
+
+LARGE = 20_000
+"""Unknowns above which the kept factor is a cheaper one than the whole, unless told otherwise."""
+
+CHEAP_COUNT = {2: 20_000, 3: 5_000}
+"""Unknowns up to which negative eigenvalues are counted at each step, by dimension.
+
+The count needs a factor of the tangent at the accepted state, which then serves the next step, too.
+"""
+
+ASSEMBLY = {2: 15, 3: 30}
+"""Krylov iterations as long as assembling the tangent of a small problem, by dimension."""
+
+BEST = 1.0
+"""Krylov iterations for a digit that a factor of no age may need."""
+
+
+def silent(stage: str) -> None:
+    """What `LinearSolver.notify` does unless told otherwise: nothing."""
+
+
+class LinearSolver:
+    """Solves linear systems with the tangent of a problem at its present state.
+
+    Parameters
+    ----------
+    problem
+        What is to be solved.
+    options
+        Tolerances and limits.
+
+    Attributes
+    ----------
+    tangent
+        The tangent.
+    inertia
+        Negative eigenvalues of the tangent that was factorised last.
+    counters
+        Work done since the start of the run.
+    trouble
+        Why the last linear solve failed, if it did.
+    notify
+        Called on all ranks before each long stage, with its name; what it raises ends the solve.
+    """
+
+    def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
+        self.problem = problem
+        self.options = options or NewtonOptions()
+        self.counters = Counters()
+        self.inertia = Inertia()
+        self.trouble = Outcome.CONVERGED
+        self.notify: Callable[[str], None] = silent
+        self.tangent = Tangent(problem)
+        self._whole = WholeFactor(problem)
+        self._split = SplitFactor(problem) if self._splits() else None
+        self._preferred = self._split or self._whole_or_single()
+        self._factor = self._preferred
+        self._corotation = Corotation(problem)
+        self._ksp = self._gmres()
+        self._stale, self._wasted, self._best_rate = True, 0.0, np.inf
+
+    @property
+    def counts_cheaply(self) -> bool:
+        """Whether negative eigenvalues can be counted at each step for little.
+
+        The factor that tells them must be the one that serves the next step, too.
+        """
+        problem = self.problem
+        small = problem.unknowns <= CHEAP_COUNT[problem.mesh.topology.dim]
+        return small and self._preferred is self._whole
+
+    def _splits(self) -> bool:
+        """Whether the kept factor is a split one."""
+        problem, choice = self.problem, self.options.factor
+        possible = problem.pressure_kind == "discontinuous"
+        if choice == "split" and not possible:
+            raise InputError(
+                'NewtonOptions(factor="split") needs a discontinuous pressure, but it is '
+                'continuous here; take factor="whole".'
+            )
+        large = problem.scene.kinematics.dim == 3 and problem.unknowns >= LARGE
+        return choice == "split" or (choice == "auto" and possible and large)
+
+    def _whole_or_single(self) -> WholeFactor | SplitFactor:
+        choice = self.options.factor
+        large = choice == "auto" and self.problem.unknowns >= LARGE
+        return WholeFactor(self.problem, True) if choice == "single" or large else self._whole
+
+    def linear_solve(
+        self, rhs: np.ndarray, rtol: float, patient: bool = False
+    ) -> np.ndarray | None:
+        """Solve for the increment; renew the factor where the old one no longer serves."""
+        fresh = False
+        stale = self._stale and not (patient and self._corotation.factor)
+        if stale or not self.options.keep_factor:
+            if not self._factorise(self._preferred):
+                return None
+            fresh = True
+        for _ in range(3):
+            solution, iterations = self._krylov(rhs, rtol)
+            if solution is not None:
+                self._judge_factor(iterations, rtol)
+                return solution
+            if fresh and self._factor is self._whole:
+                break
+            if fresh:
+                # a split factor that fails when it is new has met more coupling than it can bear,
+                # one in single precision a tangent too near to singular
+                self._preferred = self._whole
+            if not self._factorise(self._preferred):
+                return None
+            fresh = True
+        self.trouble = Outcome.STAGNATION
+        return None
+
+    def _judge_factor(self, iterations: int, rtol: float) -> None:
+        """Renew the factor before the next solve once its age has cost as much as a new one.
+
+        The cost of age: iterations beyond what the same number of digits took at its best.  Better
+        than `BEST` does not count: a right-hand side may be easy by chance.
+        """
+        digits = -np.log10(rtol)
+        rate = max(iterations / digits, BEST)
+        self._best_rate = min(self._best_rate, rate)
+        self._wasted += (rate - self._best_rate) * digits
+        self._stale = (
+            iterations > self.options.krylov_limit
+            or self._wasted > ASSEMBLY[self.problem.mesh.topology.dim] + self._factor.worth
+        )
+
+    def _factorise(self, factor: WholeFactor | SplitFactor, counting: bool = False) -> bool:
+        """Make a new factor of the tangent; False if MUMPS fails however much room it gets."""
+        self._factor.make_room()
+        self._corotation.factor = None
+        matrix = self._assemble(counting)
+        self.notify("factorising")
+        start = time.perf_counter()
+        self.counters.factorisations += 1
+        self._factor = factor
+        ok = factor.make(matrix)
+        self._corotation.start(factor if ok else None)
+        if not ok:
+            self.trouble = Outcome.FACTORISATION
+        elif factor is self._whole:
+            self.inertia = Inertia(self._whole.excess, self.problem.factors)
+        self._stale, self._wasted, self._best_rate = not ok, 0.0, np.inf
+        self.counters.factor_s += time.perf_counter() - start
+        return ok
+
+    def _assemble(self, counting: bool) -> Any:
+        """The tangent as a matrix, which the caller destroys."""
+        self.notify("assembling")
+        start = time.perf_counter()
+        matrix = self.tangent.matrix(MASS, counting)
+        self.counters.assembly_s += time.perf_counter() - start
+        return matrix
+
+    def refresh_inertia(self, last: bool = False) -> None:
+        """Factorise the tangent at the problem's present state, to know its inertia.
+
+        Where the kept factor is a split one, a cheaper count may prove that the state is stable.
+
+        Parameters
+        ----------
+        last
+            The kept factor is not needed any more, and makes room.
+        """
+        if last:
+            self._factor.make_room()
+            self._corotation.factor = None
+            self._stale = True
+        if self._split and self._proves_stable(self._split):
+            self.inertia = Inertia(0, self.problem.factors, settled=True)
+        elif self._factorise(self._whole, counting=True):
+            self.inertia.settled = True
+        else:
+            self.inertia = Inertia()
+
+    def _proves_stable(self, split: SplitFactor) -> bool:
+        matrix = self._assemble(counting=True)
+        self.notify("counting negative eigenvalues")
+        start = time.perf_counter()
+        found = split.excess(matrix)
+        self.counters.factorisations += 1
+        self.counters.factor_s += time.perf_counter() - start
+        return found == 0
+
+    def forget_factor(self) -> None:
+        """Make a new factor at the next solve: the kept one belongs to a state far off."""
+        self._stale = True
+
+    def _krylov(self, rhs: np.ndarray, rtol: float) -> tuple[np.ndarray | None, int]:
+        """GMRES on the tangent with the kept factor; None if it does not converge."""
+        self.notify("solving")
+        start = time.perf_counter()
+        self._corotation.update()
+        ksp = self._ksp
+        ksp.setTolerances(rtol=rtol, atol=0.0, max_it=2 * self.options.krylov_limit)
+        x, b = self.tangent.operator.createVecs()
+        b.array[:] = rhs
+        ksp.solve(b, x)
+        iterations = ksp.getIterationNumber()
+        self.counters.krylov += iterations
+        solution = x.array_r.copy() if ksp.getConvergedReason() > 0 else None
+        x.destroy()
+        b.destroy()
+        self.counters.krylov_s += time.perf_counter() - start
+        return solution, iterations
+
+    def _gmres(self) -> Any:
+        """GMRES, preconditioned from the right by the kept factor as it has turned."""
+        ksp = PETSc.KSP().create(self.problem.comm)
+        ksp.setOptionsPrefix("dea_")
+        ksp.setType("fgmres")
+        ksp.setPCSide(PETSc.PC.Side.RIGHT)
+        ksp.setGMRESRestart(2 * self.options.krylov_limit)
+        ksp.setOperators(self.tangent.operator)
+        ksp.getPC().setType("python")
+        ksp.getPC().setPythonContext(self._corotation)
+        ksp.setErrorIfNotConverged(False)
+        ksp.setFromOptions()
+        return ksp
