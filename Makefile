@@ -4,6 +4,8 @@
 # make hard   the table of hard cases and the random kills, into hard_cases.csv
 # make fuzz   random scenes, paths near instabilities, and damaged files
 # make peers  the same scenes here, in NGSolve and as a plain script, timed into peers.csv
+# make bench  counts and seconds of ten fixed scenes, into build/bench.json
+# make bench-compare  those beside the committed counts: fails if a count has changed
 # make lint   ruff and mypy
 # make api    pages of all public names from their docstrings, into build/api
 # make pictures  those of README and pages
@@ -17,7 +19,7 @@ SHELL := /bin/bash
 READY := .venv/ready-$(firstword $(shell pwd | cksum))
 RUN := PATH="$(CURDIR)/.venv/bin:$$PATH" OMP_NUM_THREADS=1
 
-.PHONY: env demo test hard fuzz peers lint api pictures docker clean
+.PHONY: env demo test hard fuzz peers bench bench-compare lint api pictures docker clean
 
 env: $(READY)
 
@@ -49,6 +51,13 @@ fuzz: env
 peers: env
 	.venv/bin/python -m pip install --quiet ngsolve
 	$(RUN) .venv/bin/python -m tests.peers.run --out peers.csv
+
+bench: env
+	$(RUN) .venv/bin/python -m tests.bench.run --out build/bench.json
+
+# Where a change of the counts is meant, the same command with --update writes the new ones.
+bench-compare: bench
+	.venv/bin/python -m tests.bench.compare build/bench.json tests/bench/counts.json
 
 lint: env
 	$(RUN) .ci/lint
