@@ -54,27 +54,14 @@ if TYPE_CHECKING:
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
     from dea_fenicsx.run.parser import Parser
     from dea_fenicsx.run.session import solve
-    from dea_fenicsx.scene.conditions import (
-        AxialForce,
-        AxialStretch,
+    from dea_fenicsx.scene.electrodes import (
         ChargedElectrode,
-        Clamp,
-        DeadLoad,
-        DeadPressure,
-        Discretisation,
-        Displacement,
         Electrode,
-        Fix,
-        FollowerPressure,
-        FreeBody,
         Ground,
-        PreStretch,
-        Stretch,
         Taper,
         ThinFilm,
-        Torque,
-        Twist,
     )
+    from dea_fenicsx.scene.elements import Discretisation
     from dea_fenicsx.scene.kinematics import (
         Axisymmetric,
         GeneralisedPlaneStrain,
@@ -82,7 +69,22 @@ if TYPE_CHECKING:
         PlaneStrain,
         ThreeD,
     )
+    from dea_fenicsx.scene.loads import (
+        AxialForce,
+        DeadLoad,
+        DeadPressure,
+        FollowerPressure,
+        Torque,
+    )
+    from dea_fenicsx.scene.prescribed import (
+        AxialStretch,
+        Displacement,
+        PreStretch,
+        Stretch,
+        Twist,
+    )
     from dea_fenicsx.scene.scene import Scene
+    from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
     from dea_fenicsx.solvers.options import NewtonOptions
     from dea_fenicsx.support.errors import (
         DeaError,
@@ -95,11 +97,11 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
-    "scene.conditions": (
-        "AxialForce", "AxialStretch", "ChargedElectrode", "Clamp", "DeadLoad", "DeadPressure",
-        "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure", "FreeBody",
-        "Ground", "PreStretch", "Stretch", "Taper", "ThinFilm", "Torque", "Twist",
-    ),
+    "scene.electrodes": ("ChargedElectrode", "Electrode", "Ground", "Taper", "ThinFilm"),
+    "scene.elements": ("Discretisation",),
+    "scene.loads": ("AxialForce", "DeadLoad", "DeadPressure", "FollowerPressure", "Torque"),
+    "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),
+    "scene.supports": ("Clamp", "Fix", "FreeBody"),
     "support.errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
         "SolverError",

@@ -19,11 +19,12 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 def told(name: str) -> dict[str, Any]:
     """A preset as JSON can hold it, in SI units."""
-    from dea_fenicsx.materials import IdealDielectric, preset
+    from dea_fenicsx.materials import preset
     from dea_fenicsx.materials.presets import MARKS
 
     found = preset(name)
-    material, electric = found.material, found.material.electric
+    material = found.material
+    electric = material.dielectric if material.is_dielectric else None
     told: dict[str, Any] = {
         "name": found.name,
         "model": type(material.elastic).__name__,
@@ -31,14 +32,14 @@ def told(name: str) -> dict[str, Any]:
         "shear_modulus_Pa": material.elastic.shear_modulus(),
         "bulk_modulus_Pa": material.bulk_modulus,
         "conductor": material.is_conductor,
-        "eps_r": electric.eps_r if isinstance(electric, IdealDielectric) else None,
+        "eps_r": getattr(electric, "eps_r", None),
         "breakdown_V_per_m": None,
         "mark": found.mark,
         "marked": MARKS[found.mark],
         "source": found.source,
         "note": found.note,
     }
-    if isinstance(electric, IdealDielectric) and electric.breakdown is not None:
+    if electric is not None and electric.breakdown_law() is not None:
         told["breakdown_V_per_m"] = float(electric.breakdown_field(1.0))
     return told
 

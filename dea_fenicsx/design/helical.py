@@ -241,5 +241,4 @@ def material_of(given: Material | str) -> Material:
 
 
 def _breakdown(material: Material) -> Breakdown | None:
-    electric = material.electric
-    return electric._law() if isinstance(electric, IdealDielectric) else None
+    return material.dielectric.breakdown_law() if material.is_dielectric else None

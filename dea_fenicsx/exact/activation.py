@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.exact.states import elastic_stress
-from dea_fenicsx.materials import IdealDielectric, Material
+from dea_fenicsx.materials import Material
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import si
 
@@ -33,9 +33,8 @@ def activation_voltage(material: Material, thickness: float, k: Any, stretch: fl
     lam3 = 1 / stretch**2 - np.asarray(k, dtype=float)
     if np.any(lam3 <= 0) or np.any(np.asarray(k) < 0):
         raise InputError(f"k must lie between 0 and 1/stretch^2 = {1 / stretch**2:g}.")
-    if not isinstance(material.electric, IdealDielectric):
-        raise InputError("The material is no dielectric; give it electric=IdealDielectric(eps_r).")
+    dielectric = material.dielectric
     lam = 1 / np.sqrt(lam3)
     before = elastic_stress(material, stretch, stretch)[0]
     pressure = elastic_stress(material, lam, lam)[0] - before
-    return thickness * lam3 * np.sqrt(pressure / material.electric.permittivity())
+    return thickness * lam3 * np.sqrt(pressure / dielectric.permittivity())

@@ -24,7 +24,6 @@ from numpy.polynomial import legendre
 from scipy.optimize import root
 
 from dea_fenicsx.exact.laminate import Laminate, Ply
-from dea_fenicsx.materials import IdealDielectric
 from dea_fenicsx.materials.stretches import taylor
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import si
@@ -129,13 +128,12 @@ def _resultants(plies: Sequence[Ply], height: float, x: np.ndarray, volts: float
         _, R, _ = taylor(ply.material.elastic, e)
         hoop, side = R[0] - R[2], R[1] - R[2]
         if ply.driven:
-            assert isinstance(ply.material.electric, IdealDielectric)
             start = max(b * b + 2 * k * low / a, 1e-6)
             share = 2 * k * t / (a * start)
             # V = E r ln(r_2/r_1), written so that k may be 0
             turn = share / np.log1p(share) if abs(share) > 1e-8 and share > -1 else 1 + share / 2
             E = volts * a * start / t * turn / lam
-            maxwell = ply.material.electric.permittivity() * E * E
+            maxwell = ply.material.dielectric.permittivity() * E * E
             hoop, side = hoop - maxwell, side - maxwell
         slope = hoop / square
         radial = k / a * (force + t / 2 * (_INTEGRAL @ slope))

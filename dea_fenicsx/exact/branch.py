@@ -257,13 +257,13 @@ class Branch:
         return events
 
     def _breakdown(self) -> list[Event]:
-        electric = self.film.material.electric
-        if electric.breakdown_field() is None:  # type: ignore[union-attr]
+        electric = self.film.material.dielectric
+        if electric.breakdown_field() is None:
             return []
         eps = self.film.permittivity
 
         def excess(lam: np.ndarray, M: Any) -> np.ndarray:
-            limit = electric.breakdown_field(np.sqrt(lam[0] * lam[1]))  # type: ignore[union-attr]
+            limit = electric.breakdown_field(np.sqrt(lam[0] * lam[1]))
             return np.sqrt(np.maximum(M, 0) / eps) - limit
 
         return [

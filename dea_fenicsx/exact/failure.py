@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from dea_fenicsx.exact.states import _elastic_stiffness, elastic_stress
-from dea_fenicsx.materials import IdealDielectric, Material
+from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.stretches import margin
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import si
@@ -56,9 +56,7 @@ def limits(material: Material, lam1: Any, lam2: Any, held: bool = False) -> dict
         first = np.min(np.where(roots > 0, roots, np.inf), axis=0)
         unstable = np.where((c > 0) & (A11 + A22 > 0), first, 0.0)
     out = {"loss of tension": np.maximum(np.min(f, axis=0), 0.0), "instability": unstable}
-    electric = material.electric
-    if not isinstance(electric, IdealDielectric):
-        raise InputError("The material is no dielectric; give it electric=IdealDielectric(eps_r).")
+    electric = material.dielectric
     field = electric.breakdown_field(np.sqrt(lam1 * lam2))
     out["breakdown"] = (
         np.full(lam1.shape, np.inf) if field is None else electric.permittivity() * field**2
@@ -90,7 +88,7 @@ class FailureMap:
     maxwell: dict[str, np.ndarray]
 
     def _eps(self) -> float:
-        return self.material.electric.permittivity()  # type: ignore[union-attr]
+        return self.material.dielectric.permittivity()
 
     def voltage(self, mode: str) -> np.ndarray:
         """Largest voltage in V that a mode allows at each stretch."""
@@ -197,7 +195,7 @@ def first_failure(
         Whether direction 2 is held.
     """
     thickness = si(thickness, "m", "The thickness")
-    eps = material.electric.permittivity()  # type: ignore[union-attr]
+    eps = material.dielectric.permittivity()
 
     def excess(s: float, mode: str) -> float:
         l1, l2, volts = path(s)

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.materials import IdealDielectric, Material
+from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.stretches import margin, taylor
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
@@ -100,10 +100,7 @@ class Film:
         faults = self.material.faults()
         if faults:
             raise InputError(f"{type(self.material.elastic).__name__}: {faults[0]}.")
-        if not isinstance(self.material.electric, IdealDielectric):
-            raise InputError(
-                "The film's material is no dielectric; give it electric=IdealDielectric(eps_r)."
-            )
+        self.material.dielectric_of("film's material")
         if not (math.isfinite(self.thickness) and self.thickness > 0):
             raise InputError(f"The thickness is {self.thickness!r}, but must be a length > 0 in m.")
         if self.stress not in ("field", "pressure"):
@@ -123,7 +120,7 @@ class Film:
     @property
     def permittivity(self) -> float:
         """Absolute permittivity in F/m."""
-        return self.material.electric.permittivity()  # type: ignore[union-attr]
+        return self.material.dielectric.permittivity()
 
     @property
     def sides(self) -> tuple[Side, Side]:

@@ -21,7 +21,7 @@ from dea_fenicsx.exact.activation import activation_voltage
 from dea_fenicsx.exact.branch import trace
 from dea_fenicsx.exact.film import Film
 from dea_fenicsx.exact.states import elastic_stress
-from dea_fenicsx.materials import EPSILON_0, IdealDielectric, Material
+from dea_fenicsx.materials import EPSILON_0, Material
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
 
@@ -171,7 +171,6 @@ class Helicoid:
         """
         _check_incompressible(material)
         end, _ = stable_limit(material)
-        assert isinstance(material.electric, IdealDielectric)
         volts = np.asarray(voltage, dtype=float)
         aim = np.broadcast_arrays(volts / self.elastomer, np.zeros(()))[0]
         low, high = np.zeros(aim.shape), np.full(aim.shape, end)

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.materials import IdealDielectric, Material
+from dea_fenicsx.materials import Material
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si, si
 
@@ -49,7 +49,7 @@ class Ply:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.thickness) and self.thickness > 0):
             raise InputError(f"Ply: thickness is {self.thickness!r}, but must be positive, in m.")
-        if self.driven and not isinstance(self.material.electric, IdealDielectric):
+        if self.driven and not self.material.is_dielectric:
             raise InputError("Ply: a driven layer must be dielectric; give it an IdealDielectric.")
         faults = self.material.faults()
         if faults:
@@ -70,8 +70,8 @@ class Ply:
         """p in Pa; with stress ``"pressure"`` eps E^2 presses on the faces and nothing pulls."""
         if not self.driven:
             return np.zeros_like(np.asarray(volts, dtype=float))
-        assert isinstance(self.material.electric, IdealDielectric)
-        maxwell = self.material.electric.permittivity() * (np.asarray(volts) / self.thickness) ** 2
+        permittivity = self.material.dielectric.permittivity()
+        maxwell = permittivity * (np.asarray(volts) / self.thickness) ** 2
         side = self.poisson / (1 - self.poisson)
         return maxwell * ((1 + side) / 2 if stress == "field" else side)
 

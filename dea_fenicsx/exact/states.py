@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.materials import IdealDielectric, Material
+from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.stretches import taylor
 from dea_fenicsx.support.errors import InputError
 
@@ -57,9 +57,7 @@ def maxwell_pressure(
         raise InputError(
             f"Exactly one of {', '.join(given)} is needed, but {len(named)} are given."
         )
-    if not isinstance(material.electric, IdealDielectric):
-        raise InputError("The material is no dielectric; give it electric=IdealDielectric(eps_r).")
-    eps, area = material.electric.permittivity(), np.asarray(lam1) * np.asarray(lam2)
+    eps, area = material.dielectric.permittivity(), np.asarray(lam1) * np.asarray(lam2)
     if voltage is not None:
         return eps * (np.asarray(voltage) * area / thickness) ** 2
     if charge is not None:

@@ -10,7 +10,7 @@ All constants are in SI units.
 
 from dea_fenicsx.materials.base import EPSILON_0, Elastic, Strain
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
-from dea_fenicsx.materials.electric import Breakdown, Conductor, IdealDielectric
+from dea_fenicsx.materials.electric import Breakdown, Conductor, Dielectric, IdealDielectric
 from dea_fenicsx.materials.fitting import Fit, TestData, fit, read_data
 from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.ogden import Ogden
@@ -32,6 +32,7 @@ __all__ = [
     "IdealDielectric",
     "Breakdown",
     "Conductor",
+    "Dielectric",
     "Material",
     "bulk_modulus_of",
     "names",

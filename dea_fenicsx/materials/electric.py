@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from dea_fenicsx.materials.base import EPSILON_0, _is_number
 from dea_fenicsx.support.units import in_si
@@ -48,9 +49,47 @@ class Breakdown:
         return found
 
 
+class Electric(ABC):
+    """What a region does electrically.
+
+    Attributes
+    ----------
+    is_dielectric
+        Whether a field may live in it; then it is a `Dielectric`.
+    is_conductor
+        Whether it is at one potential throughout.
+    """
+
+    is_dielectric: ClassVar[bool] = False
+    is_conductor: ClassVar[bool] = False
+
+    @abstractmethod
+    def faults(self) -> list[str]:
+        """What is unphysical about the constants, as a list of clauses."""
+
+
+class Dielectric(Electric):
+    """A dielectric whose true permittivity does not depend on strain."""
+
+    is_dielectric = True
+
+    @abstractmethod
+    def permittivity(self) -> float:
+        """Absolute permittivity in F/m."""
+
+    def breakdown_law(self) -> Breakdown | None:
+        """The law of its breakdown field, or None where it is not known."""
+        return None
+
+    def breakdown_field(self, stretch: Any = 1.0) -> Any:
+        """True breakdown field in V/m at an in-plane stretch, or None where it is not known."""
+        law = self.breakdown_law()
+        return None if law is None else law.at(stretch)
+
+
 @dataclass(frozen=True)
 @in_si(eps_r="", breakdown="V/m")
-class IdealDielectric:
+class IdealDielectric(Dielectric):
     """A dielectric whose true permittivity does not depend on strain: D = eps_r eps_0 E.
 
     Parameters
@@ -72,12 +111,7 @@ class IdealDielectric:
         """Absolute permittivity in F/m."""
         return self.eps_r * EPSILON_0
 
-    def breakdown_field(self, stretch: Any = 1.0) -> Any:
-        """True breakdown field in V/m at an in-plane stretch, or None where it is not known."""
-        law = self._law()
-        return None if law is None else law.at(stretch)
-
-    def _law(self) -> Breakdown | None:
+    def breakdown_law(self) -> Breakdown | None:
         if self.breakdown is None or isinstance(self.breakdown, Breakdown):
             return self.breakdown
         return Breakdown(self.breakdown)
@@ -88,13 +122,15 @@ class IdealDielectric:
             found.append(
                 f"eps_r is {self.eps_r!r}, but a relative permittivity is a finite number >= 1"
             )
-        law = self._law()
+        law = self.breakdown_law()
         return found if law is None else found + law.faults()
 
 
 @dataclass(frozen=True)
-class Conductor:
+class Conductor(Electric):
     """A region of one potential: a compliant electrode of finite thickness."""
+
+    is_conductor = True
 
     def faults(self) -> list[str]:
         return []

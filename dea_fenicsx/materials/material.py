@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from dea_fenicsx.materials.base import Elastic, _is_number
-from dea_fenicsx.materials.electric import Conductor, IdealDielectric
+from dea_fenicsx.materials.electric import Dielectric, Electric
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import in_si, si
@@ -32,17 +32,36 @@ class Material:
     """
 
     elastic: Elastic
-    electric: IdealDielectric | Conductor | None = None
+    electric: Electric | None = None
     bulk_modulus: float | None = None
     name: str = ""
 
     @property
     def is_dielectric(self) -> bool:
-        return isinstance(self.electric, IdealDielectric)
+        return self.electric is not None and self.electric.is_dielectric
 
     @property
     def is_conductor(self) -> bool:
-        return isinstance(self.electric, Conductor)
+        return self.electric is not None and self.electric.is_conductor
+
+    @property
+    def dielectric(self) -> Dielectric:
+        """Its dielectric.
+
+        Raises
+        ------
+        InputError
+            If it is none.
+        """
+        return self.dielectric_of("material")
+
+    def dielectric_of(self, what: str) -> Dielectric:
+        """Its dielectric; `what` tells in the message which material has none."""
+        if not isinstance(self.electric, Dielectric):
+            raise InputError(
+                f"The {what} is no dielectric; give it electric=IdealDielectric(eps_r)."
+            )
+        return self.electric
 
     def faults(self) -> list[str]:
         """What is wrong with this material, as a list of clauses."""

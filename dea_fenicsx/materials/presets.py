@@ -13,7 +13,7 @@ import numpy as np
 
 from dea_fenicsx.materials.base import Elastic
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
-from dea_fenicsx.materials.electric import Breakdown, Conductor, IdealDielectric
+from dea_fenicsx.materials.electric import Breakdown, Conductor, Electric, IdealDielectric
 from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.ogden import Ogden
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
@@ -117,7 +117,7 @@ def _build(name: str, entry: dict[str, Any]) -> Preset:
         elastic = make(**constants)
     else:
         elastic = MODELS[entry["model"]](**constants)
-    electric: IdealDielectric | Conductor
+    electric: Electric
     if entry.get("conductor"):
         electric = Conductor()
     else:

@@ -11,8 +11,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.scene.scene import period
-from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.scene.declarations import ELONGATION, TWIST, GlobalUnknown
 
 
 @dataclass(frozen=True)
@@ -22,7 +21,7 @@ class OverallStretch:
     unit = ""
 
     def bind(self, problem: Problem) -> Measurement:
-        _refuse_others(problem, self, "elongation")
+        _need(problem, self, ELONGATION)
         return lambda: 1 + problem.overall_values()[0]
 
 
@@ -33,7 +32,7 @@ class OverallContraction:
     unit = ""
 
     def bind(self, problem: Problem) -> Measurement:
-        _refuse_others(problem, self, "elongation")
+        _need(problem, self, ELONGATION)
         return lambda: 0.0 - problem.overall_values()[0]
 
 
@@ -44,7 +43,7 @@ class OverallTwist:
     unit = "rad_per_m"
 
     def bind(self, problem: Problem) -> Measurement:
-        _refuse_others(problem, self, "twist")
+        _need(problem, self, TWIST)
         return lambda: problem.overall_values()[1]
 
 
@@ -58,7 +57,7 @@ class OverallForce:
     unit = "N"
 
     def bind(self, problem: Problem) -> Measurement:
-        return _bind_action(problem, self, "elongation")
+        return _bind_action(problem, self, ELONGATION)
 
 
 @dataclass(frozen=True)
@@ -68,16 +67,17 @@ class OverallTorque:
     unit = "N_m"
 
     def bind(self, problem: Problem) -> Measurement:
-        action = _bind_action(problem, self, "twist")
+        action = _bind_action(problem, self, TWIST)
         return lambda: action() * problem.scales.length
 
 
-def _bind_action(problem: Problem, observable: object, name: str) -> Measurement:
+def _bind_action(problem: Problem, observable: object, unknown: GlobalUnknown) -> Measurement:
     """What works on an overall unknown, from its residual, in N (times the length unit)."""
-    _refuse_others(problem, observable, name)
-    dofs = problem.overall[name].dofs
+    _need(problem, observable, unknown)
+    dofs = problem.overall[unknown.name].dofs
     dofs = dofs[dofs < problem.owned]
-    unit = problem.scales.force * problem.scales.length / period(problem.scene)
+    scene, scales = problem.scene, problem.scales
+    unit = scales.force * scales.length / scene.kinematics.period(scene.device)
 
     def value() -> float:
         total = float(problem.residual()[dofs].sum())
@@ -86,10 +86,6 @@ def _bind_action(problem: Problem, observable: object, name: str) -> Measurement
     return value
 
 
-def _refuse_others(problem: Problem, observable: object, name: str) -> None:
-    if name not in problem.overall:
-        also = " or GeneralisedPlaneStrain(depth)" if name == "elongation" else ""
-        raise InputError(
-            f"{type(observable).__name__} is for helical cells; take "
-            f"kinematics=Helical(pitch){also}."
-        )
+def _need(problem: Problem, observable: object, unknown: GlobalUnknown) -> None:
+    """Raise InputError in a problem without a global unknown."""
+    problem.scene.kinematics.need(unknown, type(observable).__name__)

@@ -27,9 +27,8 @@ from dea_fenicsx.mesh.neighbours import regions_beside
 from dea_fenicsx.model.energy import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.tied_unknowns import expansion
-from dea_fenicsx.scene.conditions import ChargedElectrode, Electrode, ThinFilm
-from dea_fenicsx.scene.electrode_checks import with_far_ends
-from dea_fenicsx.scene.electrode_profiles import profile
+from dea_fenicsx.scene.electrode_places import with_far_ends
+from dea_fenicsx.scene.electrodes import Conducting
 from dea_fenicsx.scene.kinematics import cofactor
 from dea_fenicsx.solvers.factors import AMF, Mumps
 from dea_fenicsx.support import compat
@@ -48,7 +47,7 @@ class ElectrodeCharge:
         One of its scene's electrodes.
     """
 
-    def __init__(self, problem: Problem, electrode: Electrode | ChargedElectrode) -> None:
+    def __init__(self, problem: Problem, electrode: Conducting) -> None:
         self.problem = problem
         assert problem.potential is not None
         self._phi = dolfinx.fem.Function(problem.potential.space)
@@ -69,7 +68,7 @@ class ElectrodeCharge:
 
 
 def potential_of_unit_load(
-    problem: Problem, electrode: Electrode | ChargedElectrode
+    problem: Problem, electrode: Conducting
 ) -> np.ndarray:
     """The potential that the electrode's ramp adds at factor 1 if nothing moves.  Collective.
 
@@ -90,7 +89,7 @@ def potential_of_unit_load(
     part = problem.potential
     assert part is not None
     given = dolfinx.fem.Function(part.space)
-    if isinstance(electrode, ChargedElectrode) and not electrode.coulombs:
+    if electrode.floats and not electrode.given_coulombs:
         source = _unit_charge(problem, electrode)
     else:
         source = _charges_of_ramp(problem, electrode.ramp)
@@ -121,10 +120,10 @@ def _charges_of_ramp(problem: Problem, ramp: str) -> np.ndarray:
     return rows[problem.free_fields["phi"]]
 
 
-def _unit_charge(problem: Problem, electrode: ChargedElectrode) -> np.ndarray:
+def _unit_charge(problem: Problem, electrode: Conducting) -> np.ndarray:
     """A unit of charge on a floating electrode, in the free rows of the potential."""
     rows = np.zeros(len(problem.free))
-    floating = [e for e in problem.scene.electrodes if isinstance(e, ChargedElectrode)]
+    floating: list[Conducting] = [e for e in problem.scene.electrodes if e.floats]
     master = problem.groups[floating.index(electrode)].master
     if master >= 0:
         rows[np.searchsorted(problem.free, master)] = 1.0
@@ -193,15 +192,15 @@ def _flux(problem: Problem, cells: list[np.ndarray], a: Any, b: Any) -> Any:
     return sum(k.eps * density * dx(i) for i, k in enumerate(dielectrics))
 
 
-def _profile_of(problem: Problem, electrode: Electrode | ChargedElectrode) -> Any:
+def _profile_of(problem: Problem, electrode: Conducting) -> Any:
     """The electrode's N as a function; nodes of several ordinary electrodes are shared alike."""
     scene, part = problem.scene, problem.potential
     assert part is not None
     here = _nodes_of(problem, electrode)
     X = part.space.tabulate_dof_coordinates() * scene.device.length
-    values = np.where(here, profile(scene.kinematics, electrode, X), 0.0)
-    if not isinstance(electrode, ThinFilm):
-        ordinary = [e for e in scene.electrodes if not isinstance(e, ThinFilm)]
+    values = np.where(here, electrode.profile(scene.kinematics, X), 0.0)
+    if not electrode.fills_region:
+        ordinary = [e for e in scene.electrodes if not e.fills_region]
         count = sum(_nodes_of(problem, e).astype(int) for e in ordinary)
         values /= np.maximum(count, 1)
     shape = dolfinx.fem.Function(part.space)
@@ -210,7 +209,7 @@ def _profile_of(problem: Problem, electrode: Electrode | ChargedElectrode) -> An
     return shape
 
 
-def _nodes_of(problem: Problem, electrode: Electrode | ChargedElectrode) -> np.ndarray:
+def _nodes_of(problem: Problem, electrode: Conducting) -> np.ndarray:
     """Mask of an electrode's nodes over the local degrees of freedom of the potential."""
     part = problem.potential
     assert part is not None
@@ -220,14 +219,14 @@ def _nodes_of(problem: Problem, electrode: Electrode | ChargedElectrode) -> np.n
 
 
 def _cells_of(
-    problem: Problem, electrode: Electrode | ChargedElectrode, values: np.ndarray
+    problem: Problem, electrode: Conducting, values: np.ndarray
 ) -> list[np.ndarray]:
     """Owned cells of each dielectric kernel whose field counts for an electrode, by its profile."""
     scene, part = problem.scene, problem.potential
     assert part is not None
     device = scene.device
-    films = [e for e in scene.electrodes if isinstance(e, ThinFilm)]
-    if isinstance(electrode, ThinFilm):
+    films = [e for e in scene.electrodes if e.fills_region]
+    if electrode.fills_region:
         counted = set(electrode.names)
     else:
         names = with_far_ends(device, electrode.names, scene.kinematics)

@@ -14,7 +14,6 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import ufl
 
-from dea_fenicsx.materials import IdealDielectric
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.scene.scene import Scene, known
 from dea_fenicsx.support import compat
@@ -117,7 +116,7 @@ class ElectricalBreakdown:
     def regions_of(self, scene: Scene) -> tuple[str, ...]:
         return tuple(
             name for name, m in scene.materials.items()
-            if isinstance(m.electric, IdealDielectric) and m.electric.breakdown is not None
+            if m.is_dielectric and m.dielectric.breakdown_law() is not None
         )  # fmt: skip
 
     def values(self, problem: Problem, region: str, local: Local) -> tuple[Any, Any]:
@@ -125,8 +124,7 @@ class ElectricalBreakdown:
         pulled = np.linalg.norm(np.einsum("...ji,...j->...i", local.F, local.field), axis=-1)
         with np.errstate(invalid="ignore", divide="ignore"):
             area = np.where(pulled > 0, local.J * size / pulled, 1.0)
-        electric = problem.scene.materials[region].electric
-        assert isinstance(electric, IdealDielectric)
+        electric = problem.scene.materials[region].dielectric
         ratio = self.safety * size / electric.breakdown_field(np.sqrt(area))
         return ratio, 1 - ratio
 

@@ -18,7 +18,7 @@ from dea_fenicsx.measure.charges import ElectrodeCharge, potential_of_unit_load
 from dea_fenicsx.mesh.device import Device, one_sided
 from dea_fenicsx.model.energy import measure
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.scene.conditions import ChargedElectrode, Electrode
+from dea_fenicsx.scene.electrodes import Conducting
 from dea_fenicsx.scene.kinematics import cofactor
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
@@ -231,8 +231,9 @@ class Potential:
 
     def bind(self, problem: Problem) -> Measurement:
         electrode = _electrode(problem, self.electrode)
-        if isinstance(electrode, Electrode):
-            return lambda: 0.0 + problem.factors.get(electrode.ramp, 0.0) * electrode.volts
+        if not electrode.floats:
+            volts = electrode.given_volts
+            return lambda: 0.0 + problem.factors.get(electrode.ramp, 0.0) * volts
         dofs = problem.electrode_dofs[electrode.label]
         volt = problem.scales.potential
         return lambda: _common(problem, problem.w.x.array[dofs]) * volt
@@ -252,7 +253,7 @@ class Capacitance:
 
     def bind(self, problem: Problem) -> Measurement:
         electrode = _electrode(problem, self.electrode)
-        if isinstance(electrode, Electrode) and not electrode.volts:
+        if not electrode.floats and not electrode.given_volts:
             raise InputError(
                 f"Electrode {self.electrode!r} is grounded; name a driven electrode for its "
                 "capacitance."
@@ -262,8 +263,8 @@ class Capacitance:
 
         def at_rest() -> float:
             psi = potential_of_unit_load(problem, electrode)
-            if isinstance(electrode, Electrode):
-                return charge.of(psi) / electrode.volts
+            if not electrode.floats:
+                return charge.of(psi) / electrode.given_volts
             assert problem.potential is not None
             whole = np.zeros(problem.size)
             whole[problem.potential.dofs] = psi
@@ -283,7 +284,7 @@ def _common(problem: Problem, values: np.ndarray) -> float:
     return next(float(v[0]) for v in problem.comm.allgather(values[:1]) if len(v))
 
 
-def _electrode(problem: Problem, name: str) -> Electrode | ChargedElectrode:
+def _electrode(problem: Problem, name: str) -> Conducting:
     """An electrode of the scene by its label or one of its names."""
     for electrode in problem.scene.electrodes:
         if name in (electrode.label, *electrode.names):

@@ -95,7 +95,7 @@ class BendingAngle:
 def _is_flat(problem: Problem) -> bool:
     """Whether all turns in a plane; refuses kinematics in which no face turns as a whole."""
     dim = problem.scene.device.dim
-    if problem.scene.kinematics.axes != "xyz"[:dim]:
+    if not problem.scene.kinematics.cartesian:
         raise InputError(
             "Rotations are measured in three dimensions and in plane strain only; a helical cell "
             "has OverallTwist."

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dea_fenicsx.model.rigid_motions import FreePart, rotations, translations
-from dea_fenicsx.scene.conditions import DeadLoad
+from dea_fenicsx.model.rigid_motions import FreePart, translations
+from dea_fenicsx.scene.condition import declared
+from dea_fenicsx.scene.declarations import SurfaceWork
 from dea_fenicsx.scene.scene import Scene
 
 ALIKE = 1e-9
@@ -26,8 +27,8 @@ def split_turns(scene: Scene, part: FreePart) -> tuple[np.ndarray, frozenset[str
     """
     if not len(felt_axes(scene, part)):
         return part.motions, frozenset()
-    held = translations(part.motions, rotations(scene.kinematics.axes))
-    return held, frozenset(load.ramp for load in _dead_loads(scene))
+    held = translations(part.motions, scene.kinematics.rotations)
+    return held, frozenset(ramp for ramp, _ in _dead_loads(scene))
 
 
 def felt_axes(scene: Scene, part: FreePart | None) -> np.ndarray:
@@ -38,20 +39,18 @@ def felt_axes(scene: Scene, part: FreePart | None) -> np.ndarray:
     which all dead loads point they have no moment, whatever its orientation.
     """
     loads = _dead_loads(scene)
-    if part is None or not loads or scene.kinematics.axes not in ("xyz", "xy"):
+    if part is None or not loads or not scene.kinematics.cartesian:
         return np.empty((0, 3))
-    axes = _turning_axes(part.motions, rotations(scene.kinematics.axes))
+    axes = _turning_axes(part.motions, scene.kinematics.rotations)
     if not len(axes) or scene.device.dim == 2:
         return axes
-    return _felt(axes, _directions(loads))
+    return _felt(axes, _directions([load for _, load in loads]))
 
 
-def _dead_loads(scene: Scene) -> list[DeadLoad]:
-    """The loads that turn a free body.
-
-    A `DeadPressure` does not: it stands for the Maxwell pressure, which follows the body.
-    """
-    return [load for load in scene.loads if isinstance(load, DeadLoad) and np.any(load.pascal)]
+def _dead_loads(scene: Scene) -> list[tuple[str, tuple[float, ...]]]:
+    """Ramp and direction of the loads that turn a free body."""
+    told = [work for _, work in declared(scene.loads, scene, SurfaceWork)]
+    return [(work.ramp, work.direction) for work in told if work.direction is not None]
 
 
 def _turning_axes(motions: np.ndarray, n_turns: int) -> np.ndarray:
@@ -79,10 +78,10 @@ def _felt(axes: np.ndarray, directions: np.ndarray) -> np.ndarray:
     return vectors[:, :2].T if one else axes
 
 
-def _directions(loads: list[DeadLoad]) -> np.ndarray:
+def _directions(loads: list[tuple[float, ...]]) -> np.ndarray:
     """Sum over loads of t t^T with t their unit directions, shape (3, 3)."""
     total = np.zeros((3, 3))
     for load in loads:
-        t = np.array(load.pascal, dtype=float) / np.linalg.norm(load.pascal)
+        t = np.array(load, dtype=float) / np.linalg.norm(load)
         total += np.outer(t, t)
     return total

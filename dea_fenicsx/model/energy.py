@@ -27,7 +27,8 @@ import ufl
 
 from dea_fenicsx.materials import Elastic
 from dea_fenicsx.mesh.device import Device
-from dea_fenicsx.scene.conditions import PreStretch
+from dea_fenicsx.scene.condition import declared
+from dea_fenicsx.scene.declarations import InitialStretch
 from dea_fenicsx.scene.kinematics import Helix, StrainOf, cofactor
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.compat import dolfinx
@@ -83,7 +84,7 @@ class Scales:
         return cls(
             length=scene.device.length,
             stress=min(moduli),
-            permittivity=max((m.electric.permittivity() for m in active), default=1.0),  # type: ignore[union-attr]
+            permittivity=max((m.dielectric.permittivity() for m in active), default=1.0),
             depth=scene.kinematics.depth_factor(scene.device.length),
         )
 
@@ -119,12 +120,12 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
     """Group the regions of a scene by the shape of their energy."""
     device = scene.device
     groups: dict[tuple, list[str]] = {}
-    prestretches = [item for item in scene.prescribed if isinstance(item, PreStretch)]
+    prestretches = [told for _, told in declared(scene.prescribed, scene, InitialStretch)]
     factors = {item.ramp: dolfinx.fem.Constant(device.mesh, 0.0) for item in prestretches}
     for name in sorted(scene.materials, key=lambda n: device.regions[n]):
         m = scene.materials[name]
         field_lives = m.is_dielectric and scene.has_potential
-        stretched = any(name in item.names for item in prestretches)
+        stretched = any(name in item.regions for item in prestretches)
         groups.setdefault(
             (type(m.elastic), _shape(m.elastic), field_lives, m.bulk_modulus is None, stretched), []
         ).append(name)
@@ -132,7 +133,7 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
     owned = device.owned_cells()
 
     def permittivity(name: str) -> float:
-        return scene.materials[name].electric.permittivity() / scales.permittivity  # type: ignore[union-attr]
+        return scene.materials[name].dielectric.permittivity() / scales.permittivity
 
     def bulk_modulus(name: str) -> float:
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
@@ -141,7 +142,7 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
     def log_stretch(ramp: str, axis: int, name: str) -> float:
         return sum(
             float(np.log(item.stretches[axis])) for item in prestretches
-            if item.ramp == ramp and name in item.names
+            if item.ramp == ramp and name in item.regions
         )  # fmt: skip
 
     for (_, _, field_lives, incompressible, stretched), names in groups.items():

@@ -6,7 +6,7 @@ on two ranks that share a node.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,14 +18,14 @@ from dea_fenicsx.model.dead_loads import split_turns
 from dea_fenicsx.model.free_body import Pin, pins, released
 from dea_fenicsx.model.prescribed_motion import check_agreement, prescriptions
 from dea_fenicsx.model.rigid_motions import FreePart
-from dea_fenicsx.scene.conditions import (
-    AxialStretch,
-    ChargedElectrode,
-    Electrode,
-    FreeBody,
-    Twist,
+from dea_fenicsx.scene.condition import declared
+from dea_fenicsx.scene.declarations import (
+    FixedGlobal,
+    FixedPotential,
+    FloatingPotential,
+    HeldRigidMotions,
 )
-from dea_fenicsx.scene.electrode_profiles import driven_alike, given_volts, profile
+from dea_fenicsx.scene.electrodes import Conducting
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 
@@ -90,7 +90,7 @@ def apply_supports(scene: Scene, parts: list[Component], constraints: Constraint
     check_agreement(scene, parts, given)
     for item in given:
         constraints.fix(parts[item.axis].dofs[item.local], item.values, item.ramp)
-    if any(isinstance(item, FreeBody) for item in scene.supports):
+    if declared(scene.supports, scene, HeldRigidMotions):
         _hold_free_body(scene, parts, constraints)
 
 
@@ -110,13 +110,10 @@ def _hold_free_body(scene: Scene, parts: list[Component], constraints: Constrain
 def apply_overall(
     scene: Scene, parts: dict[str, Component], constraints: Constraints
 ) -> None:
-    """Fix the overall unknowns that the scene prescribes: elongation, and twist in 1/length."""
-    for item in scene.prescribed:
-        if isinstance(item, AxialStretch):
-            constraints.fix(parts["elongation"].dofs, item.stretch - 1, item.ramp)
-        elif isinstance(item, Twist):
-            turn = item.radians_per_metre * scene.device.length
-            constraints.fix(parts["twist"].dofs, turn, item.ramp)
+    """Fix the global unknowns that the scene prescribes, dimensionless."""
+    for _, told in declared(scene.prescribed, scene, FixedGlobal):
+        value = told.value * scene.device.length**told.unknown.per_length
+        constraints.fix(parts[told.unknown.name].dofs, value, told.ramp)
 
 
 def apply_electrodes(
@@ -147,22 +144,18 @@ def apply_electrodes(
     alive[potential.on(device.dim, np.concatenate(dielectric))] = True
     constraints.fix(potential.dofs[~alive])
 
+    # which electrode came last to each node, and the potential in V that it gives there
     owner = np.full(len(potential.dofs), -1)
     values = np.zeros(len(potential.dofs))
     X = potential.space.tabulate_dof_coordinates() * device.length
     found: dict[str, np.ndarray] = {}
     for k, electrode in enumerate(scene.electrodes):
-        on = np.zeros(len(potential.dofs), dtype=bool)
-        for name in electrode.names:
-            if name in device.regions:
-                on[potential.on(device.dim, device.cells_of(name))] = True
-            else:
-                on[potential.on(device.dim - 1, device.facets_of(name))] = True
+        on = _nodes(scene, potential, electrode.names)
         mine = potential_at(scene, electrode, X)
         for j in range(k):
             other = scene.electrodes[j]
             shared = on & (owner == j)
-            small = 1e-9 * max(abs(given_volts(electrode)), abs(given_volts(other)))
+            small = 1e-9 * max(abs(electrode.given_volts), abs(other.given_volts))
             touch = not _agree(electrode, other, mine[shared], values[shared], small)
             if device.comm.allreduce(touch, op=MPI.LOR):
                 raise InputError(
@@ -172,34 +165,44 @@ def apply_electrodes(
         owner[on] = k
         values[on] = mine[on]
         dofs = potential.dofs[on]
-        if isinstance(electrode, ChargedElectrode):
+        for _, _floating in declared([electrode], scene, FloatingPotential):
             constraints.fixed[dofs] = False
-        else:
-            ramp = electrode.ramp if electrode.volts else None
-            constraints.fix(dofs, mine[on] / volt, ramp)
+        for _, told in declared([electrode], scene, FixedPotential):
+            constraints.fix(dofs, mine[on] / volt, told.ramp)
         found[electrode.label] = dofs
     return found
 
 
+def _nodes(scene: Scene, potential: Component, groups: Sequence[str]) -> np.ndarray:
+    """Mask of the nodes of facet groups and regions in the potential's own space.  Collective."""
+    device = scene.device
+    on = np.zeros(len(potential.dofs), dtype=bool)
+    for name in groups:
+        if name in device.regions:
+            on[potential.on(device.dim, device.cells_of(name))] = True
+        else:
+            on[potential.on(device.dim - 1, device.facets_of(name))] = True
+    return on
+
+
 def _agree(
-    a: Electrode | ChargedElectrode, b: Electrode | ChargedElectrode,
-    here: np.ndarray, there: np.ndarray, small: float,
-) -> bool:  # fmt: skip
+    a: Conducting, b: Conducting, here: np.ndarray, there: np.ndarray, small: float
+) -> bool:
     """Whether two electrodes give the nodes that they share the same potential at all times.
 
     They do where both give 0, whatever drives them.
     """
     if len(here) == 0:
         return True
-    if isinstance(a, ChargedElectrode) or isinstance(b, ChargedElectrode):
+    if a.floats or b.floats:
         return False
-    if not driven_alike(a, b) and np.max(np.abs([here, there])) > small:
+    alike = a.ramp == b.ramp or not (a.given_volts or b.given_volts)
+    if not alike and np.max(np.abs([here, there])) > small:
         return False
     return bool(np.max(np.abs(here - there)) <= small)
 
 
-def potential_at(
-    scene: Scene, electrode: Electrode | ChargedElectrode, X: np.ndarray
-) -> np.ndarray:
+def potential_at(scene: Scene, electrode: Conducting, X: np.ndarray) -> np.ndarray:
     """Given potential in V at undeformed positions X in m, shape (n, 3); 0 where it floats."""
-    return given_volts(electrode) * profile(scene.kinematics, electrode, X)
+    told = [fixed for _, fixed in declared([electrode], scene, FixedPotential)]
+    return told[0].volts(X) if told else np.zeros(len(X))

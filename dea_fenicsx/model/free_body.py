@@ -13,7 +13,8 @@ import numpy as np
 
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.rigid_motions import Box, FreePart, free_parts, modes, rotations
+from dea_fenicsx.model.rigid_motions import Box, FreePart, free_parts, modes
+from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
 
@@ -67,11 +68,13 @@ def pins(scene: Scene, part: FreePart) -> Iterator[Pin]:
     lowest along (1, 1, 1), every motion that moves it is held; `across` holds what is left.
     """
     corners = Corners(scene.device, part)
-    axes, free = scene.kinematics.axes, part.motions
-    rows = corners.rows(axes, part.box)
+    kinematics, free = scene.kinematics, part.motions
+    rows = corners.rows(kinematics, part.box)
     first = corners.best(-corners.x.sum(axis=1)[:, None])
     anchor = corners.place(first)
-    at_anchor = np.vstack([modes(anchor[None], a, axes, part.box) for a in range(len(axes))])
+    at_anchor = np.vstack(
+        [modes(anchor[None], a, kinematics, part.box) for a in range(len(kinematics.axes))]
+    )
     while len(free):
         sizes = np.linalg.norm(at_anchor @ free.T, axis=1)
         largest = corners.largest(np.linalg.norm(rows @ free.T, axis=2))
@@ -102,9 +105,9 @@ def across(
     free
         The free motions, rows of coefficients of `modes`.
     """
-    axes = scene.kinematics.axes
-    n_turns = rotations(axes)
-    rows = corners.rows(axes, box)
+    kinematics, axes = scene.kinematics, scene.kinematics.axes
+    n_turns = kinematics.rotations
+    rows = corners.rows(kinematics, box)
     away = (corners.x - anchor) / (box.size / 2)
     distance = np.maximum(np.linalg.norm(away, axis=1), 1e-300)
     aligned = np.max(np.abs(away), axis=1, initial=0.0) / distance
@@ -117,7 +120,7 @@ def across(
         share = np.minimum(1.0, moved / distance[:, None])
         vertex, a = corners.best_of(liked * moved * (aligned[:, None] * share) ** 8)
         yield corners.pin(vertex, a)
-        free = without(free, modes(corners.place(vertex)[None], a, axes, box)[0])
+        free = without(free, modes(corners.place(vertex)[None], a, kinematics, box)[0])
 
 
 def without(free: np.ndarray, row: np.ndarray) -> np.ndarray:
@@ -169,9 +172,10 @@ class Corners:
             dofs = component.dofs[component.space.dofmap.list[part.cells][:, at].ravel()[which]]
             self.x[:, a] += state[dofs]  # type: ignore[index]
 
-    def rows(self, axes: str, box: Box) -> np.ndarray:
+    def rows(self, kinematics: Kinematics, box: Box) -> np.ndarray:
         """Each component of each rigid motion at each corner: (corners, axes, motions)."""
-        return np.stack([modes(self.x, a, axes, box) for a in range(len(axes))], axis=1)
+        components = range(len(kinematics.axes))
+        return np.stack([modes(self.x, a, kinematics, box) for a in components], axis=1)
 
     def largest(self, scores: np.ndarray) -> float:
         """The largest score on any rank."""

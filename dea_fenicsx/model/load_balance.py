@@ -10,8 +10,7 @@ from mpi4py import MPI
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.energy import Scales
 from dea_fenicsx.model.fixed_values import Constraints
-from dea_fenicsx.model.rigid_motions import FreePart, in_words, modes, rotations, translations
-from dea_fenicsx.scene.kinematics import Helical
+from dea_fenicsx.model.rigid_motions import FreePart, in_words, modes, translations
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 
@@ -49,11 +48,11 @@ def check_balance(
     driven = {load.ramp for load in scene.loads}
     mine = [ramp for ramp in ramps if ramp in driven]
     released = constraints.released
-    if isinstance(scene.kinematics, Helical):
+    if scene.kinematics.periodic_ends is not None:
         for ramp in mine:
             _check_cell(scene, parts, ramp, forces_of(ramp))
     elif released is not None:
-        shifts = translations(released.motions, rotations(scene.kinematics.axes))
+        shifts = translations(released.motions, scene.kinematics.rotations)
         for ramp in mine:
             forces = -forces_of(ramp)
             _check_free(scene, scales, parts, released, shifts, ramp, forces, "force")
@@ -67,14 +66,14 @@ def _check_free(
     motions: np.ndarray, ramp: str, forces: np.ndarray, what: str,
 ) -> None:  # fmt: skip
     """Refuse forces that do work on motions that only `FreeBody` prevents."""
-    axes, box = scene.kinematics.axes, released.box
+    kinematics, box = scene.kinematics, released.box
     sums = np.zeros((2, len(motions)))
     for a, part in enumerate(parts):
         # the part's own forces: a device may have other parts, which are held
         mine = np.zeros(len(part.dofs), dtype=bool)
         mine[part.space.dofmap.list[released.cells].ravel()] = True
         mine &= part.dofs < len(forces)
-        rows = modes(part.space.tabulate_dof_coordinates()[mine], a, axes, box) @ motions.T
+        rows = modes(part.space.tabulate_dof_coordinates()[mine], a, kinematics, box) @ motions.T
         work = forces[part.dofs[mine], None] * rows
         sums += np.array([work.sum(axis=0), np.abs(work).sum(axis=0)])
     total, size = scene.device.comm.allreduce(sums, op=MPI.SUM)
@@ -82,7 +81,7 @@ def _check_free(
     everything = _size(scene, forces) * float(np.abs(motions).max(initial=0.0))
     if np.linalg.norm(total) <= ROUNDING * max(float(np.linalg.norm(size)), everything):
         return
-    along = in_words((total @ motions)[None], box, axes, scene.device.length)
+    along = in_words((total @ motions)[None], box, kinematics, scene.device.length)
     newtons = np.linalg.norm(total) * scales.force
     amount = f" of {newtons:.3g} N" if what == "force" else ""
     raise InputError(

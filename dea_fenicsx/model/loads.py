@@ -13,8 +13,9 @@ from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import one_sided
 from dea_fenicsx.model.energy import measure
-from dea_fenicsx.scene.conditions import AxialForce, DeadPressure, FollowerPressure, Torque
-from dea_fenicsx.scene.kinematics import Helix, cofactor
+from dea_fenicsx.scene.condition import Load, declared
+from dea_fenicsx.scene.declarations import SurfaceWork
+from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, cofactor
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
@@ -49,14 +50,14 @@ class Loads:
     """
 
     def __init__(
-        self, scene: Scene, stress: float, u: Any, v: Any, helix: Helix | None = None
+        self, scene: Scene, stress: float, u: Any, v: Any, helix: GlobalMotion | None = None
     ) -> None:
-        mesh, kin = scene.device.mesh, scene.kinematics
-        loads = [load for load in scene.loads if not isinstance(load, AxialForce | Torque)]
+        mesh = scene.device.mesh
+        loads = declared(scene.loads, scene, SurfaceWork)
         self.factors = {
             # in the order of the loads: a set of names has another order on each rank
             ramp: dolfinx.fem.Constant(mesh, 0.0)
-            for ramp in dict.fromkeys(load.ramp for load in loads)
+            for ramp in dict.fromkeys(work.ramp for _, work in loads)
         }
         self.unit_work: dict[str, Any] = {}
         self.following: set[str] = set()
@@ -65,33 +66,21 @@ class Loads:
         if not loads:
             return
         sides = [
-            _pressed_side(scene, load)
-            if isinstance(load, DeadPressure | FollowerPressure)
-            else one_sided(scene.device, load.where)
-            for load in loads
+            _pressed_side(scene, load, work)
+            if work.one_side
+            else one_sided(scene.device, work.surface)
+            for load, work in loads
         ]
         ds = measure(scene.device, sides, scene.elements.quadrature_degree, "ds")
-        x, normal = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh)
-        weight = kin.weight(x)
-        v = kin.motion(v, x, helix)
-        for k, load in enumerate(loads):
-            if isinstance(load, DeadPressure):
-                pressure = dolfinx.fem.Constant(mesh, load.pascal / stress)
-                unit_work = -pressure * ufl.dot(kin.normal(normal, x, helix), v) * weight * ds(k)
-            elif isinstance(load, FollowerPressure):
-                # force on an area element: -p cof(F) N dA, undeformed area and normal
-                pressure = dolfinx.fem.Constant(mesh, load.pascal / stress)
-                gradient = kin.displacement_gradient(u, x)
-                area = ufl.dot(cofactor(ufl.Identity(3) + gradient)[0], kin.embed(normal))
-                unit_work = -pressure * ufl.dot(area, kin.embed(v)) * weight * ds(k)
+        at = Surface(scene.kinematics, mesh, stress, u, v, helix)
+        weight = scene.kinematics.weight(at.x)
+        for k, (_, load) in enumerate(loads):
+            unit_work = load.density(at) * weight * ds(k)
+            if load.follows:
                 self.following.add(load.ramp)
                 self.changing.add(load.ramp)
-            else:
-                traction = dolfinx.fem.Constant(mesh, np.array(load.pascal) / stress)
-                unit_work = ufl.dot(traction, v) * weight * ds(k)
             self.unit_work[load.ramp] = self.unit_work.get(load.ramp, 0) + unit_work
             self.work += self.factors[load.ramp] * unit_work
-
 
     def add_strain(self, ramp: str, factor: Any, work: Any) -> None:
         """A pre-stretch: its factor is part of the energy, `work` minus the residual's derivative
@@ -101,19 +90,67 @@ class Loads:
         self.changing.add(ramp)
 
 
-def _pressed_side(scene: Scene, load: DeadPressure | FollowerPressure) -> np.ndarray:
+class Surface:
+    """Fields on a surface of the device, symbolic; see `declarations.SurfaceFields`.
+
+    Parameters
+    ----------
+    kinematics
+        The kinematics.
+    mesh
+        The mesh.
+    stress
+        Pa in a unit of stress.
+    u, v
+        Displacement and its test function, symbolic.
+    virtual_motion
+        The test function's global part, or None.
+    """
+
+    def __init__(
+        self, kinematics: Kinematics, mesh: Any, stress: float, u: Any, v: Any,
+        virtual_motion: GlobalMotion | None,
+    ) -> None:  # fmt: skip
+        self.x, self._normal = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh)
+        self._kinematics, self._mesh, self._stress, self._u = kinematics, mesh, stress, u
+        self._virtual_motion = virtual_motion
+        self.virtual = kinematics.motion(v, self.x, virtual_motion)
+
+    @property
+    def virtual_in_space(self) -> Any:
+        """Virtual displacement as a 3-vector."""
+        return self._kinematics.embed(self.virtual)
+
+    @property
+    def normal(self) -> Any:
+        """Undeformed normal in the components of u."""
+        return self._kinematics.normal(self._normal, self.x, self._virtual_motion)
+
+    @property
+    def deformed_area(self) -> Any:
+        """Area element cof(F) N per undeformed area."""
+        kinematics = self._kinematics
+        F = ufl.Identity(3) + kinematics.displacement_gradient(self._u, self.x)
+        return ufl.dot(cofactor(F)[0], kinematics.embed(self._normal))
+
+    def stress(self, pascal: float | tuple[float, ...]) -> Any:
+        """A stress in Pa, or several, as a dimensionless constant of the form."""
+        return dolfinx.fem.Constant(self._mesh, np.array(pascal) / self._stress)
+
+
+def _pressed_side(scene: Scene, load: Load, work: SurfaceWork) -> np.ndarray:
     """Facets of a pressure, seen from the material it presses on."""
     device, materials = scene.device, scene.materials
-    pairs = {name: one_sided(device, load.where, frozenset([device.regions[name]]))
-             for name in ([load.on] if load.on else materials)}  # fmt: skip
+    pairs = {name: one_sided(device, work.surface, frozenset([device.regions[name]]))
+             for name in ([work.pressed_region] if work.pressed_region else materials)}  # fmt: skip
     counts = {n: device.comm.allreduce(len(p), op=MPI.SUM) for n, p in pairs.items()}
-    total = device.comm.allreduce(len(one_sided(device, load.where)), op=MPI.SUM)
+    total = device.comm.allreduce(len(one_sided(device, work.surface)), op=MPI.SUM)
     touching = [n for n, c in counts.items() if c]
     if sum(counts.values()) > total:
         touching = [n for n in touching if materials[n].is_dielectric]
     if sum(counts[n] for n in touching) != total:
         raise InputError(
-            f"It is not clear which side the pressure on {load.where!r} presses; name the "
+            f"It is not clear which side the pressure on {work.surface!r} presses; name the "
             f"region with {type(load).__name__}(..., on=...), one of: "
             f"{', '.join(sorted(materials))}."
         )

@@ -142,15 +142,15 @@ def springs(
         Values of the mixed space.
     """
     assert part is not None
-    axes, box, free = scene.kinematics.axes, part.box, part.motions
+    kinematics, box, free = scene.kinematics, part.box, part.motions
     for pin in held:
-        free = without(free, modes(pin.place[None], pin.axis, axes, box)[0])
+        free = without(free, modes(pin.place[None], pin.axis, kinematics, box)[0])
     corners, anchor = Corners(scene.device, part, parts, state), held[0].place
     if len(free) == 3 and len(felt) == 2:
         about = np.cross(felt[0], felt[1])
         along = np.linalg.solve(free[:, :3].T, about) @ free
         for pin in across(scene, corners, box, anchor, along[None] / np.linalg.norm(along)):
             yield pin, True
-            free = without(free, modes(pin.place[None], pin.axis, axes, box)[0])
+            free = without(free, modes(pin.place[None], pin.axis, kinematics, box)[0])
     for pin in across(scene, corners, box, anchor, free):
         yield pin, False

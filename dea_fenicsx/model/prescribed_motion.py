@@ -14,7 +14,8 @@ from mpi4py import MPI
 
 from dea_fenicsx.mesh.cell_quality import point
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.scene.conditions import Clamp, Displacement, Fix, Stretch
+from dea_fenicsx.scene.condition import Condition, declared
+from dea_fenicsx.scene.declarations import FixedDisplacement
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 
@@ -57,11 +58,15 @@ class Prescription:
 class _Surface:
     """Where a condition acts along one axis: its nodes, and the range of their coordinate."""
 
-    item: Fix | Clamp | Stretch | Displacement
-    axis: str
+    item: Condition
+    told: FixedDisplacement
     local: np.ndarray
     low: float
     high: float
+
+    @property
+    def axis(self) -> str:
+        return self.told.axis
 
 
 def prescriptions(scene: Scene, parts: list[Component]) -> list[Prescription]:
@@ -85,20 +90,16 @@ def prescriptions(scene: Scene, parts: list[Component]) -> list[Prescription]:
     found = []
     for s in surfaces:
         a = axes.index(s.axis)
-        what = f"{type(s.item).__name__} on {s.item.where!r}"
-        if isinstance(s.item, Stretch):
-            along = scene.kinematics.coordinates.index(s.axis)
-            X = parts[a].space.tabulate_dof_coordinates()[s.local, along]
-            growth = s.item.stretch - 1
-            values = growth * (X - _centre(scene, s, surfaces))
-            found.append(
-                Prescription(what, a, s.local, values, s.item.ramp, FLAT * abs(growth))
-            )
-        elif isinstance(s.item, Displacement):
-            values = np.full(len(s.local), s.item.metres / scene.device.length)
-            found.append(Prescription(what, a, s.local, values, s.item.ramp))
-        else:
-            found.append(Prescription(what, a, s.local, np.zeros(len(s.local)), None))
+        what = f"{type(s.item).__name__} on {s.told.surface!r}"
+        X = parts[a].space.tabulate_dof_coordinates()[s.local]
+        metres, length = s.told.metres, scene.device.length
+        given = metres(X * length) if callable(metres) else metres
+        values, rounding = np.full(len(s.local), given / length), 0.0
+        if s.told.growth is not None:
+            along = X[:, scene.kinematics.coordinates.index(s.axis)]
+            values += s.told.growth * (along - _centre(scene, s, surfaces))
+            rounding = FLAT * abs(s.told.growth)
+        found.append(Prescription(what, a, s.local, values, s.told.ramp, rounding))
     return found
 
 
@@ -106,20 +107,17 @@ def _surfaces(scene: Scene, parts: list[Component]) -> list[_Surface]:
     """Each condition's surface along each of its axes; prescribed displacements come first."""
     device, axes = scene.device, scene.kinematics.axes
     found = []
-    for item in [*scene.prescribed, *scene.supports]:
-        if not isinstance(item, Fix | Clamp | Stretch | Displacement):
-            continue
-        for axis in axes if isinstance(item, Clamp) else item.axes:
-            part = parts[axes.index(axis)]
-            local = part.on(device.dim - 1, device.facets_of(item.where))
-            low, high = -np.inf, np.inf
-            if axis in scene.kinematics.coordinates:
-                X = part.space.tabulate_dof_coordinates()[
-                    local, scene.kinematics.coordinates.index(axis)
-                ]
-                low = device.comm.allreduce(float(X.min(initial=np.inf)), op=MPI.MIN)
-                high = device.comm.allreduce(float(X.max(initial=-np.inf)), op=MPI.MAX)
-            found.append(_Surface(item, axis, local, low, high))
+    for item, told in declared([*scene.prescribed, *scene.supports], scene, FixedDisplacement):
+        part = parts[axes.index(told.axis)]
+        local = part.on(device.dim - 1, device.facets_of(told.surface))
+        low, high = -np.inf, np.inf
+        if told.axis in scene.kinematics.coordinates:
+            X = part.space.tabulate_dof_coordinates()[
+                local, scene.kinematics.coordinates.index(told.axis)
+            ]
+            low = device.comm.allreduce(float(X.min(initial=np.inf)), op=MPI.MIN)
+            high = device.comm.allreduce(float(X.max(initial=-np.inf)), op=MPI.MAX)
+        found.append(_Surface(item, told, local, low, high))
     return found
 
 
@@ -134,18 +132,17 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
     the origin, and otherwise about the one plane in which all held surfaces lie.  What is held or
     moved on the very nodes of the stretched surface does not count.  Collective.
     """
-    item, axis, length = stretched.item, stretched.axis, scene.device.length
-    assert isinstance(item, Stretch)
-    given = item.centres[item.axes.index(axis)]
-    if item.stretch == 1 and given is None:
+    told, axis, length = stretched.told, stretched.axis, scene.device.length
+    given = told.about
+    if told.growth == 0 and given is None:
         return 0.0  # nothing moves, whatever the centre is
-    if axis == "r":
+    if axis == "r" and scene.kinematics.axis_of_rotation:
         return (given or 0.0) / length
     others = [s for s in surfaces if s.axis == axis]
     span = max(s.high for s in others) - min(s.low for s in others)
     if span <= FLAT:
         raise InputError(
-            f"The stretch on {item.where!r} along {axis} moves a plane surface, but no other "
+            f"The stretch on {told.surface!r} along {axis} moves a plane surface, but no other "
             f"surface is held or stretched along {axis}, so it would only shift the device; add "
             f'Fix(..., "{axis}") on a surface opposite, or a Stretch there.'
         )
@@ -154,7 +151,7 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
     # a condition on the stretched nodes themselves says how they move, not what stays in place
     held = [
         s for s in others
-        if not isinstance(s.item, Stretch) and not _same_nodes(scene.device.comm, s, stretched)
+        if s.told.growth is None and not _same_nodes(scene.device.comm, s, stretched)
     ]  # fmt: skip
     low = max((s.low for s in held), default=0.0)
     high = min((s.high for s in held), default=0.0)
@@ -162,11 +159,12 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
         return 0.0
     if abs(high - low) <= FLAT:
         return (low + high) / 2
-    names = ", ".join(dict.fromkeys(repr(s.item.where) for s in held))
+    names = ", ".join(dict.fromkeys(repr(s.told.surface) for s in held))
     raise InputError(
-        f"The stretch on {item.where!r} along {axis} is about a surface that is held along {axis}, "
-        f"but {names} {'reach' if high < low else 'spread'} over several coordinates {axis}; give "
-        f"Stretch(..., about=...), the coordinate {axis} in m that stays in place."
+        f"The stretch on {told.surface!r} along {axis} is about a surface that is held along "
+        f"{axis}, but {names} {'reach' if high < low else 'spread'} over several "
+        f"coordinates {axis}; give Stretch(..., about=...), the coordinate {axis} in m that "
+        "stays in place."
     )
 
 

@@ -19,8 +19,9 @@ from scipy.sparse.csgraph import connected_components
 from dea_fenicsx.mesh.cell_quality import point
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.scene.conditions import FreeBody
-from dea_fenicsx.scene.kinematics import Helical
+from dea_fenicsx.scene.condition import declared
+from dea_fenicsx.scene.declarations import HeldRigidMotions
+from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.errors import InputError
@@ -78,13 +79,13 @@ def free_parts(scene: Scene, parts: Sequence[Component], fixed: np.ndarray) -> l
     fixed
         Mask of the fixed local degrees of freedom of the mixed space.
     """
-    device, axes = scene.device, scene.kinematics.axes
+    device, kinematics = scene.device, scene.kinematics
     labels, count = joined_parts(device)
-    if isinstance(scene.kinematics, Helical):
+    if kinematics.periodic_ends is not None:
         # its ends are tied, and what looks like two parts in one period may be one strand
         labels, count = np.zeros_like(labels), 1
     boxes = _boxes(device, labels, count)
-    rows = _held(parts, fixed, labels, boxes, axes)
+    rows = _held(parts, fixed, labels, boxes, kinematics)
     owned = labels[: device.owned_cells()]
     found = []
     for k in range(count):
@@ -117,8 +118,8 @@ def check_rigid(
     InputError
         Naming the part, if there are several, and the motions.
     """
-    device, axes = scene.device, scene.kinematics.axes
-    turns = rotations(axes)
+    device, kinematics = scene.device, scene.kinematics
+    turns = kinematics.rotations
     free = [
         part for part in free_parts(scene, parts, fixed)
         if turning is None or len(translations(part.motions, turns))
@@ -134,8 +135,8 @@ def check_rigid(
             f"A part of {part.size} cells around {middle} ({where}) is not joined to the rest of "
             f"the mesh (which has {part.count} parts), and it"
         )
-    words = in_words(part.motions, part.box, axes, device.length)
-    tried = any(isinstance(support, FreeBody) for support in scene.supports)
+    words = in_words(part.motions, part.box, kinematics, device.length)
+    tried = bool(declared(scene.supports, scene, HeldRigidMotions))
     cure = "Fix or Clamp" if tried else "Fix, Clamp or FreeBody"
     raise InputError(f"{who} can move freely: {words}; add a {cure} that holds it.")
 
@@ -210,13 +211,11 @@ def regions_in(device: Device, mask: np.ndarray) -> str:
 # -------------------------------------------------------------------------------- the motions
 
 
-def modes(x: np.ndarray, axis: int, axes: str, box: Box) -> np.ndarray:
+def modes(x: np.ndarray, axis: int, kinematics: Kinematics, box: Box) -> np.ndarray:
     """Component `axis` of each rigid motion at points, per unit of its coefficient.
 
-    Columns: rotations about x, y, z through the middle of the box and then translations in space;
-    rotation about z and two translations in the plane; the axial translation alone in an
-    axisymmetric section, where all other motions stretch hoops; in a helical cell the rotation
-    about the axis and the axial translation.  Lengths are in units of half the box's size.
+    The columns are those of `Kinematics.rigid_motions` about the middle of a box; lengths are in
+    units of half its size.
 
     Parameters
     ----------
@@ -224,8 +223,8 @@ def modes(x: np.ndarray, axis: int, axes: str, box: Box) -> np.ndarray:
         Dimensionless coordinates, shape (n, 3).
     axis
         Number of the displacement component.
-    axes
-        Names of the displacement components.
+    kinematics
+        The kinematics.
     box
         The box around the part that moves.
 
@@ -233,22 +232,7 @@ def modes(x: np.ndarray, axis: int, axes: str, box: Box) -> np.ndarray:
     -------
     ndarray of shape (n, number of rigid motions)
     """
-    unit, half = np.eye(3), box.size / 2
-    if axes == "rz":
-        return np.full((len(x), 1), float(axis == 1))
-    if axes == "rtz":
-        return np.column_stack([x[:, 0] / half * (axis == 1), np.full(len(x), float(axis == 2))])
-    y = (x - box.middle) / half
-    turns = np.cross(unit[None, :, :], y[:, None, :])[:, :, axis]
-    shifts = np.tile(unit[:, axis], (len(x), 1))
-    if len(axes) == 2:
-        return np.column_stack([turns[:, 2], shifts[:, :2]])
-    return np.column_stack([turns, shifts])
-
-
-def rotations(axes: str) -> int:
-    """How many of the columns of `modes` are rotations; they come first."""
-    return {"xyz": 3, "xy": 1, "rz": 0, "rtz": 1}[axes]
+    return kinematics.rigid_motions(x, axis, box.middle, box.size / 2)
 
 
 def translations(motions: np.ndarray, turns: int) -> np.ndarray:
@@ -274,10 +258,10 @@ def _held(
     fixed: np.ndarray,
     labels: np.ndarray,
     boxes: Sequence[Box],
-    axes: str,
+    kinematics: Kinematics,
 ) -> np.ndarray:
     """For each part a triangle R with R^T R = sum over its fixed displacements of row^T row."""
-    width = modes(np.zeros((1, 3)), 0, axes, Box(np.zeros(3), 1.0)).shape[1]
+    width = modes(np.zeros((1, 3)), 0, kinematics, Box(np.zeros(3), 1.0)).shape[1]
     triangles: np.ndarray = np.zeros((len(boxes), width, width))
     comm = parts[0].space.mesh.comm
     for a, component in enumerate(parts):
@@ -291,7 +275,7 @@ def _held(
         for k, box in enumerate(boxes):
             mine = x[order[ends[k] : ends[k + 1]]]
             if len(mine):
-                rows = modes(mine, a, axes, box)
+                rows = modes(mine, a, kinematics, box)
                 triangles[k] = _triangle(np.vstack([triangles[k], rows]))
     everyone = np.concatenate(comm.allgather(triangles), axis=1)
     return np.array([_triangle(rows) for rows in everyone])
@@ -304,16 +288,17 @@ def _triangle(rows: np.ndarray) -> np.ndarray:
 # ----------------------------------------------------------------------------------- in words
 
 
-def in_words(free: np.ndarray, box: Box, axes: str, length: float) -> str:
+def in_words(free: np.ndarray, box: Box, kinematics: Kinematics, length: float) -> str:
     """Free motions (rows of `free`) by name."""
     width = free.shape[1]
-    if len(free) == width > 1 and axes != "rtz":
+    axes = kinematics.axes
+    if len(free) == width > 1 and kinematics.cartesian:
         return f"every rigid motion, translations along {_listed(list(axes))} and rotations"
     words = []
     for row in _reduced(free):
-        if axes in ("rz", "rtz"):
-            turning = axes == "rtz" and abs(row[0]) > 1e-6
-            words.append("rotation about the axis" if turning else "translation along z")
+        word = kinematics.motion_in_words(row)
+        if word is not None:
+            words.append(word)
             continue
         if len(axes) == 2:
             turn, shift = np.array([0.0, 0.0, row[0]]), np.array([*row[1:], 0.0])

@@ -6,13 +6,18 @@ periodic end are compared, and those by the rank that owns the node.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.model.energy import Scales
 from dea_fenicsx.model.fixed_values import Component, Constraints
+from dea_fenicsx.scene.condition import declared
+from dea_fenicsx.scene.declarations import FloatingPotential, GlobalForce
+from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import InputError
 
@@ -73,6 +78,63 @@ class Group:
             master=int(mine[0]) if here else -1,
             sources=sources,
         )
+
+
+def floating_groups(
+    scene: Scene, charge: float, electrode_dofs: Mapping[str, np.ndarray], rows: Rows
+) -> list[Group]:
+    """One group for each electrode whose potential floats, with its charge.  Collective.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    charge
+        The unit of charge in C.
+    electrode_dofs
+        Degrees of freedom of each electrode, by its label.
+    rows
+        The degrees of freedom that this rank owns.
+    """
+    return [
+        Group.of(electrode_dofs[e.label], rows, ((told.ramp, told.coulombs / charge),))
+        for e, told in declared(scene.electrodes, scene, FloatingPotential)
+    ]
+
+
+def global_groups(
+    scene: Scene, scales: Scales, overall: Mapping[str, Component], constraints: Constraints,
+    rows: Rows,
+) -> list[Group]:  # fmt: skip
+    """One group for each global unknown that is not fixed, with what works on it.  Collective.
+
+    Parameters
+    ----------
+    scene, scales
+        The scene and its units.
+    overall
+        The global unknowns by name.
+    constraints
+        What is fixed.
+    rows
+        The degrees of freedom that this rank owns.
+    """
+    found = []
+    forces = [told for _, told in declared(scene.loads, scene, GlobalForce)]
+    for unknown in scene.kinematics.global_unknowns:
+        part = overall[unknown.name]
+        # a rank without cells has none of these degrees of freedom, but must join in
+        fixed = bool(np.all(constraints.fixed[part.dofs]))
+        if rows.comm.allreduce(fixed, op=MPI.LAND):
+            continue
+        height = scene.kinematics.period(scene.device) / scales.length
+        unit = scales.length**unknown.per_length
+        sources = [
+            (told.ramp, -told.amount / scales.force / unit * height)
+            for told in forces if told.unknown == unknown
+        ]  # fmt: skip
+        found.append(Group.of(part.dofs, rows, tuple(sources)))
+    return found
 
 
 @dataclass(frozen=True)

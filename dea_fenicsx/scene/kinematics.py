@@ -8,91 +8,49 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import ufl
-from ufl import as_matrix, as_vector, dot, grad
+from ufl import as_matrix, as_vector, grad
 
+from dea_fenicsx.mesh.device import Device, group_size
+from dea_fenicsx.mesh.neighbours import extent
+from dea_fenicsx.scene.declarations import ELONGATION, TWIST
+from dea_fenicsx.scene.kinematics_base import GlobalMotion, Helix, Kinematics
+from dea_fenicsx.scene.strain import StrainOf, cofactor
+from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
+from dea_fenicsx.support.validation import finite, known
 
-
-class Helix(NamedTuple):
-    """What a helical deformation has beside its fields, symbolic and dimensionless.
-
-    In generalised plane strain the elongation alone counts.
-
-    Attributes
-    ----------
-    lead : pitch/(2 pi)
-    elongation : axial stretch - 1
-    twist : rotation per undeformed axial length
-    """
-
-    lead: Any
-    elongation: Any
-    twist: Any
-
-
-class _Flat:
-    """What all kinematics without overall unknowns share.
-
-    Attributes
-    ----------
-    dim
-        Dimension of the mesh.
-    axes
-        Names of the displacement components.
-    coordinates
-        Names of the mesh's coordinates.
-    overall
-        Names of unknowns that are one number for the whole device.
-    """
-
-    axes = "xyz"
-    overall: tuple[str, ...] = ()
-
-    @property
-    def coordinates(self) -> str:
-        return self.axes
-
-    def normal(self, n: Any, x: Any, helix: Helix | None = None) -> Any:
-        """Undeformed normal times the area per area of the mesh, in the components of u."""
-        return n
-
-    def motion(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
-        """Displacement on which a dead load does work, in the components of u."""
-        return u
+__all__ = ["Axisymmetric", "GeneralisedPlaneStrain", "GlobalMotion", "Helical", "Helix",
+           "Kinematics", "PlaneStrain", "StrainOf", "ThreeD", "cofactor"]  # fmt: skip
 
 
 @dataclass(frozen=True)
-class ThreeD(_Flat):
+class ThreeD(Kinematics):
     """All three dimensions."""
 
     dim = 3
     axes = "xyz"
 
-    def displacement_gradient(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
+    def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         return grad(u)
 
-    def gradient(self, phi: Any, x: Any, helix: Helix | None = None) -> Any:
+    def gradient(self, phi: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         return grad(phi)
 
-    def embed(self, v: Any) -> Any:
-        """A vector of the mesh's dimension as a 3-vector."""
-        return v
-
-    def weight(self, x: Any) -> Any:
-        return 1
-
-    def depth_factor(self, length: float) -> float:
-        """What an integral over the mesh must be multiplied by, in units of `length`^(3 - dim)."""
-        return 1.0
+    def rigid_motions(
+        self, x: np.ndarray, axis: int, middle: np.ndarray, half: float
+    ) -> np.ndarray:
+        """Rotations about x, y, z and translations along them."""
+        turns, shifts = _rigid(x, axis, middle, half)
+        return np.column_stack([turns, shifts])
 
 
 @dataclass(frozen=True)
 @in_si(depth="m")
-class PlaneStrain(_Flat):
+class PlaneStrain(Kinematics):
     """No displacement and no field along the third axis.
 
     Parameters
@@ -104,23 +62,36 @@ class PlaneStrain(_Flat):
     depth: float = 1.0
     dim = 2
     axes = "xy"
+    rotations = 1
 
-    def displacement_gradient(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
+    def check(self, device: Device) -> None:
+        super().check(device)
+        if not (math.isfinite(self.depth) and self.depth > 0):
+            raise InputError(
+                f"The depth of {type(self).__name__} is {self.depth!r}, but must be a length > 0 "
+                "in m."
+            )
+
+    def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         g = grad(u)
         return as_matrix([[g[0, 0], g[0, 1], 0], [g[1, 0], g[1, 1], 0], [0, 0, 0]])
 
-    def gradient(self, phi: Any, x: Any, helix: Helix | None = None) -> Any:
+    def gradient(self, phi: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         g = grad(phi)
         return as_vector([g[0], g[1], 0])
 
     def embed(self, v: Any) -> Any:
         return as_vector([v[0], v[1], 0])
 
-    def weight(self, x: Any) -> Any:
-        return 1
-
     def depth_factor(self, length: float) -> float:
         return self.depth / length
+
+    def rigid_motions(
+        self, x: np.ndarray, axis: int, middle: np.ndarray, half: float
+    ) -> np.ndarray:
+        """The rotation in the plane and two translations."""
+        turns, shifts = _rigid(x, axis, middle, half)
+        return np.column_stack([turns[:, 2], shifts[:, :2]])
 
 
 @dataclass(frozen=True)
@@ -137,16 +108,23 @@ class GeneralisedPlaneStrain(PlaneStrain):
         Depth in metres along the third axis; forces, charges and volumes are for this depth.
     """
 
-    overall = ("elongation",)
+    title = "generalised plane strain"
+    global_unknowns = (ELONGATION,)
 
-    def displacement_gradient(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
-        assert helix is not None
+    def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
+        assert motion is not None
         g = grad(u)
-        return as_matrix([[g[0, 0], g[0, 1], 0], [g[1, 0], g[1, 1], 0], [0, 0, helix.elongation]])
+        return as_matrix([[g[0, 0], g[0, 1], 0], [g[1, 0], g[1, 1], 0], [0, 0, motion.elongation]])
+
+    def global_motion(self, parts: Any, lead: Any = 0) -> GlobalMotion:
+        return GlobalMotion(elongation=parts)
+
+    def period(self, device: Device) -> float:
+        return self.depth
 
 
 @dataclass(frozen=True)
-class Axisymmetric(_Flat):
+class Axisymmetric(Kinematics):
     """Rotationally symmetric about the second axis: mesh coordinates are (r, z).
 
     Components are ordered (r, hoop, z); forces, charges and volumes are for the full circle.
@@ -154,12 +132,20 @@ class Axisymmetric(_Flat):
 
     dim = 2
     axes = "rz"
+    title = "an axisymmetric section"
+    cartesian = False
+    rotations = 0
+    axis_of_rotation = True
 
-    def displacement_gradient(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
+    def check(self, device: Device) -> None:
+        super().check(device)
+        _radii(device)
+
+    def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         g = grad(u)
         return as_matrix([[g[0, 0], 0, g[0, 1]], [0, u[0] / x[0], 0], [g[1, 0], 0, g[1, 1]]])
 
-    def gradient(self, phi: Any, x: Any, helix: Helix | None = None) -> Any:
+    def gradient(self, phi: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         g = grad(phi)
         return as_vector([g[0], 0, g[1]])
 
@@ -169,13 +155,19 @@ class Axisymmetric(_Flat):
     def weight(self, x: Any) -> Any:
         return 2 * ufl.pi * x[0]
 
-    def depth_factor(self, length: float) -> float:
-        return 1.0
+    def rigid_motions(
+        self, x: np.ndarray, axis: int, middle: np.ndarray, half: float
+    ) -> np.ndarray:
+        """The axial translation alone: all other motions stretch hoops."""
+        return np.full((len(x), 1), float(axis == 1))
+
+    def motion_in_words(self, motion: np.ndarray) -> str:
+        return "translation along z"
 
 
 @dataclass(frozen=True)
 @in_si(pitch="m")
-class Helical(_Flat):
+class Helical(Kinematics):
     """One period of a body with helical symmetry, standing for any number of turns.
 
     With (R, Theta, Z) undeformed, zeta = Z - c Theta and c = pitch/(2 pi), all fields depend on R
@@ -214,7 +206,31 @@ class Helical(_Flat):
     between: tuple[str, str] = ("bottom", "top")
     dim = 2
     axes = "rtz"
-    overall = ("elongation", "twist")
+    title = "a helical cell"
+    axis_of_rotation = True
+    global_unknowns = (ELONGATION, TWIST)
+    cartesian = False
+    rotations = 1
+
+    def check(self, device: Device) -> None:
+        super().check(device)
+        if _radii(device) < 1e-9:
+            raise InputError("A helical cell needs a hole: its mesh must lie at radii r > 0.")
+        finite(self.pitch, "The pitch of Helical")
+        for name in self.between:
+            known(name, device.surfaces, "facet group")
+            if group_size(device, name) == 0:
+                raise InputError(f"The end {name!r} of the helical cell has no facets in the mesh.")
+        strands = abs(self.pitch) / self.period(device)
+        if abs(strands - round(strands)) > 1e-6:
+            raise InputError(
+                f"The pitch {self.pitch:g} m of Helical is {strands:g} times the height of the "
+                "cell, but must be a whole multiple of it, the number of strands; or 0 for rings."
+            )
+
+    @property
+    def periodic_ends(self) -> tuple[str, str]:
+        return self.between
 
     @property
     def coordinates(self) -> str:
@@ -224,9 +240,21 @@ class Helical(_Flat):
         """c = pitch/(2 pi) in units of `length`."""
         return self.pitch / (2 * math.pi * length)
 
-    def displacement_gradient(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
-        assert helix is not None
-        c, e, k = helix
+    def global_motion(self, parts: Any, lead: Any = 0) -> GlobalMotion:
+        return GlobalMotion(lead, parts[0], parts[1])
+
+    def rigid_motions(
+        self, x: np.ndarray, axis: int, middle: np.ndarray, half: float
+    ) -> np.ndarray:
+        """The rotation about the axis and the axial translation."""
+        return np.column_stack([x[:, 0] / half * (axis == 1), np.full(len(x), float(axis == 2))])
+
+    def motion_in_words(self, motion: np.ndarray) -> str:
+        return "rotation about the axis" if abs(motion[0]) > 1e-6 else "translation along z"
+
+    def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
+        assert motion is not None
+        c, e, k = motion
         g, R = grad(u), x[0]
         return as_matrix([
             [g[0, 0], (-u[1] - c * g[0, 1]) / R, g[0, 1] - k * u[1]],
@@ -234,25 +262,19 @@ class Helical(_Flat):
             [g[2, 0], -c * g[2, 1] / R, e + g[2, 1]],
         ])  # fmt: skip
 
-    def gradient(self, phi: Any, x: Any, helix: Helix | None = None) -> Any:
-        return self.normal(grad(phi), x, helix)
+    def gradient(self, phi: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
+        return self.normal(grad(phi), x, motion)
 
-    def normal(self, n: Any, x: Any, helix: Helix | None = None) -> Any:
-        assert helix is not None
-        return as_vector([n[0], -helix.lead * n[1] / x[0], n[1]])
+    def normal(self, n: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
+        assert motion is not None
+        return as_vector([n[0], -motion.lead * n[1] / x[0], n[1]])
 
-    def motion(self, u: Any, x: Any, helix: Helix | None = None) -> Any:
-        assert helix is not None
-        return as_vector([u[0], u[1] + x[1] * helix.twist * x[0], u[2] + x[1] * helix.elongation])
-
-    def embed(self, v: Any) -> Any:
-        return v
+    def motion(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
+        assert motion is not None
+        return as_vector([u[0], u[1] + x[1] * motion.twist * x[0], u[2] + x[1] * motion.elongation])
 
     def weight(self, x: Any) -> Any:
         return 2 * ufl.pi * x[0]
-
-    def depth_factor(self, length: float) -> float:
-        return 1.0
 
     def section(self, x: np.ndarray, u: np.ndarray, overall: np.ndarray) -> np.ndarray:
         """Displacement of the section Theta = 0, shape (n, 3): along R, along Z, out of the plane.
@@ -272,137 +294,21 @@ class Helical(_Flat):
         return np.column_stack([c * r - s * t - R, u[:, 2] + overall[0] * Z, s * r + c * t])
 
 
-Kinematics = ThreeD | PlaneStrain | GeneralisedPlaneStrain | Axisymmetric | Helical
+def _radii(device: Device) -> float:
+    """The least first coordinate of a mesh, which must be a radius.  Collective."""
+    low = extent(device, device.mesh.geometry.x[:, 0])[0]
+    if low < -1e-12:
+        raise InputError(
+            f"An axisymmetric mesh lies at radii r >= 0, but this one reaches r = "
+            f"{low * device.length:g} m; shift it so that the axis is at r = 0."
+        )
+    return low
 
 
-class StrainOf:
-    """Invariants of F for the energies of `materials`, in symbolic form.
-
-    Parameters
-    ----------
-    F
-        Deformation gradient, 3 x 3.
-    scale
-        Factor on C, for the volume-preserving part: J^(-2/3).
-
-    Notes
-    -----
-    Powers of the principal stretches are smooth functions of C, but a formula in the eigenvalues
-    is singular where two or three of them meet, which is where every actuator starts.  So
-    `power_sum` needs no eigenvalue near such a point: it isolates the eigenvalue of C farthest
-    from the other two, a simple root of the characteristic polynomial; takes the other two
-    together, in a short series in the square of half their difference where they nearly meet;
-    and where all three nearly meet takes a short series in the invariants of the deviator.
-    Derivatives of any order follow from the same expressions.  Measured against 60-digit
-    arithmetic, stress and tangent are good to 1e-12 at and near equal stretches.
-    """
-
-    def __init__(self, F: Any, scale: Any = 1):
-        self.C = scale * dot(F.T, F)
-        self._F, self._scale = F, scale
-        self._parts: _Spectrum | None = None
-
-    @property
-    def I1(self) -> Any:
-        return ufl.tr(self.C)
-
-    @property
-    def I2(self) -> Any:
-        return (self.I1**2 - ufl.inner(self.C, self.C)) / 2
-
-    @staticmethod
-    def ln(x: Any) -> Any:
-        return ufl.ln(x)
-
-    def power_sum(self, alpha: Any) -> Any:
-        """lam1^alpha + lam2^alpha + lam3^alpha, exact at equal stretches too."""
-        if self._parts is None:
-            self._parts = _Spectrum(self.C, self._scale**3 * cofactor(self._F)[1] ** 2)
-        return self._parts.power_sum(alpha / 2)
-
-
-class _Spectrum:
-    """Sums of powers of the eigenvalues of C, by isolation of the farthest eigenvalue.
-
-    Parameters
-    ----------
-    C
-        Symmetric positive definite 3 x 3 matrix.
-    det
-        Its determinant, which saves the digits of a small eigenvalue beside large ones.
-    """
-
-    # Below these, series; both are good to 1e-13 in second derivatives on either side.
-    SPREAD = 1e-6  # J2/m^2: squared spread of all three eigenvalues about their mean m
-    GAP = 1e-5  # squared half gap of the pair, over its squared mean
-
-    def __init__(self, C: Any, det: Any):
-        # products rather than integer powers: their derivatives compile to fewer operations
-        m = ufl.tr(C) / 3
-        dev = C - m * ufl.Identity(3)
-        self.m = m
-        self.k2 = ufl.inner(dev, dev) / (2 * m * m)
-        self.k3 = cofactor(dev)[1] / (m * m * m)
-        self.apart = ufl.gt(self.k2, self.SPREAD)
-        # the branch not taken must stay finite: the spread of 3/2, 1, 1/2 stands in
-        k2 = ufl.conditional(self.apart, self.k2, 0.25)
-        high = ufl.ge(self.k3, 0.0)  # is the largest eigenvalue the one apart, or the smallest?
-        sign = ufl.conditional(high, 1.0, -1.0)
-        # farthest deviation 2 sign q c with 4c^3 - 3c = r: Newton in c on [sqrt(3)/2, 1]
-        q = ufl.sqrt(k2 / 3)
-        r = sign * 1.5 * self.k3 / (q * k2)
-        c = _GUESS[-1]
-        for a in reversed(_GUESS[:-1]):
-            c = a + r * c
-        for _ in range(2):
-            cc = c * c
-            c = (8 * cc * c + r) / (12 * cc - 3)
-        x = 2 * sign * q * c
-        self.mean = 1 - x / 2  # of the pair
-        square = self.mean * self.mean
-        unit = det / (m * m * m)
-        # a large eigenvalue is known well by itself; a small one by the product of the other two
-        pair = ufl.conditional(high, unit / (1 + x), square + 0.75 * x * x - k2)
-        self.far = unit / pair
-        self.gap = 1 - pair / square
-        self.split = ufl.gt(self.gap, self.GAP)
-        safe = ufl.conditional(self.split, self.gap, 0.25)
-        self.upper = 1 + ufl.sqrt(safe)
-        self.lower = (1 - safe) / self.upper
-
-    def power_sum(self, p: Any) -> Any:
-        """Sum of the eigenvalues' powers p."""
-        k2, k3, t = self.k2, self.k3, self.gap
-        # binomial coefficients of p
-        b2 = p * (p - 1) / 2
-        b3 = b2 * (p - 2) / 3
-        b4 = b3 * (p - 3) / 4
-        b5 = b4 * (p - 4) / 5
-        b6 = b5 * (p - 5) / 6
-        together = 3 + k2 * (2 * b2 + k2 * (2 * b4 + k2 * 2 * b6))
-        together += k3 * (3 * b3 + 5 * b5 * k2 + 3 * b6 * k3)
-        close = 2 + t * (2 * b2 + t * (2 * b4 + t * 2 * b6))
-        pair = ufl.conditional(self.split, self.upper**p + self.lower**p, close)
-        apart = self.far**p + self.mean**p * pair
-        return self.m**p * ufl.conditional(self.apart, apart, together)
-
-
-# cos(acos(r)/3) on [0, 1], a polynomial to start Newton's method from; good to 4e-06
-_GUESS = (0.866030, 0.166429, -0.046005, 0.017642, -0.004099)
-
-
-def cofactor(F: Any) -> tuple[Any, Any]:
-    """Cofactor J F^-T of a 3 x 3 matrix by cross products of its columns, and J = det F.
-
-    Written so, the field energy J |F^-T E|^2 = |cof(F) E|^2 / J compiles three times faster than
-    through the inverse.
-    """
-    a, b, c = (as_vector([F[i, j] for i in range(3)]) for j in range(3))
-    bc, ca, ab = _cross(b, c), _cross(c, a), _cross(a, b)
-    return as_matrix([[bc[i], ca[i], ab[i]] for i in range(3)]), dot(a, bc)
-
-
-def _cross(a: Any, b: Any) -> Any:
-    return as_vector(
-        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-    )
+def _rigid(
+    x: np.ndarray, axis: int, middle: np.ndarray, half: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Component `axis` of the rotations about x, y, z and of the translations along them."""
+    unit, y = np.eye(3), (x - middle) / half
+    turns = np.cross(unit[None, :, :], y[:, None, :])[:, :, axis]
+    return turns, np.tile(unit[:, axis], (len(x), 1))

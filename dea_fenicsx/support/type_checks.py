@@ -6,13 +6,14 @@ to the mesh) is checked where it matters.
 
 from __future__ import annotations
 
+import inspect
 import numbers
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from functools import cache
 from reprlib import Repr
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -154,6 +155,8 @@ def _fits(value: Any, hint: Any) -> bool:
         return True
     if origin in (Union, types.UnionType):
         return any(_fits(value, one) for one in inner)
+    if origin is Literal:  # whether it is one of them is told by the class that declares it
+        return any(_fits(value, type(one)) for one in inner)
     if hint is None or hint is type(None):
         return value is None
     if hint is float:
@@ -180,6 +183,14 @@ def _fits(value: Any, hint: Any) -> bool:
         return True
 
 
+def _kinds(base: type[Any]) -> Iterator[type[Any]]:
+    """The classes that can be made below an abstract one, in the order of their definition."""
+    for kind in base.__subclasses__():
+        if not inspect.isabstract(kind):
+            yield kind
+        yield from _kinds(kind)
+
+
 def _words(hint: Any) -> str:
     """An annotation in words."""
     origin, inner = get_origin(hint), get_args(hint)
@@ -189,6 +200,10 @@ def _words(hint: Any) -> str:
         return plain[hint]
     if origin in (Union, types.UnionType):
         return " or ".join(dict.fromkeys(_words(one) for one in inner))
+    if origin is Literal:
+        return " or ".join(dict.fromkeys(_words(type(one)) for one in inner))
+    if isinstance(hint, type) and inspect.isabstract(hint):
+        return " or ".join(dict.fromkeys(_words(one) for one in _kinds(hint))) or hint.__name__
     if origin is tuple or origin is Sequence:
         many = origin is Sequence or (len(inner) == 2 and inner[1] is Ellipsis)
         kinds = list(dict.fromkeys(_words(one) for one in (inner[:1] if many else inner)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from dea_fenicsx.support.errors import InputError
 
@@ -18,6 +18,12 @@ def known(name: str, names: Iterable[str], what: str) -> None:
     hint = f"did you mean {near[0]!r}?" if near else ""
     listing = ", ".join(sorted(names)) or "none"
     raise InputError(f"There is no {what} named {name!r}; {hint} the mesh has: {listing}.")
+
+
+def one_of(value: object, choices: Sequence[object], what: str) -> None:
+    """Raise InputError unless `value` is one of a few choices."""
+    if value not in choices:
+        raise InputError(f"{what} is {value!r}, but must be one of {', '.join(map(str, choices))}.")
 
 
 def finite(value: object, what: str) -> None:

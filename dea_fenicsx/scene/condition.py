@@ -1,0 +1,115 @@
+"""What all conditions of a scene are: checked against it, and told to the model in declarations."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Protocol
+
+from dea_fenicsx.materials import Material
+from dea_fenicsx.mesh.device import Device, group_size
+from dea_fenicsx.scene.declarations import Declaration
+from dea_fenicsx.scene.kinematics_base import Kinematics
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.validation import known
+
+
+class Setting(Protocol):
+    """What a condition may ask of the scene to which it belongs; see `Scene`."""
+
+    @property
+    def device(self) -> Device: ...
+    @property
+    def materials(self) -> Mapping[str, Material]: ...
+    @property
+    def kinematics(self) -> Kinematics: ...
+    @property
+    def electrodes(self) -> Sequence[Any]: ...
+    @property
+    def supports(self) -> Sequence[Support]: ...
+    @property
+    def prescribed(self) -> Sequence[Prescribed]: ...
+    @property
+    def loads(self) -> Sequence[Load]: ...
+
+
+class Condition(ABC):
+    """Anything that a user imposes on a device.
+
+    A condition of one's own is a frozen dataclass below `Support`, `Prescribed` or `Load` that
+    states its `declarations`.  Those of the latter two have a field ``ramp``.
+    """
+
+    @property
+    def surface_names(self) -> tuple[str, ...]:
+        """Facet groups that it names."""
+        return ()
+
+    @property
+    def region_names(self) -> tuple[str, ...]:
+        """Regions that it names."""
+        return ()
+
+    def check(self, scene: Setting) -> None:
+        """Raise InputError unless it makes sense in a scene.  Collective.
+
+        Without more, the groups that it names must be in the mesh, and the surfaces have facets.
+        """
+        for name in self.surface_names:
+            known(name, scene.device.surfaces, "facet group")
+            if group_size(scene.device, name) == 0:
+                raise InputError(f"{type(self).__name__} on {name!r} finds no facets in the mesh.")
+        for name in self.region_names:
+            known(name, scene.device.regions, "region")
+
+    @abstractmethod
+    def declarations(self, scene: Setting) -> Sequence[Declaration]:
+        """What it means for a problem."""
+
+
+class Support(Condition):
+    """What holds a device at every load."""
+
+
+class Driven(Condition):
+    """A condition that is driven by a ramp, whose name is a field of its class."""
+
+    ramp: str
+
+
+class Prescribed(Driven):
+    """A motion or a stretch that is driven by a ramp."""
+
+
+class Load(Driven):
+    """Forces that are driven by a ramp."""
+
+
+class OnSurface:
+    """A condition on the facet group `where`."""
+
+    where: str
+
+    @property
+    def surface_names(self) -> tuple[str, ...]:
+        return (self.where,)
+
+
+def declared[D: Declaration, C: Condition](
+    items: Iterable[C], scene: Setting, kind: type[D]
+) -> list[tuple[C, D]]:
+    """All declarations of a kind that conditions make, each with its condition, in their order."""
+    return [
+        (item, told) for item in items for told in item.declarations(scene)
+        if isinstance(told, kind)
+    ]  # fmt: skip
+
+
+def check_axes(item: Any, axes: str, scene: Setting) -> None:
+    """Raise InputError unless a condition on a surface names displacement components."""
+    known_axes = scene.kinematics.axes
+    if not axes or any(a not in known_axes for a in axes):
+        raise InputError(
+            f"{type(item).__name__} on {item.where!r} names the axes {axes!r}, but must name one "
+            f"or more of {', '.join(known_axes)}."
+        )

@@ -1,0 +1,261 @@
+"""What a condition means for a problem, in a small vocabulary that scene and model share.
+
+A condition of the scene (a support, a prescribed motion, a load, an electrode) returns a list of
+these declarations; the model reads them and knows no condition.  There are eight:
+
+=====================  =========================================================================
+`FixedDisplacement`    displacement of a facet group along one axis
+`HeldRigidMotions`     the rigid motions that all else leaves free are held
+`InitialStretch`       regions that were stretched before they became part of the device
+`FixedGlobal`          value of an unknown that is one number for the whole device
+`GlobalForce`          what does work on such an unknown
+`SurfaceWork`          virtual work of a load on a facet group: `DeadTraction`, `DeadNormalPressure`
+                       and `FollowingPressure`
+`FixedPotential`       potential of an electrode
+`FloatingPotential`    one unknown potential for an electrode of given charge
+=====================  =========================================================================
+
+A ramp's factor multiplies each value; where the ramp is None, the value is 0 at every load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, Protocol
+
+import numpy as np
+import ufl
+
+
+class Declaration:
+    """Base of all declarations."""
+
+
+@dataclass(frozen=True)
+class FixedDisplacement(Declaration):
+    """Displacement along one axis on a facet group: u_a = factor (metres + growth (X_a - C)).
+
+    Attributes
+    ----------
+    surface
+        Name of the facet group.
+    axis
+        Name of the displacement component.
+    metres
+        Rigid part in m at ramp factor 1: a number, or a function of the undeformed positions in m,
+        shape (n, 3), that returns n numbers.
+    growth
+        Stretch - 1 at ramp factor 1, or None for a surface that is not stretched.
+    about
+        C in m; None if it follows from the surfaces that are held along the same axis.
+    ramp
+        Name of the ramp, or None for a displacement that is 0 at every load.
+    """
+
+    surface: str
+    axis: str
+    metres: float | Callable[[np.ndarray], np.ndarray] = 0.0
+    growth: float | None = None
+    about: float | None = None
+    ramp: str | None = None
+
+
+@dataclass(frozen=True)
+class HeldRigidMotions(Declaration):
+    """The rigid motions that all other supports leave to a device are held, and no strain is."""
+
+
+@dataclass(frozen=True)
+class InitialStretch(Declaration):
+    """Stretches along x, y and z that regions had undergone, at ramp factor 1.
+
+    Their product is 1.
+    """
+
+    regions: tuple[str, ...]
+    stretches: tuple[float, float, float]
+    ramp: str
+
+
+class GlobalUnknown(NamedTuple):
+    """An unknown that is one number for the whole device.
+
+    Attributes
+    ----------
+    name
+        Its name.
+    per_length
+        1 where its value is per m of the device's length, 0 for a pure number.
+    kinematics
+        The kinematics that have it, for messages.
+    """
+
+    name: str
+    per_length: int
+    kinematics: str
+
+
+ELONGATION = GlobalUnknown("elongation", 0, "Helical(pitch) or GeneralisedPlaneStrain(depth)")
+"""Stretch along the axis or the depth, minus 1."""
+
+TWIST = GlobalUnknown("twist", 1, "Helical(pitch)")
+"""Rotation about the axis per undeformed length, in rad/m."""
+
+
+@dataclass(frozen=True)
+class FixedGlobal(Declaration):
+    """Value of a global unknown at ramp factor 1, in SI units."""
+
+    unknown: GlobalUnknown
+    value: float
+    ramp: str
+
+
+@dataclass(frozen=True)
+class GlobalForce(Declaration):
+    """What works on a global unknown at ramp factor 1: N on an elongation, N m on a twist."""
+
+    unknown: GlobalUnknown
+    amount: float
+    ramp: str
+
+
+# --------------------------------------------------------------------- loads on surfaces
+
+
+class SurfaceFields(Protocol):
+    """What the virtual work of a load is written in: fields on its surface, symbolic.
+
+    Attributes
+    ----------
+    virtual
+        Virtual displacement, in the components of u.
+    virtual_in_space
+        The same as a 3-vector.
+    normal
+        Undeformed unit normal, in the components of u.
+    deformed_area
+        The deformed unit of area times its normal, J F^-T N, as a 3-vector.
+    """
+
+    @property
+    def virtual(self) -> Any: ...
+    @property
+    def virtual_in_space(self) -> Any: ...
+    @property
+    def normal(self) -> Any: ...
+    @property
+    def deformed_area(self) -> Any: ...
+
+    def stress(self, pascal: float | tuple[float, ...]) -> Any:
+        """A stress in Pa, or several, as a dimensionless constant of the form."""
+        ...
+
+
+@dataclass(frozen=True)
+class SurfaceWork(Declaration):
+    """Virtual work of a load on a facet group.
+
+    Attributes
+    ----------
+    surface
+        Name of the facet group.
+    ramp
+        Name of the ramp.
+    one_side
+        Whether it matters from which side the surface is seen, see `on`.
+    follows
+        Whether the work depends on the deformation.
+    """
+
+    surface: str
+    ramp: str
+    one_side: ClassVar[bool] = False
+    follows: ClassVar[bool] = False
+
+    def density(self, at: SurfaceFields) -> Any:
+        """Virtual work per undeformed area at ramp factor 1, dimensionless."""
+        raise NotImplementedError
+
+    @property
+    def pressed_region(self) -> str | None:
+        """The region from which the surface is seen; None where it is to be found."""
+        return None
+
+    @property
+    def direction(self) -> tuple[float, ...] | None:
+        """Direction fixed in space along which the load acts, or None.
+
+        A free body turns until loads of fixed directions have no moment.
+        """
+        return None
+
+
+@dataclass(frozen=True)
+class DeadTraction(SurfaceWork):
+    """Nominal traction of fixed direction; its components in Pa."""
+
+    pascal: tuple[float, ...]
+
+    def density(self, at: SurfaceFields) -> Any:
+        return ufl.dot(at.stress(self.pascal), at.virtual)
+
+    @property
+    def direction(self) -> tuple[float, ...] | None:
+        return self.pascal if any(self.pascal) else None
+
+
+@dataclass(frozen=True)
+class _Pressure(SurfaceWork):
+    """What both pressures share: a number of Pa, and the region on which it presses."""
+
+    pascal: float
+    on: str | None = None
+    one_side = True
+
+    @property
+    def pressed_region(self) -> str | None:
+        return self.on
+
+
+@dataclass(frozen=True)
+class DeadNormalPressure(_Pressure):
+    """Nominal pressure along the undeformed normal, in Pa.
+
+    It stands for a Maxwell pressure, which follows the body: a free body is not turned by it.
+    """
+
+    def density(self, at: SurfaceFields) -> Any:
+        return -at.stress(self.pascal) * ufl.dot(at.normal, at.virtual)
+
+
+@dataclass(frozen=True)
+class FollowingPressure(_Pressure):
+    """True pressure along the deformed normal, in Pa: the force on dA is -p cof(F) N dA."""
+
+    follows = True
+
+    def density(self, at: SurfaceFields) -> Any:
+        return -at.stress(self.pascal) * ufl.dot(at.deformed_area, at.virtual_in_space)
+
+
+# ------------------------------------------------------------------------- electrodes
+
+
+@dataclass(frozen=True)
+class FixedPotential(Declaration):
+    """Potential on groups: `volts` at undeformed positions in m, shape (n, 3), at ramp factor 1."""
+
+    groups: tuple[str, ...]
+    volts: Callable[[np.ndarray], np.ndarray]
+    ramp: str | None
+
+
+@dataclass(frozen=True)
+class FloatingPotential(Declaration):
+    """One unknown potential on groups, whose charge in C at ramp factor 1 is given."""
+
+    groups: tuple[str, ...]
+    coulombs: float
+    ramp: str

@@ -1,0 +1,354 @@
+"""Electrodes: equipotentials of given potential or charge, and films with a given field."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from dea_fenicsx.mesh.device import group_size
+from dea_fenicsx.mesh.neighbours import extent, places, region_extent, share_off_planes
+from dea_fenicsx.scene.condition import Driven, Setting
+from dea_fenicsx.scene.declarations import Declaration, FixedPotential, FloatingPotential
+from dea_fenicsx.scene.electrode_places import check_touch
+from dea_fenicsx.scene.kinematics_base import Kinematics
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.units import in_si
+from dea_fenicsx.support.validation import finite, known
+
+SPAN = 1e-6
+"""By what share of its thickness a thin film's start and end may lie off its faces."""
+
+GRID = 1e-9
+"""The same as a share of the device's size: what writing and reading a mesh leaves of a place."""
+
+ASKEW = 0.01
+"""Share of a thin film's faces, seen along its axis, that may lie elsewhere than start and end.
+
+A mesh of triangles on a round rim leaves a little.
+"""
+
+
+@dataclass(frozen=True)
+class Conducting(Driven):
+    """What electrodes of given potential and of given charge share: where they are.
+
+    Attributes
+    ----------
+    floats
+        Whether its potential is an unknown.
+    fills_region
+        Whether the potential is given throughout dielectric regions, which then have no unknowns.
+    """
+
+    where: str | tuple[str, ...]
+    floats: ClassVar[bool] = False
+    fills_region: ClassVar[bool] = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.where,) if isinstance(self.where, str) else tuple(self.where)
+
+    @property
+    def label(self) -> str:
+        return "+".join(self.names)
+
+    @property
+    def given_volts(self) -> float:
+        """The voltage at ramp factor 1; 0 of an electrode whose potential floats."""
+        return 0.0
+
+    @property
+    def given_coulombs(self) -> float:
+        """The charge at ramp factor 1; 0 of an electrode whose potential is given."""
+        return 0.0
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether its ramp changes anything."""
+        return self.given_volts != 0
+
+    @property
+    def all_tapers(self) -> tuple[Taper, ...]:
+        """The tapers of its potential, if there are any."""
+        return ()
+
+    def profile(self, kinematics: Kinematics, X: np.ndarray) -> np.ndarray:
+        """Potential over its voltage at undeformed positions X in m, shape (n, 3).
+
+        It is 1 throughout an ordinary electrode, and a taper lets it fall from 1 to 0.
+        """
+        return np.ones(len(X))
+
+    def check(self, scene: Setting) -> None:
+        """Names and numbers; what lies beside it is left to `check_place`."""
+        if not self.names:
+            raise InputError("An electrode names no group; give where= at least one name.")
+        self._check_values(scene)
+        device = scene.device
+        for name in self.names:
+            known(name, [*device.surfaces, *device.regions], "facet group or region")
+            self._check_group(scene, name)
+            if group_size(device, name) == 0:
+                kind = "cells" if name in device.regions else "facets"
+                raise InputError(
+                    f"Electrode {name!r} has no {kind} in the mesh; check the physical group."
+                )
+
+    def _check_values(self, scene: Setting) -> None:
+        """Numbers and axes, whatever the mesh."""
+
+    def _check_group(self, scene: Setting, name: str) -> None:
+        """What a single group must be in order to be this electrode."""
+        if name in scene.device.regions and not scene.materials[name].is_conductor:
+            raise InputError(
+                f"Region {name!r} is an electrode, but its material does not conduct; give it "
+                "Material(..., electric=Conductor())."
+            )
+
+    def check_place(self, scene: Setting) -> None:
+        """Raise InputError unless the electrode lies where it makes a field.  Collective."""
+        check_touch(scene.device, scene.materials, self.names, scene.kinematics)
+
+
+@dataclass(frozen=True)
+@in_si(start="m", end="m")
+class Taper:
+    """A smooth fall from 1 to 0 along a coordinate: (1 + cos(pi t))/2, t from 0 to 1.
+
+    Parameters
+    ----------
+    start, end
+        Undeformed coordinates in m between which it falls; it is 1 before and 0 behind.  Some of
+        the electrode must lie between them.
+    along
+        ``"x"``, ``"y"``, ``"z"``, or ``"r"``, the distance from the z axis (in an axisymmetric
+        section its first coordinate).
+    """
+
+    start: float
+    end: float
+    along: str = "r"
+
+    def check(self, label: str, kinematics: Kinematics) -> None:
+        """Raise InputError unless it runs along a coordinate, on the electrode of a label."""
+        axes = set(kinematics.coordinates) | ({"r"} if kinematics.dim == 3 else set())
+        finite(self.start, f"The start of the taper of electrode {label!r}")
+        finite(self.end, f"The end of the taper of electrode {label!r}")
+        if self.start == self.end or self.along not in axes:
+            raise InputError(
+                f"The taper of electrode {label!r} runs along {self.along!r} from {self.start:g} m "
+                f"to {self.end:g} m; give two different coordinates along one of "
+                f"{', '.join(sorted(axes))}."
+            )
+
+    def check_reach(self, label: str, low: float, high: float) -> None:
+        """Raise InputError unless it falls somewhere between the electrode's ends."""
+        first, last = sorted((self.start, self.end))
+        room = SPAN * (last - first)
+        if low < last - room and high > first + room:
+            return
+        before = high <= first + room if self.start < self.end else low >= last - room
+        effect = "has no effect" if before else "leaves it at 0 V everywhere"
+        raise InputError(
+            f"The taper of electrode {label!r} falls from {self.along} = {self.start:g} m to "
+            f"{self.end:g} m, but the electrode lies between {low:.6g} m and {high:.6g} m, so "
+            f"that it {effect}; give start and end on the electrode, in metres, or leave it out."
+        )
+
+
+@dataclass(frozen=True)
+@in_si(volts="V")
+class Electrode(Conducting):
+    """An equipotential: a surface (ideal electrode) or a conducting region of finite thickness.
+
+    Parameters
+    ----------
+    where
+        Name of a facet group or of a region whose material is a conductor, or several names.  A
+        part of it must lie on a dielectric.
+    volts
+        Potential in V at ramp factor 1.
+    ramp
+        Name of the ramp that drives it.
+    taper
+        Lets the potential fall off over a ring or strip at the electrode's edge, as a
+        field-grading layer does.  At the sharp edge of an ideal electrode the field is singular: on
+        a fine mesh the edge fails by itself, at a voltage that goes to zero with the cell.  A taper
+        gives the edge a length, and results that converge.  Several are multiplied.
+    """
+
+    volts: float
+    ramp: str = "voltage"
+    taper: Taper | tuple[Taper, ...] = ()
+
+    @property
+    def tapers(self) -> tuple[Taper, ...]:
+        return (self.taper,) if isinstance(self.taper, Taper) else tuple(self.taper)
+
+    @property
+    def all_tapers(self) -> tuple[Taper, ...]:
+        return self.tapers
+
+    @property
+    def given_volts(self) -> float:
+        return self.volts
+
+    def profile(self, kinematics: Kinematics, X: np.ndarray) -> np.ndarray:
+        share = super().profile(kinematics, X)
+        for taper in self.tapers:
+            t = (kinematics.coordinate(taper.along, X) - taper.start) / (taper.end - taper.start)
+            share = share * (1 + np.cos(np.pi * np.clip(t, 0, 1))) / 2
+        return share
+
+    def _check_values(self, scene: Setting) -> None:
+        finite(self.volts, f"The voltage of electrode {self.label!r}")
+        for taper in self.tapers:
+            taper.check(self.label, scene.kinematics)
+
+    def check_place(self, scene: Setting) -> None:
+        super().check_place(scene)
+        self._check_reach(scene)
+
+    def _check_reach(self, scene: Setting) -> None:
+        """Each taper must fall somewhere on the electrode, and together leave something."""
+        if not self.tapers:
+            return
+        device, kinematics = scene.device, scene.kinematics
+        X = places(device, self.names)
+        for taper in self.tapers:
+            taper.check_reach(self.label, *extent(device, kinematics.coordinate(taper.along, X)))
+        if extent(device, self.profile(kinematics, X))[1] < 1e-9:
+            raise InputError(
+                f"The tapers of electrode {self.label!r} leave it at 0 V everywhere; let each fall "
+                "from the electrode's middle towards its edge."
+            )
+
+    def declarations(self, scene: Setting) -> Sequence[Declaration]:
+        def volts(X: np.ndarray) -> np.ndarray:
+            return self.volts * self.profile(scene.kinematics, X)
+
+        return [FixedPotential(self.names, volts, self.ramp if self.volts else None)]
+
+
+@dataclass(frozen=True)
+@in_si(start="m", end="m")
+class ThinFilm(Electrode):
+    """The field of a film that is thin against all else: V/T through a dielectric region.
+
+    The potential in the region is linear along one axis; it is no unknown, and there is no fringe.
+    Regions beside it should be no dielectrics.  The film is flat and of one permittivity.
+
+    Parameters
+    ----------
+    where
+        Name of a dielectric region, or several names.
+    volts
+        Potential in V at ramp factor 1, at `end`.
+    start, end
+        Undeformed coordinates in m of the faces at zero and at full potential: those at which the
+        region begins and ends.
+    along
+        The axis through the film.
+    """
+
+    start: float = 0.0
+    end: float = 0.0
+    along: str = "z"
+    fills_region = True
+
+    def profile(self, kinematics: Kinematics, X: np.ndarray) -> np.ndarray:
+        """Through the film it rises from 0 to 1, times the tapers."""
+        rise = kinematics.coordinate(self.along, X) - self.start
+        return rise / (self.end - self.start) * super().profile(kinematics, X)
+
+    def _check_group(self, scene: Setting, name: str) -> None:
+        if name not in scene.device.regions or not scene.materials[name].is_dielectric:
+            raise InputError(
+                f"ThinFilm {name!r} must be a dielectric region; name one with "
+                "Material(..., electric=IdealDielectric(eps_r))."
+            )
+
+    def check_place(self, scene: Setting) -> None:
+        self._check_span(scene)
+        self._check_reach(scene)
+
+    def _check_span(self, scene: Setting) -> None:
+        """The field V/T is right only between the two faces of one flat film."""
+        device, kinematics, label = scene.device, scene.kinematics, self.label
+        finite(self.start, f"The start of ThinFilm {label!r}")
+        finite(self.end, f"The end of ThinFilm {label!r}")
+        if self.start == self.end or self.along not in tuple(kinematics.coordinates):
+            raise InputError(
+                f"ThinFilm {label!r} lies between {self.along!r} = {self.start:g} m and "
+                f"{self.end:g} m; give two different coordinates along one of the axes "
+                f"{', '.join(kinematics.coordinates)}."
+            )
+        axis = kinematics.coordinates.index(self.along)
+        low, high = region_extent(device, self.names, axis)
+        room = SPAN * (high - low) + GRID * device.length
+        planes = np.array(sorted((self.start, self.end)))
+        if np.max(np.abs(planes - [low, high])) > room:
+            raise InputError(
+                f"ThinFilm {label!r} spans {self.along} = {self.start:g} m to {self.end:g} m, but "
+                f"the region lies between {low:.9g} m and {high:.9g} m, so that the field would "
+                "not be its voltage over its thickness; give start and end as its two faces, in "
+                "metres."
+            )
+
+        def on_plane(heights: np.ndarray) -> np.ndarray:
+            return np.any([np.max(np.abs(heights - p), axis=1) < room for p in planes], axis=0)
+
+        kinds = {name: scene.materials[name].dielectric.permittivity() for name in self.names}
+        off = share_off_planes(device, kinds, axis, on_plane)
+        if off > ASKEW:
+            raise InputError(
+                f"ThinFilm {label!r} is not one flat film of one permittivity between "
+                f"{self.along} = {planes[0]:g} m and {planes[1]:g} m: {100 * off:.0f} % of its "
+                "faces lie elsewhere; give each flat layer a ThinFilm of its own, and any other an "
+                "Electrode and a Ground."
+            )
+
+
+@dataclass(frozen=True)
+@in_si(coulombs="C")
+class ChargedElectrode(Conducting):
+    """An equipotential of given charge, whose potential floats: one unknown for all of it.
+
+    Charged and then disconnected, it stands for an open circuit: ramp the charge first, and the
+    loads after it.
+
+    Parameters
+    ----------
+    where
+        Name of a facet group or of a conducting region, or several names.
+    coulombs
+        Charge in C at ramp factor 1; in plane strain for the kinematics' depth.
+    ramp
+        Name of the ramp that drives it.
+    """
+
+    coulombs: float
+    ramp: str = "charge"
+    floats = True
+
+    @property
+    def given_coulombs(self) -> float:
+        return self.coulombs
+
+    @property
+    def is_driven(self) -> bool:
+        return True
+
+    def _check_values(self, scene: Setting) -> None:
+        finite(self.coulombs, f"The charge of electrode {self.label!r}")
+
+    def declarations(self, scene: Setting) -> Sequence[Declaration]:
+        return [FloatingPotential(self.names, self.coulombs, self.ramp)]
+
+
+def Ground(where: str | tuple[str, ...]) -> Electrode:
+    """An electrode at zero potential."""
+    return Electrode(where, volts=0.0)

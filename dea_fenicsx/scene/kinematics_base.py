@@ -1,0 +1,187 @@
+"""What every kinematics is: fields in 3-D, global unknowns, measures and rigid motions."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.mesh.neighbours import extent
+from dea_fenicsx.scene.declarations import GlobalUnknown
+from dea_fenicsx.support.errors import InputError
+
+
+class GlobalMotion(NamedTuple):
+    """What a deformation has beside its fields, symbolic and dimensionless.
+
+    Attributes
+    ----------
+    lead : pitch/(2 pi)
+    elongation : stretch along the axis or the depth, minus 1
+    twist : rotation per undeformed axial length
+    """
+
+    lead: Any = 0
+    elongation: Any = 0
+    twist: Any = 0
+
+
+Helix = GlobalMotion
+
+
+class Kinematics(ABC):
+    """Base of all kinematics.
+
+    Attributes
+    ----------
+    dim
+        Dimension of the mesh.
+    axes
+        Names of the displacement components.
+    title
+        The kinematics in words, with its article where it has one.
+    global_unknowns
+        Unknowns that are one number for the whole device.
+    cartesian
+        Whether the components are along axes fixed in space, so that a free body can turn by any
+        angle.
+    rotations
+        How many of the columns of `rigid_motions` are rotations; they come first.
+    axis_of_rotation
+        Whether the first coordinate is the distance from an axis of rotation.
+    """
+
+    dim: ClassVar[int] = 3
+    axes: ClassVar[str] = "xyz"
+    title: ClassVar[str] = ""
+    global_unknowns: ClassVar[tuple[GlobalUnknown, ...]] = ()
+    cartesian: ClassVar[bool] = True
+    rotations: ClassVar[int] = 3
+    axis_of_rotation: ClassVar[bool] = False
+
+    @property
+    def overall(self) -> tuple[str, ...]:
+        """Names of the global unknowns."""
+        return tuple(unknown.name for unknown in self.global_unknowns)
+
+    @property
+    def coordinates(self) -> str:
+        """Names of the mesh's coordinates."""
+        return self.axes
+
+    @property
+    def periodic_ends(self) -> tuple[str, str] | None:
+        """Facet groups that are the same place one period apart, or None."""
+        return None
+
+    # ------------------------------------------------------------------ checks
+
+    def check(self, device: Device) -> None:
+        """Raise InputError unless a device fits.  Collective."""
+        if device.mesh.geometry.dim != self.dim or device.dim != self.dim:
+            raise InputError(
+                f"{type(self).__name__} needs a mesh in {self.dim} dimensions, but the mesh has "
+                f"cells of dimension {device.dim} in {device.mesh.geometry.dim} coordinates."
+            )
+
+    def need(self, unknown: GlobalUnknown, what: str) -> None:
+        """Raise InputError if `what` needs a global unknown that this kinematics lacks."""
+        if unknown not in self.global_unknowns:
+            raise InputError(f"{what} is for helical cells; take kinematics={unknown.kinematics}.")
+
+    # ------------------------------------------------------------------ fields
+
+    @abstractmethod
+    def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
+        """F - 1, 3 x 3."""
+
+    @abstractmethod
+    def gradient(self, phi: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
+        """Gradient of a scalar, a 3-vector."""
+
+    def embed(self, v: Any) -> Any:
+        """A vector of the mesh's dimension as a 3-vector."""
+        return v
+
+    def normal(self, n: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
+        """Undeformed normal times the area per area of the mesh, in the components of u."""
+        return n
+
+    def motion(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
+        """Displacement on which a dead load does work, in the components of u."""
+        return u
+
+    # ---------------------------------------------------------------- measures
+
+    def weight(self, x: Any) -> Any:
+        """Volume per volume of the mesh."""
+        return 1
+
+    def depth_factor(self, length: float) -> float:
+        """What an integral over the mesh must be multiplied by, in units of `length`^(3 - dim)."""
+        return 1.0
+
+    def period(self, device: Device) -> float:
+        """Length in m along the global elongation."""
+        low, high = extent(device, device.mesh.geometry.x[:, 1])
+        return (high - low) * device.length
+
+    def coordinate(self, name: str, X: np.ndarray) -> np.ndarray:
+        """A coordinate of positions X, shape (n, 3): ``"r"`` in space is the distance from z."""
+        if name in tuple(self.coordinates):
+            return X[:, self.coordinates.index(name)]
+        return np.hypot(X[:, 0], X[:, 1])
+
+    # ---------------------------------------------------------- global motions
+
+    def lead(self, length: float) -> float:
+        """Rise of a helix per rad of turn, pitch/(2 pi), in units of `length`; 0 without one."""
+        return 0.0
+
+    def global_motion(self, parts: Any, lead: Any = 0) -> GlobalMotion | None:
+        """What the gradients need beside the fields.
+
+        Parameters
+        ----------
+        parts
+            The global unknowns, symbolic, in the order of `global_unknowns`: a scalar where there
+            is one, a vector where there are several.  Not looked at where there are none.
+        lead
+            `lead` as a constant of the form.
+
+        Returns
+        -------
+        GlobalMotion or None
+            None where there are no global unknowns.
+        """
+        return None
+
+    # ----------------------------------------------------------- rigid motions
+
+    @abstractmethod
+    def rigid_motions(
+        self, x: np.ndarray, axis: int, middle: np.ndarray, half: float
+    ) -> np.ndarray:
+        """Component `axis` of each rigid motion at points, per unit of its coefficient.
+
+        Parameters
+        ----------
+        x
+            Dimensionless coordinates, shape (n, 3).
+        axis
+            Number of the displacement component.
+        middle, half
+            Middle, shape (3,), and half the size of the part that moves; rotations are about the
+            middle and in units of half the size.
+
+        Returns
+        -------
+        ndarray of shape (n, number of rigid motions)
+            Rotations first.
+        """
+
+    def motion_in_words(self, motion: np.ndarray) -> str | None:
+        """A rigid motion (coefficients) by name; None of a motion of a Cartesian kinematics."""
+        return None
