@@ -10,6 +10,7 @@ from conftest import block
 from test_path import MU, STRETCH, free_film
 
 import dea_fenicsx as dea
+from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.run.step_checks import check_step
 from dea_fenicsx.solvers.newton import NewtonSolver
@@ -73,8 +74,8 @@ def test_the_volume_bound_holds_and_is_sharp(solver):
     problem = solver.problem
     tolerance = solver.options.tolerance
     state = problem.state
-    direction = np.random.default_rng(3).standard_normal(len(problem.free_fields["u"]))
-    dofs = problem.free[problem.free_fields["u"]]
+    direction = np.random.default_rng(3).standard_normal(len(problem.free_of(Role.MOTION)))
+    dofs = problem.free[problem.free_of(Role.MOTION)]
 
     def rows(size):
         moved = state.values.copy()

@@ -10,7 +10,7 @@ from mpi4py import MPI
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, HelicalCell, Layer, MembraneDisc
 from dea_fenicsx.materials import EPSILON_0
-from dea_fenicsx.model.energy import measure
+from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 
@@ -277,7 +277,7 @@ def test_charge_does_work_with_the_voltage(kinematics):
     problem = run.problem
     electrode = given.electrodes[0]
     energy = energy_of(problem)
-    dofs = problem.electrode_dofs[live]
+    dofs = problem.conditions.electrode_dofs[live]
     state = problem.state
     found = []
     for sign in (1, -1):  # all of the electrode moves by 1 % of its potential

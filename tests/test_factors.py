@@ -10,8 +10,9 @@ import dea_fenicsx as dea
 from dea_fenicsx.geometry import HDEA, BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.solvers.factors import SplitFactor, WholeFactor
+from dea_fenicsx.solvers.factors import WholeFactor
 from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.split_factor import PHI, SplitFactor, U
 from dea_fenicsx.solvers.tangent import Tangent
 
 MU, EPS_R = 73.7e3, 4.7
@@ -139,7 +140,7 @@ def test_the_count_lets_the_potential_follow_where_that_is_needed(monkeypatch):
     )  # fmt: skip
     assert run["stretch"] == pytest.approx(lam, rel=1e-8)
     (first, alone), (second, both) = asked
-    assert (first, second) == (("u",), ("u", "phi"))
+    assert (first, second) == ((U,), (U, PHI))
     assert alone > 0 == both
     assert run.summary["stable"] is True
 

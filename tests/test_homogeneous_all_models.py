@@ -172,7 +172,7 @@ def run(kinematics, cell, elastic, first, second, volts, held=None, bulk_modulus
         assert np.abs(X[:, : len(axes)] @ slope - u).max() < 1e-8
         assert np.abs(np.delete(slope, a)).max() < 1e-8
         stretches.append(1 + slope[a])
-    dofs = problem.electrode_dofs[f"{last}_max"]
+    dofs = problem.conditions.electrode_dofs[f"{last}_max"]
     charge = -problem.residual()[dofs].sum() * problem.scales.charge
     return np.array(stretches), charge, problem
 

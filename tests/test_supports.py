@@ -82,7 +82,7 @@ def held_forces(problem):
     """The largest reaction of a pin, over the largest nodal force of the pressure and the field."""
     residual = problem.residual()
     held = [problem.displacement[p.axis].dofs[problem.displacement[p.axis].on(0, p.vertices)]
-            for p in problem.constraints.pins]  # fmt: skip
+            for p in problem.conditions.fixed_values.pins]  # fmt: skip
     keep = problem.state
     is_pressure = np.isin(np.arange(problem.size), problem.pressure.dofs)
     problem.commit(keep.with_values(np.where(is_pressure, 0.0, keep.values)))

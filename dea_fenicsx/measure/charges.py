@@ -24,7 +24,8 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.mesh.neighbours import regions_beside
-from dea_fenicsx.model.energy import measure
+from dea_fenicsx.model.fields import Role
+from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.tied_unknowns import expansion
 from dea_fenicsx.scene.electrode_places import with_far_ends
@@ -93,7 +94,7 @@ def potential_of_unit_load(
         source = _unit_charge(problem, electrode)
     else:
         source = _charges_of_ramp(problem, electrode.ramp)
-        given.x.array[:] = problem.constraints.base[electrode.ramp][part.dofs]
+        given.x.array[:] = problem.conditions.fixed_values.base[electrode.ramp][part.dofs]
     owned = part.space.dofmap.index_map.size_local
     K = _stiffness(problem)
     P = _expansion_of_potential(problem, owned)
@@ -103,7 +104,7 @@ def potential_of_unit_load(
     K.mult(rest, product)
     P.multTranspose(product, few)
     few.array[:] = source - few.array_r
-    if problem.counts["phi"]:
+    if problem.count_of(Role.POTENTIAL):
         _solve(problem, K.ptap(P), few)
         P.multAdd(few, rest, rest)
     given.x.array[:owned] = rest.array_r
@@ -117,17 +118,17 @@ def _charges_of_ramp(problem: Problem, ramp: str) -> np.ndarray:
     """Charges of a ramp at factor 1, in the free rows of the potential."""
     rows = np.zeros(len(problem.free))
     problem.add_sources(rows, ramp, 1.0)
-    return rows[problem.free_fields["phi"]]
+    return rows[problem.free_of(Role.POTENTIAL)]
 
 
 def _unit_charge(problem: Problem, electrode: Conducting) -> np.ndarray:
     """A unit of charge on a floating electrode, in the free rows of the potential."""
     rows = np.zeros(len(problem.free))
     floating: list[Conducting] = [e for e in problem.scene.electrodes if e.floats]
-    master = problem.groups[floating.index(electrode)].master
+    master = problem.conditions.groups[floating.index(electrode)].master
     if master >= 0:
         rows[np.searchsorted(problem.free, master)] = 1.0
-    return rows[problem.free_fields["phi"]]
+    return rows[problem.free_of(Role.POTENTIAL)]
 
 
 def _solve(problem: Problem, matrix: Any, vector: Any) -> None:
@@ -154,10 +155,10 @@ def _expansion_of_potential(problem: Problem, owned: int) -> Any:
     assert part is not None
     own = whole is None
     if own:
-        whole = expansion(problem.free, [], None, problem.rows)
+        whole = expansion(problem.free, [], None, problem.space.rows)
     first = problem.comm.exscan(len(problem.free)) or 0
-    rows = part.dofs[:owned].astype(PETSc.IntType) + problem.rows.start
-    columns = problem.free_fields["phi"].astype(PETSc.IntType) + first
+    rows = part.dofs[:owned].astype(PETSc.IntType) + problem.space.rows.start
+    columns = problem.free_of(Role.POTENTIAL).astype(PETSc.IntType) + first
     sets = [PETSc.IS().createGeneral(n, comm=problem.comm) for n in (rows, columns)]
     made = whole.createSubMatrix(*sets)
     for thing in (*sets, *([whole] if own else [])):
@@ -180,7 +181,7 @@ def _stiffness(problem: Problem) -> Any:
 
 def _flux(problem: Problem, cells: list[np.ndarray], a: Any, b: Any) -> Any:
     """The form int eps J^-1 (cof F Grad a) . (cof F Grad b) dX over cells of each dielectric."""
-    scene, helix = problem.scene, problem.helix
+    scene, helix = problem.scene, problem.forms.motion
     kinematics = scene.kinematics
     x = ufl.SpatialCoordinate(problem.mesh)
     u = ufl.split(problem.w)[0]
@@ -214,7 +215,7 @@ def _nodes_of(problem: Problem, electrode: Conducting) -> np.ndarray:
     part = problem.potential
     assert part is not None
     on = np.zeros(problem.size, dtype=bool)
-    on[problem.electrode_dofs[electrode.label]] = True
+    on[problem.conditions.electrode_dofs[electrode.label]] = True
     return on[part.dofs]
 
 

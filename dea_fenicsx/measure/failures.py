@@ -124,7 +124,7 @@ class ElectricalBreakdown:
         pulled = np.linalg.norm(np.einsum("...ji,...j->...i", local.F, local.field), axis=-1)
         with np.errstate(invalid="ignore", divide="ignore"):
             area = np.where(pulled > 0, local.J * size / pulled, 1.0)
-        electric = problem.scene.materials[region].dielectric
+        electric = problem.parameters.materials[region].dielectric
         ratio = self.safety * size / electric.breakdown_field(np.sqrt(area))
         return ratio, 1 - ratio
 
@@ -179,7 +179,7 @@ class LossOfTension:
         )
         smaller = (a + b) / 2 - np.sqrt(((a - b) / 2) ** 2 + c**2)
         # a stress-free film is not slack: rounding leaves it a little on either side of zero
-        mu = problem.scene.materials[region].elastic.shear_modulus()
+        mu = problem.parameters.materials[region].elastic.shear_modulus()
         return smaller, smaller / mu + 1e-8
 
 
@@ -244,7 +244,7 @@ class Gauge:
             if failure.needs_stress:
                 sigma = problem.stress(k)
                 entries += [sigma[i, j] for i in range(3) for j in range(3)]
-            evaluate = compat.expression(ufl.as_vector(entries), problem.points)
+            evaluate = compat.expression(ufl.as_vector(entries), problem.forms.quadrature)
             for name in names:
                 cells = np.intersect1d(device.cells_of(name), kernel.cells)
                 self.parts.append((name, cells, evaluate))
@@ -293,7 +293,7 @@ class Gauge:
             k, q = np.unravel_index(int(np.argmin(margins)), margins.shape)
             if margins[k, q] < best[0]:
                 place = np.zeros(3)
-                x = problem.place_of(int(cells[k]), int(q))
+                x = problem.forms.prober.place_of(int(cells[k]), int(q))
                 place[: len(x)] = x * problem.scales.length
                 best = (float(margins[k, q]), float(values[k, q]), name, place)
         margin, value, name, place = min(

@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.measure.charges import ElectrodeCharge, potential_of_unit_load
 from dea_fenicsx.mesh.device import Device, one_sided
-from dea_fenicsx.model.energy import measure
+from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.scene.electrodes import Conducting
 from dea_fenicsx.scene.kinematics import cofactor
@@ -176,11 +176,11 @@ class Reaction:
     def bind(self, problem: Problem) -> Measurement:
         dofs = _displacement_dofs(problem, self.where, self.axis)
         dofs = dofs[dofs < problem.owned]
-        if problem.pairs is not None:  # both ends of a helical cell are one place
+        if problem.conditions.pairs is not None:  # both ends of a helical cell are one place
             member = np.zeros(problem.owned, dtype=bool)
             member[dofs] = True
-            dofs = np.flatnonzero(problem.pairs.join(member))
-        dofs = dofs[problem.constraints.fixed[dofs]]
+            dofs = np.flatnonzero(problem.conditions.pairs.join(member))
+        dofs = dofs[problem.conditions.fixed_values.fixed[dofs]]
         if problem.comm.allreduce(len(dofs), op=MPI.SUM) == 0:
             raise InputError(
                 f"{label_of(self.where)!r} is not held along {self.axis}, so it has no reaction; "
@@ -234,7 +234,7 @@ class Potential:
         if not electrode.floats:
             volts = electrode.given_volts
             return lambda: 0.0 + problem.factors.get(electrode.ramp, 0.0) * volts
-        dofs = problem.electrode_dofs[electrode.label]
+        dofs = problem.conditions.electrode_dofs[electrode.label]
         volt = problem.scales.potential
         return lambda: _common(problem, problem.w.x.array[dofs]) * volt
 
@@ -268,7 +268,7 @@ class Capacitance:
             assert problem.potential is not None
             whole = np.zeros(problem.size)
             whole[problem.potential.dofs] = psi
-            rise = _common(problem, whole[problem.electrode_dofs[electrode.label]])
+            rise = _common(problem, whole[problem.conditions.electrode_dofs[electrode.label]])
             return charge.of(psi) / (rise * problem.scales.potential)
 
         def value() -> float:

@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.mesh.device import one_sided
-from dea_fenicsx.model.energy import measure
+from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx

@@ -8,9 +8,9 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.energy import Scales
 from dea_fenicsx.model.fixed_values import Constraints
 from dea_fenicsx.model.rigid_motions import FreePart, in_words, modes, translations
+from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 

@@ -12,7 +12,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import one_sided
-from dea_fenicsx.model.energy import measure
+from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.scene.condition import Load, declared
 from dea_fenicsx.scene.declarations import SurfaceWork
 from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, cofactor

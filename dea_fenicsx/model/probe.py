@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import ufl
 
-from dea_fenicsx.model.energy import Kernel, MaterialPoint
+from dea_fenicsx.model.kernels import Kernel
+from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.support import compat
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import Device
-from dea_fenicsx.model.energy import Scales
 from dea_fenicsx.model.fixed_values import Component, Constraints
+from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.scene.condition import declared
 from dea_fenicsx.scene.declarations import FloatingPotential, GlobalForce
 from dea_fenicsx.scene.scene import Scene

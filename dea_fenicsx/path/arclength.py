@@ -28,6 +28,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.optimize import brentq
 
+from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.path.roots import Bracket
@@ -100,7 +101,7 @@ class Branch:
         count, total, square = self._sum(np.array([len(rows), rows.sum(), (rows**2).sum()]))
         size = np.sqrt(square / count - (total / count) ** 2)
         self.weight = 1.0 / (count * (UNIT_STRETCH * size) ** 2)
-        self.u = self.problem.free_fields["u"]
+        self.u = self.problem.free_of(Role.MOTION)
         self._by_load: np.ndarray | None = None
 
     def _sum(self, values: np.ndarray) -> np.ndarray:

@@ -45,15 +45,15 @@ def turn_to_loads(
     acting = problem.turning.ramps & {ramp for ramp, rate in rates.items() if rate}
     if not acting or not problem.turning.holds(problem.factors):
         return problem.state, 0.0
-    forces = -sum(rates[ramp] * problem.load_vector(ramp) for ramp in sorted(acting))
+    forces = -sum(rates[ramp] * problem.forms.load_vector(ramp) for ramp in sorted(acting))
     moments, size = _first_moments(problem, np.asarray(forces))
-    axes = felt_axes(problem.scene, problem.constraints.released)
+    axes = felt_axes(problem.scene, problem.conditions.fixed_values.released)
     turned = np.array([moments[2, 1] - moments[1, 2], moments[0, 2] - moments[2, 0],
                        moments[1, 0] - moments[0, 1]])  # fmt: skip
     if np.linalg.norm(axes @ turned) <= NONE * size:
         return problem.state, 0.0
     R = _about(axes[0], moments) if len(axes) == 1 else _lowest(moments)
-    centre = problem.constraints.pins[0].place
+    centre = problem.conditions.fixed_values.pins[0].place
     turned_state = problem.anchored(problem.imposed(_rotated(problem, R, centre)))
     return turned_state, float(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1)))
 
@@ -76,7 +76,7 @@ def _positions(problem: Problem) -> list[np.ndarray]:
 
 def _first_moments(problem: Problem, forces: np.ndarray) -> tuple[np.ndarray, float]:
     """Sum of f_i x_j over the nodes, shape (3, 3), and of |f| |x|, about the middle of the body."""
-    released = problem.constraints.released
+    released = problem.conditions.fixed_values.released
     assert released is not None
     total = np.zeros((3, 3))
     size = 0.0
@@ -91,7 +91,7 @@ def _first_moments(problem: Problem, forces: np.ndarray) -> tuple[np.ndarray, fl
 
 def _nodes(problem: Problem, component: Component) -> np.ndarray:
     """Mask of a component's local nodes that lie in the part which turns."""
-    released = problem.constraints.released
+    released = problem.conditions.fixed_values.released
     assert released is not None
     mine = np.zeros(len(component.dofs), dtype=bool)
     mine[component.space.dofmap.list[released.cells].ravel()] = True

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.stability import Place
 from dea_fenicsx.solvers.newton import NewtonSolver
@@ -28,7 +29,8 @@ class Predictor:
     """Starts each step from an extrapolation of the states before it.
 
     Displacement and pressure are even in a voltage or charge, so for such a ramp they are
-    extrapolated in its square; the potential is extrapolated in the voltage or charge itself.
+    extrapolated in its square; fields that are odd in it, such as the potential, in the voltage or
+    charge itself.
     What lies between two states is interpolated alike.
 
     Parameters
@@ -51,9 +53,10 @@ class Predictor:
         self.name = names[0] if lead is None else lead
         self.even = all(scene.is_electric(n) for n in names)
         self.known: list[State] = []
-        self._phi = np.zeros(self.problem.size, dtype=bool)
-        if self.problem.potential is not None:
-            self._phi[self.problem.potential.dofs] = True
+        self._odd = np.zeros(self.problem.size, dtype=bool)
+        space = self.problem.space
+        for part in (p for f in space.fields if f.odd for p in space.parts[f.name].values()):
+            self._odd[part.dofs] = True
 
     def add(self, state: State) -> None:
         """Remember an accepted state."""
@@ -68,7 +71,7 @@ class Predictor:
 
     def moved(self, since: State, now: State) -> float:
         """Largest change of displacement between two states, dimensionless.  Collective."""
-        dofs = self.problem.fields["u"]
+        dofs = self.problem.owned_of(Role.MOTION)
         move = float(np.max(np.abs(now.values[dofs] - since.values[dofs]), initial=0.0))
         return self.problem.comm.allreduce(move, op=MPI.MAX)
 
@@ -159,7 +162,7 @@ class Predictor:
             if len(np.unique(squares)) == len(squares):
                 by_square = _lagrange(squares, factor**2)
                 even = sum(c * s for c, s in zip(by_square, states, strict=True))
-                guess = np.where(self._phi, guess, even)
+                guess = np.where(self._odd, guess, even)
         return target.with_values(np.asarray(guess))
 
 

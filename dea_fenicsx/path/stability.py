@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import State
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt
@@ -102,7 +103,7 @@ class Spectrum:
 
     def __init__(self, solver: NewtonSolver) -> None:
         self.solver, self.problem = solver, solver.problem
-        self.u = self.problem.free_fields["u"]
+        self.u = self.problem.free_of(Role.MOTION)
         # pseudo-random and always the same: no symmetry of the device is orthogonal to it
         rng = np.random.default_rng(self.problem.comm.rank + 1)
         self._start = np.zeros(len(self.problem.free))

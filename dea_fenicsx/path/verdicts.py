@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.stability import path_slope
@@ -62,7 +63,7 @@ def is_near_limit(predictor: Predictor, origin: State, failed: Mapping[str, floa
     slope = path_slope(predictor.solver, last, rates)
     if slope is None:
         return True
-    mine = float(np.max(np.abs(slope[problem.free_fields["u"]]), initial=0.0))
+    mine = float(np.max(np.abs(slope[problem.free_of(Role.MOTION)]), initial=0.0))
     speed = problem.comm.allreduce(mine, op=MPI.MAX)
     zero = dict.fromkeys(last.factors, 0.0)
     rest = last.with_factors(zero).with_values(np.zeros_like(last.values))

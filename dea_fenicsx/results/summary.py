@@ -34,7 +34,7 @@ def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str
         "unknowns_by_field": problem.counts,
         "cells": comm.allreduce(problem.scene.device.owned_cells(), op=MPI.SUM),
         "mesh_quality": dict(problem.scene.device.quality),
-        "volume_m3": problem.volume * problem.scales.volume,
+        "volume_m3": problem.forms.volume * problem.scales.volume,
         "ranks": comm.size,
         "peak_memory_GB": comm.allreduce(_peak_memory_GB(), op=MPI.SUM),
         **{name: sum(int(row[name]) for row in history) for name in counted},

@@ -14,7 +14,8 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from dea_fenicsx.model.energy import measure
+from dea_fenicsx.model.fields import Role
+from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_motions import components, regions_in
 from dea_fenicsx.path.items import Ramp, Trace
@@ -60,8 +61,8 @@ def check_volume(problem: Problem, path: Sequence[Ramp | Trace]) -> None:
 
 def _moves(problem: Problem) -> bool:
     """Whether any displacement, stretch or twist is prescribed that is not 0.  Collective."""
-    dofs = problem.fields["u"]
-    moves = any(np.any(base[dofs]) for base in problem.constraints.base.values())
+    dofs = problem.owned_of(Role.MOTION)
+    moves = any(np.any(base[dofs]) for base in problem.conditions.fixed_values.base.values())
     return bool(problem.comm.allreduce(moves, op=MPI.LOR))
 
 
@@ -166,7 +167,7 @@ def _closed(problem: Problem) -> list[np.ndarray]:
     imap = device.mesh.topology.index_map(tdim)
     n_cells = imap.size_local + imap.num_ghosts
     soft = np.zeros(n_cells, dtype=bool)
-    for name, material in problem.scene.materials.items():
+    for name, material in problem.parameters.materials.items():
         if material.bulk_modulus is None:
             soft[device.cells_of(name)] = True
     held = _held_facets(problem)
@@ -210,7 +211,7 @@ def _held_facets(problem: Problem) -> np.ndarray:
     facets_of = topology.connectivity(tdim, tdim - 1)
     per_cell = len(facets_of.links(0)) if facets_of.num_nodes else 0
     facets = facets_of.array.reshape(facets_of.num_nodes, per_cell)
-    fixed = problem.constraints.fixed
+    fixed = problem.conditions.fixed_values.fixed
     for a, part in enumerate(problem.displacement):
         table, layout = part.space.dofmap.list, part.space.dofmap.dof_layout
         on_axis = np.zeros(len(part.dofs), dtype=bool)

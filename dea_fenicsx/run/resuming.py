@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Measurement
-from dea_fenicsx.model.energy import Scales
+from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.results.checkpoint import Unusable, cursor_of

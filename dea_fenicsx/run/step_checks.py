@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Probe, Problem
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import SolverError
@@ -93,21 +94,21 @@ def volume(problem: Problem, tolerance: float) -> tuple[float, float, float]:
     volume.  A continuous one holds the volume of neighbourhoods, not of cells; with all of the
     device incompressible its N rows add up to the change of the whole volume, at most sqrt(N) |r|.
     """
-    errors = problem.swelling()
+    errors = problem.forms.swelling()
     comm = problem.comm
-    cells = problem.incompressible_cells
-    share = np.abs(errors[cells]) / problem.cell_volumes[cells]
+    cells = problem.forms.incompressible_cells
+    share = np.abs(errors[cells]) / problem.forms.cell_volumes[cells]
     worst = comm.allreduce(float(np.max(share, initial=0.0)), op=MPI.MAX)
     worst = worst if comm.allreduce(bool(np.isfinite(share).all()), op=MPI.LAND) else math.inf
     if problem.pressure_kind == "discontinuous":
         smallest = comm.allreduce(
-            float(np.min(problem.cell_volumes[cells], initial=np.inf)), op=MPI.MIN
+            float(np.min(problem.forms.cell_volumes[cells], initial=np.inf)), op=MPI.MIN
         )
         rows = problem.mesh.topology.dim + 1
         return worst, worst, math.sqrt(rows) * tolerance / smallest + ROUNDING
-    some_compressible = len(cells) < len(problem.cell_volumes)
+    some_compressible = len(cells) < len(problem.forms.cell_volumes)
     if comm.allreduce(some_compressible, op=MPI.LOR):
         return worst, 0.0, math.inf
-    total = abs(comm.allreduce(float(errors.sum()), op=MPI.SUM)) / problem.volume
-    bound = math.sqrt(problem.counts["p"]) * tolerance / problem.volume
+    total = abs(comm.allreduce(float(errors.sum()), op=MPI.SUM)) / problem.forms.volume
+    bound = math.sqrt(problem.count_of(Role.MULTIPLIER)) * tolerance / problem.forms.volume
     return worst, total, bound + ROUNDING

@@ -1,22 +1,8 @@
-"""What preconditions the linear solves: a kept factor of the tangent, whole or split.
+"""What preconditions the linear solves: a kept factor of the whole tangent.
 
 `WholeFactor` is L D L^T of the whole tangent.  It is exact where it was made, and its pivots' signs
 are the tangent's inertia.  In single precision it costs half and serves as well to precondition,
-but its pivots tell nothing.
-
-`SplitFactor` is for large problems in space.  The tangent's blocks are
-
-        | A   B^T  G^T |          u, displacement
-    T = | B   -C    0  |          p, pressure, discontinuous
-        | G    0   -K  |          phi, potential
-
-In incompressible regions C = 0.  The preconditioner puts a compressibility M/(KAPPA mu) in its
-place, with which p goes cell by cell; then phi and u are solved in turn, each by a factor of its
-own: S = A + B^T C^-1 B for u, K for phi.  What that leaves out is the coupling G^T K^-1 G in S and
-1/KAPPA of the pressure, and GMRES on the true tangent makes up for both in a few iterations.  The
-factor of S has a third of the entries of the whole one, needs no pivoting, and bears compression:
-its blocks far from the diagonal are kept at low rank (Amestoy et al. 2019), and where PETSc can,
-all of it in single precision.
+but its pivots tell nothing.  See `split_factor` for large problems in space.
 """
 
 from __future__ import annotations
@@ -24,39 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-import ufl
-from scipy import sparse
-
-from dea_fenicsx.model.energy import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.tangent import SMALL
 from dea_fenicsx.support import compat
-from dea_fenicsx.support.compat import PETSc, dolfinx
+from dea_fenicsx.support.compat import PETSc
 
 WORKSPACE = (60, 200, 600)
 """Room for delayed pivots that MUMPS is given, in percent, one after another if it wants more."""
 
 TOO_LITTLE_ROOM = (-8, -9, -14, -15, -17, -20)
 """MUMPS's error codes for a workspace or a buffer that is too small."""
-
-KAPPA = 50.0
-"""Bulk modulus of the preconditioner over the shear modulus, where the material has none.
-
-Measured, iterations to 1e-9 on a fresh factor: 10, 7, 7, 7, 16, 34 at 10, 30, 100, 200, 1e3, 1e4; a
-large one leaves too little of single precision.
-"""
-
-LOW_RANK = 1e-7
-"""What the low-rank blocks of a split factor may leave out, relative to the matrix.
-
-Measured on a helix of five turns, iterations to equilibrium on a fresh factor: 12, 11, 11 at 1e-5,
-1e-6, 1e-7 on one rank, but 54, 21, 12 on two, where MUMPS shares fronts out.  Time and memory of a
-factorisation grow by 4 % with each digit.
-"""
-
-LOW_RANK_FROM = 60_000
-"""Displacements from which blocks at low rank pay: below, they take a third more time to find."""
 
 AMF, PORD = 2, 4
 """MUMPS's numbers of two orderings of the unknowns."""
@@ -195,7 +158,7 @@ class WholeFactor:
         if not self._factor or self._factor.matrix != tangent:
             self.release()
             problem = self.problem
-            order = _order(problem.unknowns, problem.scene.kinematics.dim)
+            order = ordering(problem.unknowns, problem.scene.kinematics.dim)
             # 24: null pivots are detected, which makes the inertia right
             icntl = {24: 1, 7: order}
             self._factor = Mumps(tangent, icntl, {}, self.single, self._keep)
@@ -229,221 +192,6 @@ class WholeFactor:
             self._factor = None
 
 
-class SplitFactor:
-    """Factors of the displacement's and the potential's block, with the pressure condensed.
-
-    Parameters
-    ----------
-    problem
-        A problem with discontinuous pressure.
-    """
-
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
-        self._factors: dict[str, Mumps] = {}
-        self._blocks: dict[str, Any] = {}
-        self._offset = problem.comm.exscan(len(problem.free)) or 0
-        self._on = problem.free_fields
-        self._rows = {name: self._index_set(on) for name, on in self._on.items()}
-        self._vectors: dict[str, tuple[Any, Any]] = {}
-        self._cells, self._softness = _pressure_cells(problem)
-
-    def make(self, tangent: Any) -> bool:
-        """Factorise the blocks of an assembled tangent and use it up; False if MUMPS fails.
-
-        Collective.
-        """
-        self.release()
-        blocks = self._blocks
-        blocks["1/C"] = self._inverse_of_compressibility(tangent)
-        blocks["B"] = self._block(tangent, "p", "u")
-        blocks["Bt"] = self._block(tangent, "u", "p")
-        stiffness = _condensed(
-            self._block(tangent, "u", "u"), blocks["Bt"], blocks["1/C"], blocks["B"]
-        )
-        self._factors["u"] = _definite(stiffness, LOW_RANK, single=True)
-        if "phi" in self._rows:
-            blocks["G"] = self._block(tangent, "phi", "u")
-            blocks["Gt"] = self._block(tangent, "u", "phi")
-            self._factors["phi"] = Mumps(self._block(tangent, "phi", "phi"), {}, {})
-        for name, factor in self._factors.items():
-            self._vectors[name] = factor.matrix.createVecs()
-        self._vectors["p"] = blocks["1/C"].createVecs()
-        tangent.destroy()  # before the factors need the room
-        return all([factor.make() for factor in self._factors.values()])
-
-    def excess(self, tangent: Any) -> int | None:
-        """Negative eigenvalues beyond those of a stable state if p is given a compressibility.
-
-        Uses up the assembled tangent.  None if MUMPS fails.  What is stable when compressible is
-        stable when it is not: a constraint only takes motions away.  So 0 is a proof, any other
-        number a question.
-
-        Sylvester: the p condensed have one negative eigenvalue each.  Of those left, u is asked
-        first, with phi as it is: to let phi follow adds G^T K^-1 G, which only makes u stiffer, and
-        the factor of u alone costs half.  If that proves nothing, a factor of both is made.
-        """
-        inverse = self._inverse_of_compressibility(tangent)
-        found: int | None = None
-        for names in (("u",), ("u", "phi")):
-            if not set(names) <= set(self._rows):
-                break
-            found = self._negative(tangent, names, inverse)
-            if found == 0:
-                break
-        inverse.destroy()
-        tangent.destroy()
-        return found
-
-    def _negative(self, tangent: Any, names: tuple[str, ...], inverse: Any) -> int | None:
-        """Negative eigenvalues of some blocks with p condensed, beyond those of phi itself."""
-        rows = self._index_set(np.sort(np.concatenate([self._on[name] for name in names])))
-        from_p = tangent.createSubMatrix(rows, self._rows["p"])
-        to_p = tangent.createSubMatrix(self._rows["p"], rows)
-        matrix = _condensed(tangent.createSubMatrix(rows, rows), from_p, inverse, to_p)
-        from_p.destroy()
-        to_p.destroy()
-        # a body that is held at points has eigenvalues far below its cells', not to be lost
-        factor = _definite(matrix, 0.1 * LOW_RANK, single=False)
-        made = factor.make()
-        expected = self.problem.counts["phi"] if "phi" in names else 0
-        found = factor.negative - expected if made else None
-        factor.release()
-        return found
-
-    @property
-    def worth(self) -> float:
-        """Krylov iterations that take as long as a factorisation."""
-        return self._factors["u"].worth
-
-    def _index_set(self, on: np.ndarray) -> Any:
-        return PETSc.IS().createGeneral(
-            (self._offset + on).astype(np.int32), comm=self.problem.comm
-        )
-
-    def _block(self, tangent: Any, row: str, column: str) -> Any:
-        return tangent.createSubMatrix(self._rows[row], self._rows[column])
-
-    def _inverse_of_compressibility(self, tangent: Any) -> Any:
-        """1/C, block-diagonal over the cells, from the tangent's block -C."""
-        pp = self._block(tangent, "p", "p")
-        first, last = pp.getOwnershipRange()
-        offsets, columns, values = pp.getValuesCSR()
-        own = sparse.csr_matrix((values, columns - first, offsets), shape=2 * (last - first,))
-        n = self._cells.shape[1]
-        row, column = _entries(self._cells)
-        inverse = np.linalg.inv(self._softness - _blocks(own, self._cells))
-        order = np.lexsort((column, row))
-        starts = n * np.arange(last - first + 1)
-        entries = (column[order] + first, inverse.ravel()[order])
-        made = PETSc.Mat().createAIJ(
-            pp.sizes, comm=pp.getComm(),
-            csr=(starts.astype(np.int32), entries[0].astype(np.int32), entries[1]),
-        )  # fmt: skip
-        pp.destroy()
-        return made
-
-    def apply(self, _: Any, x: Any, y: Any) -> None:
-        """What PETSc calls to precondition: potential, displacement, potential again, pressure."""
-        on, blocks = self._on, self._blocks
-        b, out = x.array_r, y.array
-        (u, ru), (p, rp) = self._vectors["u"], self._vectors["p"]
-        rp.array[:] = b[on["p"]]
-        blocks["1/C"].mult(rp, p)
-        blocks["Bt"].mult(p, ru)
-        ru.array[:] += b[on["u"]]
-        if "phi" in on:
-            phi, rphi = self._vectors["phi"]
-            rphi.array[:] = b[on["phi"]]
-            self._factors["phi"].pc.apply(rphi, phi)
-            blocks["Gt"].mult(phi, u)
-            ru.axpy(-1.0, u)
-        self._factors["u"].pc.apply(ru, u)
-        out[on["u"]] = u.array_r
-        blocks["B"].mult(u, p)
-        p.axpy(-1.0, rp)
-        blocks["1/C"].mult(p, rp)
-        out[on["p"]] = rp.array_r
-        if "phi" in on:
-            blocks["G"].mult(u, phi)
-            rphi.axpy(-1.0, phi)
-            self._factors["phi"].pc.apply(rphi, phi)
-            out[on["phi"]] = phi.array_r
-
-    def make_room(self) -> None:
-        """Let the factors go before the next one's matrix is assembled."""
-        self.release()
-
-    def release(self) -> None:
-        for factor in self._factors.values():
-            factor.release()
-        for vectors in self._vectors.values():
-            for vector in vectors:
-                vector.destroy()
-        for block in self._blocks.values():
-            block.destroy()
-        self._factors, self._blocks, self._vectors = {}, {}, {}
-
-
-def _condensed(block: Any, from_p: Any, inverse: Any, to_p: Any) -> Any:
-    """A block of the tangent with B^T C^-1 B added to it."""
-    half = inverse.matMult(to_p)
-    penalty = from_p.matMult(half)
-    # p couples no two unknowns that share no cell
-    block.axpy(1.0, penalty, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
-    half.destroy()
-    penalty.destroy()
-    return block
-
-
-def _order(unknowns: int, dim: int) -> int:
+def ordering(unknowns: int, dim: int) -> int:
     """MUMPS's number of an ordering."""
     return PORD if unknowns >= PORD_FROM[dim] else AMF
-
-
-def _definite(matrix: Any, dropped: float, single: bool) -> Mumps:
-    """For u with p condensed, in space: at low rank where the matrix is large."""
-    size = matrix.getSize()[0]
-    icntl = {7: _order(size, 3)}
-    if size < LOW_RANK_FROM:
-        return Mumps(matrix, icntl, {}, single)
-    # 35: blocks of low rank in factorisation and solve; 36: compressed before they are
-    # updated; 37: and so are those that wait to be eliminated
-    return Mumps(matrix, icntl | {35: 2, 36: 1, 37: 1}, {7: dropped}, single)
-
-
-def _pressure_cells(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of each owned cell among the pressure's, and the compressibility it is given.
-
-    The latter is the integral of p q/(KAPPA mu) where the material is incompressible, 0 elsewhere.
-    """
-    scene, part = problem.scene, problem.pressure
-    space = part.space
-    soft = dolfinx.fem.Function(dolfinx.fem.functionspace(problem.mesh, ("DG", 0)))
-    for name, material in scene.materials.items():
-        if material.bulk_modulus is None:
-            modulus = material.elastic.shear_modulus() / problem.scales.stress
-            soft.x.array[scene.device.cells_of(name)] = 1 / (KAPPA * modulus)
-    count = scene.device.owned_cells()
-    dx = measure(scene.device, [np.arange(count)], scene.elements.quadrature_degree)
-    weight = scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
-    p, q = ufl.TrialFunction(space), ufl.TestFunction(space)
-    mass = dolfinx.fem.assemble_matrix(compat.compile_form(soft * p * q * weight * dx(0)))
-    dofs = space.dofmap.list[:count]
-    rows = np.searchsorted(problem.free[problem.free_fields["p"]], part.dofs[dofs])
-    return rows, _blocks(mass.to_scipy(), dofs)
-
-
-def _blocks(matrix: Any, rows: np.ndarray) -> np.ndarray:
-    """Blocks of a sparse matrix on the diagonal, shape (blocks, rows, rows)."""
-    count, n = rows.shape
-    if not count:
-        return np.empty((0, n, n))  # scipy's indexing with empty lists gives one entry
-    return np.asarray(matrix[_entries(rows)]).reshape(count, n, n)
-
-
-def _entries(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Row and column of each entry of blocks, whose rows are given; shape (blocks, rows)."""
-    n = rows.shape[1]
-    return np.repeat(rows, n, axis=1).ravel(), np.tile(rows, (1, n)).ravel()
-

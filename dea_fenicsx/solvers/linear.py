@@ -15,9 +15,10 @@ import numpy as np
 
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.corotation import Corotation
-from dea_fenicsx.solvers.factors import SplitFactor, WholeFactor
+from dea_fenicsx.solvers.factors import WholeFactor
 from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.solvers.outcome import Counters, Inertia, Outcome
+from dea_fenicsx.solvers.split_factor import BLOCKS, SplitFactor
 from dea_fenicsx.solvers.tangent import MASS, Tangent
 from dea_fenicsx.support.compat import PETSc
 from dea_fenicsx.support.errors import InputError
@@ -95,7 +96,8 @@ class LinearSolver:
     def _splits(self) -> bool:
         """Whether the kept factor is a split one."""
         problem, choice = self.problem, self.options.factor
-        possible = problem.pressure_kind == "discontinuous"
+        roles = {fields[0].role for fields in problem.space.groups().values()}
+        possible = problem.pressure_kind == "discontinuous" and roles <= set(BLOCKS)
         if choice == "split" and not possible:
             raise InputError(
                 'NewtonOptions(factor="split") needs a discontinuous pressure, but it is '

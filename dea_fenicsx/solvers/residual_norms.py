@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.fields import Field, Role
 from dea_fenicsx.model.problem import Problem
 
 SMALL = 1e-2
@@ -22,6 +25,20 @@ one cell are what makes charges.  So no state can be nearer to balance than some
 charges that the same potential would bring if it changed its sign from node to node.  Measured
 where all electrodes are at one potential, in cells of side ratios from 1 to 5000: 0.1 to 20 eps.
 """
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Fields whose residuals are taken together: the first of them, and where they lie."""
+
+    name: str
+    field: Field
+    owned: np.ndarray
+    free: np.ndarray
+
+    @property
+    def role(self) -> Role:
+        return self.field.role
 
 
 class References:
@@ -52,32 +69,40 @@ class References:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self.volume = problem.volume / np.sqrt(max(problem.counts["p"], 1))
-        self.sizes = {"u": self._moduli()}
+        multipliers = problem.count_of(Role.MULTIPLIER)
+        self.volume = problem.forms.volume / np.sqrt(max(multipliers, 1))
+        space, places = problem.space, problem.conditions.places
+        self._groups = [
+            _Group(name, fields[0], space.owned_of(fields), places(fields))
+            for name, fields in space.groups().items()
+        ]
+        self.sizes = {g.name: self._moduli() for g in self._groups if g.role is Role.MOTION}
         self._disorder = self._charges_of_disorder()
         self._loads: tuple[dict[str, float], float] = ({}, 0.0)
 
     def norms(self, residual: np.ndarray) -> dict[str, float]:
         """2-norm of each field's unbalanced rows relative to its reference.  Collective."""
         out = {}
-        for name, (everything, mine) in self._rows(residual).items():
-            reference = self.volume
-            if name != "p":
-                reference = max(self.sizes.get(name, 0.0), everything)
-            if name == "u":
+        for group, everything, mine in self._rows(residual):
+            reference = max(self.sizes.get(group.name, 0.0), everything)
+            if group.role is Role.MULTIPLIER:
+                reference = self.volume
+            elif group.role is Role.MOTION:
                 reference = max(reference, self._load_size())
-            if name == "phi":
+            elif group.role is Role.POTENTIAL:
                 mine = max(mine - self._rounding(), 0.0)
-            out[name] = mine / reference if reference > 0 else np.inf if mine else 0.0
+            else:
+                reference = group.field.residual_scale
+            out[group.name] = mine / reference if reference > 0 else np.inf if mine else 0.0
         return out
 
     def remember(self, residual: np.ndarray) -> None:
         """Keep what balances in the present state, whose residual this is.  Collective."""
         forces = max(self._load_size(anew=True), self._pressing(residual))
-        for name, (everything, _) in self._rows(residual).items():
-            if name != "p":
-                size = max(everything, forces) if name == "u" else everything
-                self.sizes[name] = max(self.sizes.get(name, 0.0), size)
+        for group, everything, _ in self._rows(residual):
+            if group.role in (Role.MOTION, Role.POTENTIAL):
+                size = max(everything, forces) if group.role is Role.MOTION else everything
+                self.sizes[group.name] = max(self.sizes.get(group.name, 0.0), size)
         self._disorder = self._charges_of_disorder()
 
     def _rounding(self) -> float:
@@ -102,24 +127,24 @@ class References:
         values[part.dofs] = np.sin(1e6 * (x @ np.sqrt([1.0, 2.0, 3.0])))
         with problem.at(here.with_values(values)):
             residual = problem.residual()
-        mine = float(np.sum(residual[problem.fields["phi"]] ** 2))
+        mine = float(np.sum(residual[problem.owned_of(Role.POTENTIAL)] ** 2))
         return float(np.sqrt(problem.comm.allreduce(mine, op=MPI.SUM)))
 
-    def _rows(self, residual: np.ndarray) -> dict[str, tuple[float, float]]:
-        """For each field the size of all of its rows and of the unbalanced ones."""
+    def _rows(self, residual: np.ndarray) -> list[tuple[_Group, float, float]]:
+        """For each group of fields the size of all of its rows and of the unbalanced ones."""
         problem = self.problem
         free = problem.unbalanced(residual)
         sums = []
-        for name, dofs in problem.fields.items():
-            sums += [np.sum(residual[dofs] ** 2), np.sum(free[problem.free_fields[name]] ** 2)]
+        for group in self._groups:
+            sums += [np.sum(residual[group.owned] ** 2), np.sum(free[group.free] ** 2)]
         total = np.sqrt(problem.comm.allreduce(np.array(sums), op=MPI.SUM))
-        return {
-            name: (float(total[2 * k]), float(total[2 * k + 1]))
-            for k, name in enumerate(problem.fields)
-        }
+        return [
+            (group, float(total[2 * k]), float(total[2 * k + 1]))
+            for k, group in enumerate(self._groups)
+        ]
 
     def _size_u(self, forces: np.ndarray) -> float:
-        mine = float(np.sum(forces[self.problem.fields["u"]] ** 2))
+        mine = float(np.sum(forces[self.problem.owned_of(Role.MOTION)] ** 2))
         return float(np.sqrt(self.problem.comm.allreduce(mine, op=MPI.SUM)))
 
     def _load_size(self, anew: bool = False) -> float:
@@ -155,7 +180,7 @@ class References:
         problem = self.problem
         scene, part = problem.scene, problem.pressure
         moduli = np.zeros(len(part.dofs))
-        for name, material in scene.materials.items():
+        for name, material in problem.parameters.materials.items():
             value = material.elastic.shear_modulus() / problem.scales.stress
             on = part.space.dofmap.list[scene.device.cells_of(name)].ravel()
             moduli[on] = np.maximum(moduli[on], value)

@@ -19,8 +19,6 @@ from typing import Any
 import numpy as np
 import ufl
 
-from dea_fenicsx.materials import IdealDielectric
-from dea_fenicsx.model.fixed_values import Component
 from dea_fenicsx.model.problem import Problem, assembled
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
@@ -68,14 +66,14 @@ class Tangent:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self._along = dolfinx.fem.Function(problem.W)
-        residual, w = problem.residual_form, problem.w
+        residual, w = problem.forms.residual, problem.w
         self._matrix_form = compat.compile_form(
             ufl.derivative(residual, w, ufl.TrialFunction(problem.W))
         )
         self._action = compat.compile_form(ufl.derivative(residual, w, self._along))
         self._product = compat.create_vector(self._action)
         self._columns = PETSc.IS().createGeneral(
-            problem.free + problem.rows.start, comm=problem.comm
+            problem.free + problem.space.rows.start, comm=problem.comm
         )
         n = (len(problem.free), None)
         self.operator = PETSc.Mat().createPython(
@@ -112,11 +110,11 @@ class Tangent:
         if ramp not in self._loads or ramp in problem.loads.changing:
             vector = np.zeros(len(problem.free))
             if ramp in problem.loads.unit_work:
-                vector = problem.restrict(problem.load_vector(ramp))
+                vector = problem.restrict(problem.forms.load_vector(ramp))
             problem.add_sources(vector, ramp, 1.0)
             self._loads[ramp] = vector
         return self._loads[ramp] + self.times_fixed(
-            problem.constraints.base[ramp][problem.fixed]
+            problem.conditions.fixed_values.base[ramp][problem.fixed]
         )
 
     def _along_times(self) -> np.ndarray:
@@ -175,26 +173,23 @@ class Tangent:
 
 
 def scalar_masses(problem: Problem) -> np.ndarray:
-    """A positive mass of each free p and phi (owned), 0 for u.  Collective.
+    """A positive mass of each free unknown (owned) of the fields that have one, else 0.
 
-    Each cell shares out its volume, over its shear modulus, to its nodes of p, and its volume times
-    its permittivity, if a field lives there, to its nodes of phi; all dimensionless.  What is tied
-    adds up.
+    Each cell shares out its volume times the field's mass in its material (see `Field.mass`) to its
+    nodes; all dimensionless.  What is tied adds up.  Collective.
     """
-    device, scales = problem.scene.device, problem.scales
-    shares: list[tuple[Component, str, float]] = []
-    for name, material in problem.scene.materials.items():
-        softness = scales.stress / material.elastic.shear_modulus()
-        shares.append((problem.pressure, name, softness))
-        if problem.potential is not None and isinstance(material.electric, IdealDielectric):
-            permittivity = material.electric.permittivity() / scales.permittivity
-            shares.append((problem.potential, name, permittivity))
+    device = problem.scene.device
     lumped = dolfinx.fem.Function(problem.W)
-    for part, name, weight in shares:
-        cells = device.cells_of(name)
-        cells = cells[cells < device.owned_cells()]
-        dofs = part.dofs[part.space.dofmap.list[cells]]
-        share = weight * problem.cell_volumes[cells] / dofs.shape[1]
-        np.add.at(lumped.x.array, dofs, share[:, None])
+    for field in problem.space.fields:
+        for name, material in problem.parameters.materials.items():
+            weight = field.mass(material, problem.scales) if field.mass else None
+            if weight is None:
+                continue
+            cells = device.cells_of(name)
+            cells = cells[cells < device.owned_cells()]
+            for part in problem.space.parts[field.name].values():
+                dofs = part.dofs[part.space.dofmap.list[cells]]
+                share = weight * problem.forms.cell_volumes[cells] / dofs.shape[1]
+                np.add.at(lumped.x.array, dofs, share[:, None])
     lumped.x.scatter_reverse(dolfinx.la.InsertMode.add)
     return problem.restrict(lumped.x.array[: problem.owned])

@@ -9,15 +9,15 @@ from collections.abc import Iterable, Sequence
 from dea_fenicsx.support.errors import InputError
 
 
-def known(name: str, names: Iterable[str], what: str) -> None:
-    """Raise InputError unless `name` is one of `names`, with the nearest as a suggestion."""
+def known(name: str, names: Iterable[str], what: str, owner: str = "the mesh") -> None:
+    """Raise InputError unless `name` is one of an owner's `names`; the nearest is suggested."""
     names = list(names)
     if name in names:
         return
     near = difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {near[0]!r}?" if near else ""
     listing = ", ".join(sorted(names)) or "none"
-    raise InputError(f"There is no {what} named {name!r}; {hint} the mesh has: {listing}.")
+    raise InputError(f"There is no {what} named {name!r}; {hint} {owner} has: {listing}.")
 
 
 def one_of(value: object, choices: Sequence[object], what: str) -> None:

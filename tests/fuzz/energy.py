@@ -21,7 +21,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from dea_fenicsx.model.energy import measure
+from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 
@@ -72,7 +72,8 @@ class Watch:
             ramp: compiled([s.rates.get(ramp, ufl.as_ufl(0.0)) for s in problem.states])
             for ramp in strained
         }
-        self._dead = {r: problem.load_vector(r) for r in loads.unit_work if r not in loads.changing}
+        steady = [r for r in loads.unit_work if r not in loads.changing]
+        self._dead = {r: problem.forms.load_vector(r) for r in steady}
         self._following = {r: compat.compile_form(loads.unit_work[r]) for r in loads.following}
         self._unit = problem.scales.force * problem.scales.length
         return self.measure
@@ -85,13 +86,13 @@ class Watch:
         fixed = problem.fixed
         rates = dict.fromkeys(factors, 0.0)
         work = 0.0
-        for ramp, base in problem.constraints.base.items():
+        for ramp, base in problem.conditions.fixed_values.base.items():
             rates[ramp] += float(residual[fixed] @ base[fixed])
         for ramp, vector in self._dead.items():
             mine = float(vector @ w)
             rates[ramp] += mine
             work += factors[ramp] * mine
-        for group in problem.groups:
+        for group in problem.conditions.groups:
             for ramp, amount in group.sources if group.master >= 0 else ():
                 mine = amount * float(w[group.master])
                 rates[ramp] += mine

@@ -1,0 +1,125 @@
+"""The fields of a problem: which unknowns there are, and in which role.
+
+This is the one place that declares them.  Residual norms, factors, the count of negative
+eigenvalues and predictors ask for a field's role and its declared properties, never for its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import basix.ufl
+
+from dea_fenicsx.materials import Material
+from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.model.scales import Scales
+from dea_fenicsx.scene.scene import SIMPLICES, Scene
+
+
+class Role(Enum):
+    """What a field is for."""
+
+    MOTION = "motion"
+    """Displacement; global unknowns are taken together with it."""
+
+    MULTIPLIER = "multiplier"
+    """The pressure, which keeps the volume."""
+
+    POTENTIAL = "potential"
+    """The electric potential."""
+
+    GLOBAL = "global"
+    """Numbers for the whole device, kept as one constant a cell that are all tied together."""
+
+    INTERNAL = "internal"
+    """Any other field."""
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field of a problem.
+
+    Attributes
+    ----------
+    name
+        Its name, as in the summary of a run.
+    element
+        Its element, of basix.
+    role
+        What it is for.
+    parts
+        Names of its scalar parts; empty for a scalar field.
+    negative
+        Whether each of its unknowns gives the tangent one negative eigenvalue on a stable path.
+    odd
+        Whether it changes its sign with the voltage; displacements and pressures do not.
+    residual_scale
+        For an internal field the residual that counts as 1, dimensionless.
+    mass
+        Mass per volume that keeps an undetermined mode of the field from making a factor singular,
+        for a material; None where the field does not live in it.  See `Tangent.matrix`.
+    """
+
+    name: str
+    element: Any
+    role: Role
+    parts: tuple[str, ...] = ()
+    negative: bool = False
+    odd: bool = False
+    residual_scale: float = 1.0
+    mass: Callable[[Material, Scales], float | None] | None = None
+
+
+def declared_fields(scene: Scene) -> list[Field]:
+    """The fields of a scene's problem, in the order in which they lie in the mixed function."""
+    cell = scene.device.mesh.topology.cell_name()
+    kinematics = scene.kinematics
+    axes = tuple(kinematics.axes)
+    vector = basix.ufl.element("Lagrange", cell, 2, shape=(len(axes),))
+    found = [
+        Field("u", vector, Role.MOTION, axes),
+        Field("p", _pressure_element(scene, cell), Role.MULTIPLIER, negative=True, mass=_softness),
+    ]
+    if scene.has_potential:
+        element = basix.ufl.element("Lagrange", cell, scene.elements.potential_degree)
+        found.append(
+            Field("phi", element, Role.POTENTIAL, negative=True, odd=True, mass=_permittivity)
+        )
+    names = kinematics.overall
+    if names:
+        shape = (len(names),) if len(names) > 1 else None
+        found.append(
+            Field("global", basix.ufl.element("DG", cell, 0, shape=shape), Role.GLOBAL, names)
+        )
+    return found
+
+
+def pressure_kind(scene: Scene) -> str:
+    """``"continuous"`` or ``"discontinuous"``."""
+    choice = scene.elements.pressure
+    if choice != "auto":
+        return choice
+    return "continuous" if _cell(scene.device) in SIMPLICES else "discontinuous"
+
+
+def _cell(device: Device) -> str:
+    return str(device.mesh.topology.cell_name())
+
+
+def _pressure_element(scene: Scene, cell: str) -> Any:
+    if pressure_kind(scene) == "discontinuous":
+        return basix.ufl.element("DPC", cell, 1, discontinuous=True)
+    return basix.ufl.element("Lagrange", cell, 1)
+
+
+def _softness(material: Material, scales: Scales) -> float | None:
+    return scales.stress / material.elastic.shear_modulus()
+
+
+def _permittivity(material: Material, scales: Scales) -> float | None:
+    if not material.is_dielectric:
+        return None
+    return material.dielectric.permittivity() / scales.permittivity

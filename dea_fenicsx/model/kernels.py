@@ -1,0 +1,145 @@
+"""Regions that share one integral, with their constants as cell-wise coefficients.
+
+Regions whose energies have the same shape (same elastic model, dielectric or not, incompressible or
+not) share one integral.  Their constants are coefficients that are constant in each cell, so that a
+change of a material constant never recompiles anything.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import Any
+
+import numpy as np
+import ufl
+
+from dea_fenicsx.materials import Elastic
+from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.model.scales import Scales
+from dea_fenicsx.scene.condition import declared
+from dea_fenicsx.scene.declarations import InitialStretch
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.support.compat import dolfinx
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Regions that share one integral.
+
+    Attributes
+    ----------
+    elastic
+        The elastic model with cell-wise coefficients in place of its constants.
+    eps, kappa
+        Cell-wise permittivity and bulk modulus, dimensionless, or None.
+    prestretch
+        For each ramp of a `PreStretch` its factor, a constant, and the cell-wise logarithms of the
+        three stretches; empty for regions without one.
+    regions
+        Names of the regions.
+    cells
+        Their cells that this rank owns.
+    """
+
+    elastic: Elastic
+    eps: Any | None
+    kappa: Any | None
+    prestretch: dict[str, tuple[Any, list[Any]]]
+    regions: tuple[str, ...]
+    cells: np.ndarray
+
+    @property
+    def is_incompressible(self) -> bool:
+        """Whether the volume is kept exactly."""
+        return self.kappa is None
+
+
+def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
+    """Group the regions of a scene by the shape of their energy."""
+    device = scene.device
+    groups: dict[tuple, list[str]] = {}
+    prestretches = [told for _, told in declared(scene.prescribed, scene, InitialStretch)]
+    factors = {item.ramp: dolfinx.fem.Constant(device.mesh, 0.0) for item in prestretches}
+    for name in sorted(scene.materials, key=lambda n: device.regions[n]):
+        m = scene.materials[name]
+        field_lives = m.is_dielectric and scene.has_potential
+        stretched = any(name in item.regions for item in prestretches)
+        groups.setdefault(
+            (type(m.elastic), _shape(m.elastic), field_lives, m.bulk_modulus is None, stretched), []
+        ).append(name)
+    constant = dolfinx.fem.functionspace(device.mesh, ("DG", 0))
+    owned = device.owned_cells()
+
+    def permittivity(name: str) -> float:
+        return scene.materials[name].dielectric.permittivity() / scales.permittivity
+
+    def bulk_modulus(name: str) -> float:
+        return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
+
+    made = []
+    def log_stretch(ramp: str, axis: int, name: str) -> float:
+        return sum(
+            float(np.log(item.stretches[axis])) for item in prestretches
+            if item.ramp == ramp and name in item.regions
+        )  # fmt: skip
+
+    for (_, _, field_lives, incompressible, stretched), names in groups.items():
+        cells = {n: device.cells_of(n) for n in names}
+
+        def cellwise(value: Callable[[str], float], cells: Any = cells) -> Any:
+            f = dolfinx.fem.Function(constant)
+            for n, c in cells.items():
+                f.x.array[c] = value(n)
+            return f
+
+        ramps = sorted(factors) if stretched else []
+        together = np.sort(np.concatenate(list(cells.values())))
+        made.append(
+            Kernel(
+                elastic=_bind({n: scene.materials[n].elastic for n in names}, cellwise),
+                eps=cellwise(permittivity) if field_lives else None,
+                kappa=None if incompressible else cellwise(bulk_modulus),
+                prestretch={
+                    ramp: (factors[ramp],
+                           [cellwise(partial(log_stretch, ramp, axis)) for axis in range(3)])
+                    for ramp in ramps
+                },
+                regions=tuple(names),
+                cells=together[together < owned],
+            )
+        )
+    return made
+
+
+def _shape(elastic: Elastic) -> tuple:
+    """Number of entries of each constant: models with equal shapes share a kernel."""
+    return tuple(np.size(getattr(elastic, f.name)) for f in fields(elastic))  # type: ignore[arg-type]
+
+
+def _bind(elastics: dict[str, Elastic], cellwise: Callable) -> Elastic:
+    """One elastic model whose constants are cell-wise coefficients over several regions."""
+    model = copy.copy(next(iter(elastics.values())))
+    for f in fields(model):  # type: ignore[arg-type]
+        value = getattr(model, f.name)
+        if isinstance(value, tuple):
+            bound: Any = tuple(
+                cellwise(lambda n, i=i, k=f.name: getattr(elastics[n], k)[i])
+                for i in range(len(value))
+            )
+        else:
+            bound = cellwise(lambda n, k=f.name: getattr(elastics[n], k))
+        object.__setattr__(model, f.name, bound)
+    return model
+
+
+def measure(device: Device, parts: list[np.ndarray], degree: int, kind: str = "dx") -> Any:
+    """A measure over lists of entities: part k is subdomain k."""
+    return ufl.Measure(
+        kind,
+        domain=device.mesh,
+        subdomain_data=[(k, np.asarray(p, dtype=np.int32).ravel()) for k, p in enumerate(parts)],
+        metadata={"quadrature_degree": degree},
+    )

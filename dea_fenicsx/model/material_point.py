@@ -1,0 +1,127 @@
+"""Deformation, field and energy at a point of the material, symbolic.
+
+The energy of a problem is stationary; it is
+
+    Pi = int W(F) + p (J - 1) - p^2/(2 kappa) dX - 1/2 int eps J |F^-T E|^2 dX - work of loads
+
+with E = -Grad phi, all dimensionless: lengths in L, stresses in mu, potentials in L sqrt(mu/eps),
+where mu and eps are the scales of `Scales`.  Its terms are in `model.terms`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import ufl
+
+from dea_fenicsx.model.kernels import Kernel
+from dea_fenicsx.model.scales import Scales
+from dea_fenicsx.scene.kinematics import GlobalMotion, StrainOf, cofactor
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.support.compat import dolfinx
+
+
+class MaterialPoint:
+    """Fields of a kernel at a point, symbolic and dimensionless.
+
+    Parameters
+    ----------
+    scene, kernel, scales
+        The scene, the kernel and the units.
+    fields
+        The fields of the mixed function by name.
+    motion
+        What the deformation has beside its fields, or None.
+
+    Attributes
+    ----------
+    kernel
+        The kernel.
+    F, J, cofactor
+        Deformation gradient, its determinant and cofactor, from the mesh as it is.
+    total
+        F times the pre-stretch: what the material has undergone.
+    stretch_factors
+        Factor of each ramp of a pre-stretch, as a variable.
+    strain
+        What an elastic model needs to know of the deformation.
+    p
+        The pressure.
+    per_stress
+        One over the unit of stress, as a constant of the form, not of the code.
+    energy
+        Energy per undeformed volume: the sum of all terms.
+    rates
+        Derivatives of the energy by the factors of pre-stretches.
+    """
+
+    energy: Any
+    rates: dict[str, Any]
+
+    def __init__(
+        self,
+        scene: Scene,
+        kernel: Kernel,
+        scales: Scales,
+        fields: Mapping[str, Any],
+        motion: GlobalMotion | None = None,
+    ) -> None:
+        self.kernel, self.fields = kernel, fields
+        self._mesh = scene.device.mesh
+        self._kinematics, self._motion = scene.kinematics, motion
+        self._x = ufl.SpatialCoordinate(self._mesh)
+        gradient = scene.kinematics.displacement_gradient(fields["u"], self._x, motion)
+        self.F = ufl.variable(ufl.Identity(3) + gradient)
+        self.cofactor, self.J = cofactor(self.F)
+        self.stretch_factors = {r: ufl.variable(t) for r, (t, _) in kernel.prestretch.items()}
+        self.total = self._stretched(self.F)
+        self.per_stress = self.constant(1 / scales.stress)
+        self.strain = (
+            StrainOf(self.total) if kernel.is_incompressible
+            else StrainOf(self.F, scale=self.J ** (-2 / 3))
+        )  # fmt: skip
+        self.p = fields["p"]
+
+    def constant(self, value: float) -> Any:
+        """A number as a constant of the form, so that another one needs no compilation."""
+        return dolfinx.fem.Constant(self._mesh, value)
+
+    def _stretched(self, F: Any) -> Any:
+        """F times the pre-stretch, whose determinant is 1: volumes and J are those of the mesh."""
+        if not self.stretch_factors:
+            return F
+        powers = [
+            sum(self.stretch_factors[ramp] * logs[i]
+                for ramp, (_, logs) in self.kernel.prestretch.items())
+            for i in range(3)
+        ]  # fmt: skip
+        return ufl.dot(F, ufl.diag(ufl.as_vector([ufl.exp(power) for power in powers])))
+
+    @cached_property
+    def cofactor_field(self) -> Any:
+        """J F^-T E with E = -Grad phi: J times the true field."""
+        gradient = self._kinematics.gradient(self.fields["phi"], self._x, self._motion)
+        return -ufl.dot(self.cofactor, gradient)
+
+    @property
+    def true_field(self) -> Any:
+        """The true electric field F^-T E; 0 where no field lives."""
+        return ufl.zero(3) if self.kernel.eps is None else self.cofactor_field / self.J
+
+    @property
+    def chain_margin(self) -> Any:
+        """Distance to the lock-up of chains; 1 where there is none."""
+        margin = self.kernel.elastic.chain_margin(self.strain)
+        return ufl.as_ufl(1.0) if margin is None else margin
+
+    def close(self, energy: Any) -> None:
+        """Take the sum of all terms as the energy."""
+        self.energy = energy
+        self.rates = {ramp: ufl.diff(energy, t) for ramp, t in self.stretch_factors.items()}
+
+    @property
+    def cauchy_stress(self) -> Any:
+        """True stress J^-1 (dPi/dF) F^T, electrostatic part included."""
+        return ufl.dot(ufl.diff(self.energy, self.F), ufl.transpose(self.F)) / self.J

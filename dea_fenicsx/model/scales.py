@@ -1,0 +1,64 @@
+"""The units of a problem: the SI value of each dimensionless one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dea_fenicsx.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Scales:
+    """SI value of each dimensionless unit.
+
+    Attributes
+    ----------
+    length : m
+    stress : Pa, the shear modulus of the softest dielectric
+    permittivity : F/m
+    depth : third dimension of a plane problem in units of `length`, 1 otherwise
+    """
+
+    length: float
+    stress: float
+    permittivity: float
+    depth: float
+
+    @property
+    def field(self) -> float:
+        """Electric field in V/m."""
+        return float(np.sqrt(self.stress / self.permittivity))
+
+    @property
+    def potential(self) -> float:
+        """Potential in V."""
+        return self.length * self.field
+
+    @property
+    def force(self) -> float:
+        """Force in N."""
+        return self.stress * self.length**2 * self.depth
+
+    @property
+    def charge(self) -> float:
+        """Charge in C."""
+        return self.permittivity * self.field * self.length**2 * self.depth
+
+    @property
+    def volume(self) -> float:
+        """Volume in m^3."""
+        return self.length**3 * self.depth
+
+    @classmethod
+    def of(cls, scene: Scene) -> Scales:
+        """Scales of a scene: its size, its softest dielectric and its largest permittivity."""
+        active = [m for m in scene.materials.values() if m.is_dielectric]
+        moduli = [m.elastic.shear_modulus() for m in active or scene.materials.values()]
+        return cls(
+            length=scene.device.length,
+            stress=min(moduli),
+            permittivity=max((m.dielectric.permittivity() for m in active), default=1.0),
+            depth=scene.kinematics.depth_factor(scene.device.length),
+        )

@@ -1,0 +1,25 @@
+"""The electric energy of an ideal dielectric."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import ufl
+
+from dea_fenicsx.model.kernels import Kernel
+from dea_fenicsx.model.material_point import MaterialPoint
+from dea_fenicsx.model.terms.base import EnergyTerm
+
+
+class Dielectric(EnergyTerm):
+    """- 1/2 eps J |F^-T E|^2, where E = - Grad phi; the true field is F^-T E."""
+
+    name = "dielectric"
+
+    def lives_on(self, kernel: Kernel) -> bool:
+        return kernel.eps is not None
+
+    def density(self, at: MaterialPoint) -> Any:
+        pulled, eps = at.cofactor_field, at.kernel.eps
+        assert eps is not None
+        return -(eps / 2 * ufl.dot(pulled, pulled) / at.J)

@@ -1,0 +1,26 @@
+"""The elastic energy W(F) of a rubber."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import ufl
+
+from dea_fenicsx.model.material_point import MaterialPoint
+from dea_fenicsx.model.terms.base import EnergyTerm
+
+
+class Elasticity(EnergyTerm):
+    """W(F) - W'(1) ln J where the material keeps its volume, else W of F without its change of it.
+
+    The second part of the first form makes the stress vanish at rest with p = 0.
+    """
+
+    name = "elastic"
+
+    def density(self, at: MaterialPoint) -> Any:
+        elastic = at.kernel.elastic
+        energy = elastic.energy(at.strain)
+        if at.kernel.is_incompressible:
+            energy = energy - elastic.spherical_slope() * ufl.ln(at.J)
+        return at.per_stress * energy

@@ -1,0 +1,18 @@
+"""The pressure, which keeps the volume or gives it its bulk modulus."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dea_fenicsx.model.material_point import MaterialPoint
+from dea_fenicsx.model.terms.base import EnergyTerm
+
+
+class Volume(EnergyTerm):
+    """p (J - 1), and - p^2 / (2 kappa) in a region with a bulk modulus kappa."""
+
+    name = "volume"
+
+    def density(self, at: MaterialPoint) -> Any:
+        energy, kappa = at.p * (at.J - 1), at.kernel.kappa
+        return energy if kappa is None else energy - at.p**2 / (2 * kappa)
