@@ -27,7 +27,7 @@ from dea_fenicsx.materials import (
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.path.items import Ramp
-from dea_fenicsx.path.walk import follow
+from dea_fenicsx.path.walk import Walk
 from dea_fenicsx.scene.conditions import DeadLoad, Electrode, Fix, Ground, Stretch
 from dea_fenicsx.scene.kinematics import Axisymmetric, PlaneStrain, ThreeD
 from dea_fenicsx.scene.scene import Scene
@@ -161,7 +161,7 @@ def run(kinematics, cell, elastic, first, second, volts, held=None, bulk_modulus
     solver = NewtonSolver(problem, NewtonOptions(tolerance=1e-11))
     before = [r for r, used in (("load", loads), ("stretch", held)) if used]
     path = [Ramp(what, steps=3) for what in [*before, "voltage"]]
-    for _ in follow(solver, path):
+    for _ in Walk(solver, path).follow():
         pass
     w = problem.w.x.array
     stretches = []
