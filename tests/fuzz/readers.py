@@ -1,35 +1,35 @@
 """Everything that reads files, with files that are damaged or made up, by the thousand.
 
-    python -m tests.fuzz.readers --count 50000 --seed 1
+    python -m tests.fuzz.readers --count 50000 --seed 1 --jobs 2
 
 Each trial damages one file of a whole results folder, or a mesh, and reads it in a forked process
 that has imported everything already.  It must succeed, or end in one sentence (a `DeaError`); it
 must not be ended by a signal, take longer than some seconds, write outside of its folder, run a
-command, or print what tells a terminal what to do.  A run that is resumed must end as the whole
-one did.  Prints the seed, a count of what came out, and each fault with the number of its trial:
-``--only NUMBER`` repeats it.  Exit status: the number of faults, at most 99.
+command, print what tells a terminal what to do, or leave its process changed.  A run that is
+resumed must end as the whole one did.  Prints the seed, a count of what came out, and each fault
+with the number of its trial: ``--only NUMBER`` repeats it.  Exit status: the number of faults, at
+most 99.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import io
 import json
 import os
 import random
-import resource
-import select
 import shutil
 import signal
 import sys
 import tempfile
 import time
-import traceback
 import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,11 +44,9 @@ from dea_fenicsx.pictures.paraview import write as write_view
 from dea_fenicsx.results import reading
 from dea_fenicsx.results.checkpoint import digest
 from dea_fenicsx.support import subprocesses
+from dea_fenicsx.support.form_cache import cache_dir
 from tests.fuzz.damage import NUMBERS, TEXTS, damaged, other_value
-
-SECONDS = 20.0
-ROOM = 3 << 30
-"""Bytes of address space that a trial may take beside what its process has already."""
+from tests.fuzz.forked import Fault, all_of
 
 FILM = dea.Material(dea.NeoHookean(5e4), dea.IdealDielectric(3.0))
 STEPS = 4
@@ -68,10 +66,6 @@ class Trial:
     share: float
     damage: Callable[[Path, random.Random], None]
     read: Callable[[Path, random.Random], str]
-
-
-class Fault(Exception):
-    """Something that must not happen in a trial."""
 
 
 # ------------------------------------------------------------------------------ what is read
@@ -318,24 +312,40 @@ def kind_of(seed: int, number: int) -> str:
 # -------------------------------------------------------------------------------- one trial
 
 
-def tried(good: Path, scratch: Path, seed: int, number: int) -> str:
+WANTED_BY = {"tables": "whole", "frames": "whole", "carried_on": "cut", "mesh": "mesh"}
+"""Which of the good folders each function reads."""
+
+
+def tried(good: Path, seed: int, number: int, scratch: Path) -> str:
     """Make and read one damaged file, in this process; returns what came out."""
     rng = random.Random(f"{seed} {number}, damage")
-    kind = kind_of(seed, number)
-    trial = TRIALS[kind]
+    trial = TRIALS[kind_of(seed, number)]
     place = scratch / f"{number}"
+    outcome = read_one(good, place, trial.read, trial.damage, rng)
+    os.chdir(scratch)
+    shutil.rmtree(place)
+    return outcome
+
+
+def read_one(
+    good: Path,
+    place: Path,
+    read: Callable[[Path, random.Random], str],
+    damage: Callable[[Path, random.Random], None],
+    rng: random.Random,
+) -> str:
+    """Read a damaged copy of a good folder in a new folder, and check what this leaves there."""
     folder = place / "results"
     place.mkdir()
     (place / "canary").write_text("alive")
-    wanted = {"tables": ("whole",), "frames": ("whole",), "carried_on": ("cut",), "mesh": ("mesh",)}
-    for name in wanted[trial.read.__name__]:
-        shutil.copytree(good / name, folder / name)
-    if trial.read is tables:
+    name = WANTED_BY[read.__name__]
+    shutil.copytree(good / name, folder / name)
+    if read is tables:
         (folder / "good").symlink_to(good / "whole")
-    trial.damage(folder, rng)
+    damage(folder, rng)
     os.chdir(folder)
     try:
-        text = trial.read(folder, rng)
+        text = read(folder, rng)
         outcome = "read"
     except dea.DeaError as error:
         text, outcome = str(error), "refused"
@@ -344,86 +354,76 @@ def tried(good: Path, scratch: Path, seed: int, number: int) -> str:
     strange = [c for c in text if not c.isprintable() and c != "\n"]
     if strange:
         raise Fault(f"it prints {strange[0]!r}")
+    if Path.cwd() != folder:
+        raise Fault(f"it leaves another working directory, {Path.cwd()}")
     known = {"canary", "results"}
     here = {p.name for p in place.iterdir()} | ({"pwned"} if list(place.rglob("pwned")) else set())
     if here != known or (place / "canary").read_text() != "alive":
         raise Fault(f"it leaves {sorted(here - known)} outside of its folder")
-    os.chdir(scratch)
-    shutil.rmtree(place)
     return outcome
-
-
-def child(good: Path, scratch: Path, seed: int, numbers: list[int], tell: int) -> None:
-    """Try some numbers, and tell the parent of each as it begins and ends."""
-    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (size + ROOM, size + ROOM))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (200 << 20, 200 << 20))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    null = os.open(os.devnull, os.O_RDWR)
-    for descriptor in (0, 1, 2):
-        os.dup2(null, descriptor)
-    for number in numbers:
-        os.write(tell, f"{number}\tbegins\t\n".encode())
-        try:
-            outcome, why = tried(good, scratch, seed, number), ""
-        except Fault as error:
-            outcome, why = "fault", str(error)
-        except BaseException as error:
-            where = traceback.extract_tb(error.__traceback__)[-1]
-            outcome = "fault"
-            why = f"{type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
-        why = " ".join(why.split())[:400]
-        os.write(tell, f"{number}\t{outcome}\t{why}\n".encode("utf-8", "replace"))
-    os._exit(0)
 
 
 # ------------------------------------------------------------------------------- all of them
 
 
-def batch(good: Path, scratch: Path, seed: int, numbers: list[int]) -> dict[int, tuple[str, str]]:
-    """What came out of some trials, in a forked process that may die or hang."""
-    found: dict[int, tuple[str, str]] = {}
-    hear, tell = os.pipe()
-    process = os.fork()
-    if process == 0:
-        os.close(hear)
-        os.setsid()
-        try:
-            child(good, scratch, seed, numbers, tell)
-        finally:
-            os._exit(1)
-    os.close(tell)
-    at, text, late = None, b"", False
-    end = time.monotonic() + SECONDS
-    while True:
-        if not select.select([hear], [], [], max(end - time.monotonic(), 0))[0]:
-            late = True
-            break
-        piece = os.read(hear, 65536)
-        if not piece:
-            break
-        *lines, text = (text + piece).split(b"\n")
-        for line in lines:
-            number, outcome, why = line.decode("utf-8", "replace").split("\t", 2)
-            at = int(number) if outcome == "begins" else None
-            if outcome != "begins":
-                found[int(number)] = (outcome, why)
-            end = time.monotonic() + SECONDS
-    if late:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process, signal.SIGKILL)
-    os.close(hear)
-    _, status = os.waitpid(process, 0)
-    if at is not None:
-        code = os.waitstatus_to_exitcode(status)
-        why = f"no end within {SECONDS:g} s" if late else f"the process ends with status {code}"
-        found[at] = ("fault", why)
-    return found
+SHARED_MEMORY = Path("/dev/shm")
+MEMORY = 2 << 30
+"""Bytes that must be free in memory for the trials to lie there and not on a disk."""
+
+
+class _Lowest(random.Random):
+    """Random numbers of which each is the smallest, so that whatever has a chance happens."""
+
+    def random(self) -> float:
+        return 0.0
+
+
+def fast_folder() -> str | None:
+    """A folder that lies in memory, or None for the usual one of temporary files."""
+    with contextlib.suppress(OSError):
+        if os.access(SHARED_MEMORY, os.W_OK) and shutil.disk_usage(SHARED_MEMORY).free > MEMORY:
+            return str(SHARED_MEMORY)
+    return None
+
+
+def own_cache(folder: Path) -> None:
+    """Use a cache of compiled forms that holds only those which this process has loaded.
+
+    Each form that is loaded costs a listing of the whole cache, which may hold thousands.
+    """
+    old = cache_dir()
+    lines = Path("/proc/self/maps").read_text().splitlines()
+    loaded = {Path(line.split(maxsplit=5)[5]) for line in lines if line.count(" /")}
+    os.environ["XDG_CACHE_HOME"] = str(folder)
+    cache_dir().mkdir(parents=True)
+    for library in loaded:
+        if library.parent == old:
+            for file in old.glob(f"{library.name.split('.')[0]}.*"):
+                shutil.copy2(file, cache_dir())
+
+
+def warmed(good: Path, scratch: Path) -> None:
+    """Read each good folder once in this process, so that what it imports is there in all others.
+
+    Raises
+    ------
+    Fault
+        If one cannot be read.
+    """
+    for read in (tables, frames, carried_on, mesh):
+        place = scratch / read.__name__
+        outcome = read_one(good, place, read, lambda *_: None, _Lowest())
+        if outcome != "read":
+            raise Fault(f"the good folder is {outcome} by {read.__name__}")
+        os.chdir(scratch)
+        shutil.rmtree(place)
+    gc.collect()
+    gc.freeze()  # otherwise each process would walk through all of this again and again
 
 
 def run(
     count: int, seed: int, only: int | None = None, kinds: list[str] | None = None,
-    say: Callable[[str], object] = print, size: int = 50,
+    say: Callable[[str], object] = print, jobs: int = 1, size: int = 200,
 ) -> tuple[Counter[str], list[str]]:  # fmt: skip
     """Try so many damaged files; returns counts of what came out, and the faults.
 
@@ -437,31 +437,30 @@ def run(
         Names in `TRIALS`; by default all, each as often as it says.
     say
         Called with each fault.
+    jobs
+        Processes at a time.
     size
         Trials of one process.
     """
     numbers = range(count) if only is None else range(only, only + 1)
-    left = [n for n in numbers if not kinds or kind_of(seed, n) in kinds]
+    wanted = [n for n in numbers if not kinds or kind_of(seed, n) in kinds]
     counts: Counter[str] = Counter()
     faults = []
-    with tempfile.TemporaryDirectory(prefix="fuzz_readers_") as name:
-        place = Path(name)
+    with tempfile.TemporaryDirectory(prefix="fuzz_readers_", dir=fast_folder()) as name:
+        place = Path(name).resolve()
         good, scratch = place / "good", place / "scratch"
         good.mkdir()
         scratch.mkdir()
         WANTED.update(good_folders(good))
-        while left:
-            found = batch(good, scratch, seed, left[:size])
-            for number, (outcome, why) in sorted(found.items()):
-                kind = kind_of(seed, number)
-                counts[f"{kind}: {outcome}"] += 1
-                if outcome == "fault":
-                    faults.append(f"trial {number} of seed {seed} ({kind}): {why}")
-                    say(faults[-1])
-            if not found:
-                faults.append(f"trials {left[:size]} of seed {seed}: no process")
-                break
-            left = [n for n in left if n not in found]
+        own_cache(place / "cache")
+        warmed(good, scratch)
+        for ended in all_of(partial(tried, good, seed), wanted, scratch, jobs, size):
+            kind = kind_of(seed, ended.number)
+            counts[f"{kind}: {ended.outcome}"] += 1
+            if ended.outcome == "fault":
+                faults.append(f"trial {ended.number} of seed {seed} ({kind}): {ended.why}")
+                say(faults[-1])
+        os.chdir("/")
     return counts, faults
 
 
@@ -471,14 +470,21 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=int(time.time()))
     parser.add_argument("--only", type=int, help="repeat the trial of this number alone")
     parser.add_argument("--kind", action="append", choices=list(TRIALS), help="of this kind only")
+    parser.add_argument("--jobs", type=int, default=1, help="processes at a time")
     options = parser.parse_args()
     os.environ |= subprocesses.environment()
     print(f"seed {options.seed}", flush=True)
     begun = time.monotonic()
-    counts, faults = run(options.count, options.seed, options.only, options.kind)
+    counts, faults = run(
+        options.count, options.seed, options.only, options.kind, jobs=options.jobs
+    )
     for outcome, number in sorted(counts.items()):
         print(f"{outcome:25} {number}")
-    print(f"{sum(counts.values())} trials, {len(faults)} faults, {time.monotonic() - begun:.0f} s")
+    used = sum(os.times()[:4])
+    print(
+        f"{sum(counts.values())} trials, {len(faults)} faults, {time.monotonic() - begun:.0f} s, "
+        f"{used:.0f} s of the processors"
+    )
     return min(len(faults), 99)
 
 
