@@ -140,6 +140,8 @@ def tables(folder: Path, rng: random.Random) -> str:
     text += printed("compare", good, here) + printed("compare", here, good)
     if rng.random() < 0.03:
         text += printed("show", here, "--format", "svg")
+    if rng.random() < 0.1:
+        text += printed("show", here, "--paraview")
     reading.read_history(here)
     reading.read_summary(here)
     return text
