@@ -71,21 +71,27 @@ def all_of(
     size
         Most trials of a process.
     """
-    left, workers, begun = deque(numbers), {}, 0
-    while left or workers:
-        while left and len(workers) < jobs:
-            some = [left.popleft() for _ in range(min(size, len(left)))]
-            begun += 1
-            worker = _Worker(trial, some, place / f"{begun}")
-            workers[worker.hear] = worker
-        wait = min(worker.end for worker in workers.values()) - time.monotonic()
-        for descriptor in select.select(list(workers), [], [], max(wait, 0))[0]:
-            yield from workers[descriptor].heard()
-        now = time.monotonic()
-        for worker in [w for w in workers.values() if w.silent or w.end <= now]:
-            del workers[worker.hear]
-            yield from worker.closed()
-            left.extendleft(reversed(worker.left))
+    left, begun = deque(numbers), 0
+    workers: dict[int, _Worker] = {}
+    try:
+        while left or workers:
+            while left and len(workers) < jobs:
+                some = [left.popleft() for _ in range(min(size, len(left)))]
+                begun += 1
+                worker = _Worker(trial, some, place / f"{begun}")
+                workers[worker.hear] = worker
+            wait = min(worker.end for worker in workers.values()) - time.monotonic()
+            for descriptor in select.select(list(workers), [], [], max(wait, 0))[0]:
+                yield from workers[descriptor].heard()
+            now = time.monotonic()
+            for worker in [w for w in workers.values() if w.silent or w.end <= now]:
+                del workers[worker.hear]
+                yield from worker.closed()
+                left.extendleft(reversed(worker.left))
+    finally:  # an interruption leaves no process behind
+        for worker in workers.values():
+            worker.kill()
+            os.waitpid(worker.process, 0)
 
 
 class _Worker:
@@ -134,12 +140,17 @@ class _Worker:
                 self.left.remove(self.last)
                 yield Ended(self.last, outcome, why)
 
+    def kill(self) -> None:
+        """End the process and all that it has started."""
+        for end in (os.killpg, os.kill):  # at its very beginning it has no group of its own yet
+            with contextlib.suppress(ProcessLookupError):
+                end(self.process, signal.SIGKILL)
+
     def closed(self) -> Iterator[Ended]:
         """Wait for the process, which is late or has closed the pipe; yields the trial at fault."""
         late = not self.silent
         if late:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self.process, signal.SIGKILL)
+            self.kill()
         os.close(self.hear)
         _, status = os.waitpid(self.process, 0)
         shutil.rmtree(self.scratch, ignore_errors=True)

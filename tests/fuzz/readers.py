@@ -372,6 +372,9 @@ SHARED_MEMORY = Path("/dev/shm")
 MEMORY = 2 << 30
 """Bytes that must be free in memory for the trials to lie there and not on a disk."""
 
+TELL = 60.0
+"""Seconds between two lines that tell how far it is."""
+
 
 class _Lowest(random.Random):
     """Random numbers of which each is the smallest, so that whatever has a chance happens."""
@@ -425,7 +428,7 @@ def warmed(good: Path, scratch: Path) -> None:
 
 def run(
     count: int, seed: int, only: int | None = None, kinds: list[str] | None = None,
-    say: Callable[[str], object] = print, jobs: int = 1, size: int = 200,
+    say: Callable[[str], object] = partial(print, flush=True), jobs: int = 1, size: int = 200,
 ) -> tuple[Counter[str], list[str]]:  # fmt: skip
     """Try so many damaged files; returns counts of what came out, and the faults.
 
@@ -438,7 +441,7 @@ def run(
     kinds
         Names in `TRIALS`; by default all, each as often as it says.
     say
-        Called with each fault.
+        Called with each fault, and now and then with how far it is.
     jobs
         Processes at a time.
     size
@@ -456,12 +459,16 @@ def run(
         WANTED.update(good_folders(good))
         own_cache(place / "cache")
         warmed(good, scratch)
+        begun = told = time.monotonic()
         for ended in all_of(partial(tried, good, seed), wanted, scratch, jobs, size):
             kind = kind_of(seed, ended.number)
             counts[f"{kind}: {ended.outcome}"] += 1
             if ended.outcome == "fault":
                 faults.append(f"trial {ended.number} of seed {seed} ({kind}): {ended.why}")
                 say(faults[-1])
+            if (now := time.monotonic()) - told > TELL:
+                told = now
+                say(f"{counts.total()} of {len(wanted)} trials, {now - begun:.0f} s")
         os.chdir("/")
     return counts, faults
 
