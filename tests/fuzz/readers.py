@@ -428,7 +428,7 @@ def warmed(good: Path, scratch: Path) -> None:
 
 def run(
     count: int, seed: int, only: int | None = None, kinds: list[str] | None = None,
-    say: Callable[[str], object] = partial(print, flush=True), jobs: int = 1, size: int = 200,
+    say: Callable[[str], object] = print, jobs: int = 1, size: int = 200,
 ) -> tuple[Counter[str], list[str]]:  # fmt: skip
     """Try so many damaged files; returns counts of what came out, and the faults.
 
@@ -485,8 +485,9 @@ def main() -> int:
     print(f"seed {options.seed}", flush=True)
     begun = time.monotonic()
     counts, faults = run(
-        options.count, options.seed, options.only, options.kind, jobs=options.jobs
-    )
+        options.count, options.seed, options.only, options.kind,
+        partial(print, flush=True), options.jobs,
+    )  # fmt: skip
     for outcome, number in sorted(counts.items()):
         print(f"{outcome:25} {number}")
     used = sum(os.times()[:4])
