@@ -384,9 +384,14 @@ class _Lowest(random.Random):
 
 
 def fast_folder() -> str | None:
-    """A folder that lies in memory, or None for the usual one of temporary files."""
+    """A folder that lies in memory, or None for the usual one of temporary files.
+
+    Libraries are loaded from it, which some systems forbid in memory.
+    """
     with contextlib.suppress(OSError):
-        if os.access(SHARED_MEMORY, os.W_OK) and shutil.disk_usage(SHARED_MEMORY).free > MEMORY:
+        forbidden = os.statvfs(SHARED_MEMORY).f_flag & os.ST_NOEXEC
+        room = shutil.disk_usage(SHARED_MEMORY).free > MEMORY
+        if room and not forbidden and os.access(SHARED_MEMORY, os.W_OK):
             return str(SHARED_MEMORY)
     return None
 
