@@ -45,7 +45,7 @@ fuzz: env
 	$(RUN) sh -c 'found=0; \
 	  $(FUZZ) tests.fuzz.physics --count 500 --seed 1 --jobs 2 || found=1; \
 	  $(FUZZ) tests.fuzz.paths --count 30 --seed 1 || found=1; \
-	  $(FUZZ) tests.fuzz.readers --count 50000 --seed 1 || found=1; \
+	  $(FUZZ) tests.fuzz.readers --count 50000 --seed 1 --jobs 2 || found=1; \
 	  exit $$found'
 
 peers: env

@@ -137,9 +137,11 @@ def summary(folder: Path, history: dict[str, np.ndarray]) -> str:
     from dea_fenicsx.pictures import spoken
 
     told = _summary_of(folder)
-    columns = [n for n in load_columns(history, told) if history[n].dtype.kind == "f"]
+    columns = load_columns(history, told)
     columns += [n for n in recorded(history) if n not in columns]
     columns += [n for n in ("max_field_V_per_m",) if n in history]
+    # in a damaged file any of them may hold texts
+    columns = [n for n in columns if history[n].dtype.kind == "f"]
     status = clean(told.get("status", "no summary.json"), 60)
     steps = len(next(iter(history.values()))) - 1
     head = f"{clean(folder, LONGEST_PATH)}: {status}, {steps} steps after the undeformed state"

@@ -164,7 +164,7 @@ def write(folder: str | os.PathLike) -> Path:
     names = field_names(place)
     field = FIELD if FIELD in names else "J"
     largest = 0.0
-    with suppress(InputError, KeyError, ValueError):
+    with suppress(InputError, KeyError, TypeError, ValueError):
         largest = float(np.nanmax(read_history(place)["max_field_V_per_m"]))
     words = axis_label(field, largest)[0].rsplit(" (", 1)[0]
     text = _MACRO.format(

@@ -1,40 +1,36 @@
 """Everything that reads files, with files that are damaged or made up, by the thousand.
 
-    python -m tests.fuzz.readers --count 50000 --seed 1
+    python -m tests.fuzz.readers --count 50000 --seed 1 --jobs 2
 
 Each trial damages one file of a whole results folder, or a mesh, and reads it in a forked process
 that has imported everything already.  It must succeed, or end in one sentence (a `DeaError`); it
 must not be ended by a signal, take longer than some seconds, write outside of its folder, run a
-command, or print what tells a terminal what to do.  A run that is resumed must end as the whole
-one did.  Prints the seed, a count of what came out, and each fault with the number of its trial:
-``--only NUMBER`` repeats it.  Exit status: the number of faults, at most 99.
+command, print what tells a terminal what to do, or leave its process changed.  A run that is
+resumed must end as the whole one did.  Prints the seed, a count of what came out, and each fault
+with the number of its trial: ``--only NUMBER`` repeats it.  Exit status: the number of faults, at
+most 99.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import gc
 import io
-import json
 import os
 import random
-import resource
-import select
 import shutil
 import signal
 import sys
 import tempfile
 import time
-import traceback
-import xml.etree.ElementTree as ET
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import h5py
-import numpy as np
 from mpi4py import MPI
 
 import dea_fenicsx as dea
@@ -42,13 +38,17 @@ from dea_fenicsx import cli
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.pictures.paraview import write as write_view
 from dea_fenicsx.results import reading
-from dea_fenicsx.results.checkpoint import digest
 from dea_fenicsx.support import subprocesses
-from tests.fuzz.damage import NUMBERS, TEXTS, damaged, other_value
-
-SECONDS = 20.0
-ROOM = 3 << 30
-"""Bytes of address space that a trial may take beside what its process has already."""
+from dea_fenicsx.support.form_cache import cache_dir
+from tests.fuzz.damaged_results import (
+    in_checkpoint,
+    in_file,
+    in_hdf5,
+    in_mesh,
+    in_summary,
+    in_xdmf,
+)
+from tests.fuzz.forked import Fault, all_of
 
 FILM = dea.Material(dea.NeoHookean(5e4), dea.IdealDielectric(3.0))
 STEPS = 4
@@ -68,10 +68,6 @@ class Trial:
     share: float
     damage: Callable[[Path, random.Random], None]
     read: Callable[[Path, random.Random], str]
-
-
-class Fault(Exception):
-    """Something that must not happen in a trial."""
 
 
 # ------------------------------------------------------------------------------ what is read
@@ -146,6 +142,8 @@ def tables(folder: Path, rng: random.Random) -> str:
     text += printed("compare", good, here) + printed("compare", here, good)
     if rng.random() < 0.03:
         text += printed("show", here, "--format", "svg")
+    if rng.random() < 0.1:
+        text += printed("show", here, "--paraview")
     reading.read_history(here)
     reading.read_summary(here)
     return text
@@ -181,124 +179,6 @@ def mesh(folder: Path, rng: random.Random) -> str:
     return ""
 
 
-# ---------------------------------------------------------------------------- how it is damaged
-
-
-def in_file(*names: str) -> Callable[[Path, random.Random], None]:
-    def damage(folder: Path, rng: random.Random) -> None:
-        file = folder / rng.choice(names)
-        file.write_bytes(damaged(file.read_bytes(), rng))
-
-    return damage
-
-
-def in_summary(folder: Path, rng: random.Random) -> None:
-    file = folder / "whole" / "summary.json"
-    if rng.random() < 0.3:
-        return in_file("whole/summary.json")(folder, rng)
-    told = json.loads(file.read_text())
-    for _ in range(rng.choice((1, 2, 5, 30))):
-        told = other_value(told, rng)
-    file.write_text(json.dumps(told))
-
-
-def in_xdmf(folder: Path, rng: random.Random) -> None:
-    """Bytes, or well-formed XML with another attribute, text or element."""
-    if rng.random() < 0.3:
-        return in_file("whole/fields.xdmf")(folder, rng)
-    file = folder / "whole" / "fields.xdmf"
-    tree = ET.parse(file)
-    elements = list(tree.getroot().iter())
-    for _ in range(rng.choice((1, 1, 3))):
-        one, other = rng.choice(elements), rng.choice(elements)
-        new = "".join(c for c in rng.choice((*TEXTS, *NUMBERS)) if c >= " ")
-        kind = rng.randrange(5)
-        if kind == 0 and one.attrib:
-            one.set(rng.choice(sorted(one.attrib)), new)
-        elif kind == 1 and one.attrib:
-            del one.attrib[rng.choice(sorted(one.attrib))]
-        elif kind == 2:
-            one.text = other.text
-        elif kind == 3 and len(one):
-            one.remove(one[rng.randrange(len(one))])
-        else:
-            name, _, where = (one.text or "").strip().partition(":")
-            one.text = rng.choice((f"{new}:{where}", f"{name}:{new}", new, f"../{name}:{where}"))
-    tree.write(file)
-    return None
-
-
-def in_hdf5(folder: Path, rng: random.Random) -> None:
-    """Bytes, or a good file that holds something else under one of its names."""
-    file = folder / "whole" / "fields.h5"
-    if rng.random() < 0.3:
-        return in_file("whole/fields.h5")(folder, rng)
-    if rng.random() < 0.5:  # few bits only, so that more of it is read
-        raw = bytearray(file.read_bytes())
-        for _ in range(rng.choice((1, 3))):
-            raw[rng.randrange(len(raw))] ^= 1 << rng.randrange(8)
-        file.write_bytes(raw)
-        return None
-    with h5py.File(file, "a") as h5:
-        names: list[str] = []
-        h5.visit(names.append)
-        name = rng.choice(names)
-        old = h5[name][()] if isinstance(h5[name], h5py.Dataset) else np.zeros((3, 3))
-        del h5[name]
-        kind = rng.randrange(8)
-        if kind == 0:
-            h5[name] = h5py.ExternalLink("/etc/passwd", "/")
-        elif kind == 1:
-            h5[name] = h5py.SoftLink("/" + rng.choice(names))
-        elif kind == 2:
-            h5.create_dataset(name, (1 << 20, 1 << 10), "f8", chunks=(1024, 1024), fillvalue=1.0)
-        elif kind == 3:
-            h5.create_dataset(name, (64,), "f8", external=[("/etc/hostname", 0, 512)])
-        elif kind == 4:
-            h5[name] = rng.choice(("text", [b"a", b"b"], 7, np.zeros((0, 3)), np.zeros(3)))
-        elif kind == 5:
-            h5[name] = (old * rng.choice((-1, 1e9, np.nan))).astype(old.dtype)
-        elif kind == 6:
-            h5[name] = rng.choice((old[:-1], old[..., :-1], old.ravel(), old.astype("c16")))
-        elif kind == 7:
-            h5.create_dataset(name, (10**15,), "f8", chunks=(1024,), compression="gzip")
-    return None
-
-
-def in_checkpoint(folder: Path, rng: random.Random) -> None:
-    """Bytes, or a well-formed file that tells something else, sealed anew or not."""
-    if rng.random() < 0.2:
-        return in_file("cut/checkpoint.npz")(folder, rng)
-    file = folder / "cut" / "checkpoint.npz"
-    with np.load(file) as data:
-        state, told = data["state"], json.loads(str(data["told"]))
-    if rng.random() < 0.15:
-        state = state.copy()
-        state.flat[rng.randrange(state.size)] *= rng.choice((0.9, 2, -1, np.nan, np.inf))
-    elif rng.random() < 0.1:
-        state = rng.choice((state[:-1], state.astype("f4"), state.ravel(), state.astype("c16")))
-    else:
-        for _ in range(rng.choice((1, 1, 3))):
-            told = other_value(told, rng)
-    text = json.dumps(told)
-    more = {}
-    if rng.random() < 0.8:
-        with contextlib.suppress(TypeError, ValueError):
-            more["digest"] = digest(state, text)
-    with contextlib.suppress(UnicodeEncodeError):
-        np.savez(file, state=state, told=text, **more)
-    return None
-
-
-def in_mesh(kind: str) -> Callable[[Path, random.Random], None]:
-    def damage(folder: Path, rng: random.Random) -> None:
-        other = {"ascii": "binary", "binary": "ascii"}[kind]
-        (folder / "mesh" / f"{other}.msh").unlink()
-        in_file(f"mesh/{kind}.msh")(folder, rng)
-
-    return damage
-
-
 TRIALS = {
     "history": Trial(0.27, in_file("whole/history.csv"), tables),
     "summary": Trial(0.25, in_summary, tables),
@@ -318,24 +198,40 @@ def kind_of(seed: int, number: int) -> str:
 # -------------------------------------------------------------------------------- one trial
 
 
-def tried(good: Path, scratch: Path, seed: int, number: int) -> str:
+WANTED_BY = {"tables": "whole", "frames": "whole", "carried_on": "cut", "mesh": "mesh"}
+"""Which of the good folders each function reads."""
+
+
+def tried(good: Path, seed: int, number: int, scratch: Path) -> str:
     """Make and read one damaged file, in this process; returns what came out."""
     rng = random.Random(f"{seed} {number}, damage")
-    kind = kind_of(seed, number)
-    trial = TRIALS[kind]
+    trial = TRIALS[kind_of(seed, number)]
     place = scratch / f"{number}"
+    outcome = read_one(good, place, trial.read, trial.damage, rng)
+    os.chdir(scratch)
+    shutil.rmtree(place)
+    return outcome
+
+
+def read_one(
+    good: Path,
+    place: Path,
+    read: Callable[[Path, random.Random], str],
+    damage: Callable[[Path, random.Random], None],
+    rng: random.Random,
+) -> str:
+    """Read a damaged copy of a good folder in a new folder, and check what this leaves there."""
     folder = place / "results"
     place.mkdir()
     (place / "canary").write_text("alive")
-    wanted = {"tables": ("whole",), "frames": ("whole",), "carried_on": ("cut",), "mesh": ("mesh",)}
-    for name in wanted[trial.read.__name__]:
-        shutil.copytree(good / name, folder / name)
-    if trial.read is tables:
+    name = WANTED_BY[read.__name__]
+    shutil.copytree(good / name, folder / name)
+    if read is tables:
         (folder / "good").symlink_to(good / "whole")
-    trial.damage(folder, rng)
+    damage(folder, rng)
     os.chdir(folder)
     try:
-        text = trial.read(folder, rng)
+        text = read(folder, rng)
         outcome = "read"
     except dea.DeaError as error:
         text, outcome = str(error), "refused"
@@ -344,86 +240,84 @@ def tried(good: Path, scratch: Path, seed: int, number: int) -> str:
     strange = [c for c in text if not c.isprintable() and c != "\n"]
     if strange:
         raise Fault(f"it prints {strange[0]!r}")
+    if Path.cwd() != folder:
+        raise Fault(f"it leaves another working directory, {Path.cwd()}")
     known = {"canary", "results"}
     here = {p.name for p in place.iterdir()} | ({"pwned"} if list(place.rglob("pwned")) else set())
     if here != known or (place / "canary").read_text() != "alive":
         raise Fault(f"it leaves {sorted(here - known)} outside of its folder")
-    os.chdir(scratch)
-    shutil.rmtree(place)
     return outcome
-
-
-def child(good: Path, scratch: Path, seed: int, numbers: list[int], tell: int) -> None:
-    """Try some numbers, and tell the parent of each as it begins and ends."""
-    size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (size + ROOM, size + ROOM))
-    resource.setrlimit(resource.RLIMIT_FSIZE, (200 << 20, 200 << 20))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    null = os.open(os.devnull, os.O_RDWR)
-    for descriptor in (0, 1, 2):
-        os.dup2(null, descriptor)
-    for number in numbers:
-        os.write(tell, f"{number}\tbegins\t\n".encode())
-        try:
-            outcome, why = tried(good, scratch, seed, number), ""
-        except Fault as error:
-            outcome, why = "fault", str(error)
-        except BaseException as error:
-            where = traceback.extract_tb(error.__traceback__)[-1]
-            outcome = "fault"
-            why = f"{type(error).__name__}: {error} ({Path(where.filename).name}:{where.lineno})"
-        why = " ".join(why.split())[:400]
-        os.write(tell, f"{number}\t{outcome}\t{why}\n".encode("utf-8", "replace"))
-    os._exit(0)
 
 
 # ------------------------------------------------------------------------------- all of them
 
 
-def batch(good: Path, scratch: Path, seed: int, numbers: list[int]) -> dict[int, tuple[str, str]]:
-    """What came out of some trials, in a forked process that may die or hang."""
-    found: dict[int, tuple[str, str]] = {}
-    hear, tell = os.pipe()
-    process = os.fork()
-    if process == 0:
-        os.close(hear)
-        os.setsid()
-        try:
-            child(good, scratch, seed, numbers, tell)
-        finally:
-            os._exit(1)
-    os.close(tell)
-    at, text, late = None, b"", False
-    end = time.monotonic() + SECONDS
-    while True:
-        if not select.select([hear], [], [], max(end - time.monotonic(), 0))[0]:
-            late = True
-            break
-        piece = os.read(hear, 65536)
-        if not piece:
-            break
-        *lines, text = (text + piece).split(b"\n")
-        for line in lines:
-            number, outcome, why = line.decode("utf-8", "replace").split("\t", 2)
-            at = int(number) if outcome == "begins" else None
-            if outcome != "begins":
-                found[int(number)] = (outcome, why)
-            end = time.monotonic() + SECONDS
-    if late:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process, signal.SIGKILL)
-    os.close(hear)
-    _, status = os.waitpid(process, 0)
-    if at is not None:
-        code = os.waitstatus_to_exitcode(status)
-        why = f"no end within {SECONDS:g} s" if late else f"the process ends with status {code}"
-        found[at] = ("fault", why)
-    return found
+SHARED_MEMORY = Path("/dev/shm")
+MEMORY = 2 << 30
+"""Bytes that must be free in memory for the trials to lie there and not on a disk."""
+
+TELL = 60.0
+"""Seconds between two lines that tell how far it is."""
+
+
+class _Lowest(random.Random):
+    """Random numbers of which each is the smallest, so that whatever has a chance happens."""
+
+    def random(self) -> float:
+        return 0.0
+
+
+def fast_folder() -> str | None:
+    """A folder that lies in memory, or None for the usual one of temporary files.
+
+    Libraries are loaded from it, which some systems forbid in memory.
+    """
+    with contextlib.suppress(OSError):
+        forbidden = os.statvfs(SHARED_MEMORY).f_flag & os.ST_NOEXEC
+        room = shutil.disk_usage(SHARED_MEMORY).free > MEMORY
+        if room and not forbidden and os.access(SHARED_MEMORY, os.W_OK):
+            return str(SHARED_MEMORY)
+    return None
+
+
+def own_cache(folder: Path) -> None:
+    """Use a cache of compiled forms that holds only those which this process has loaded.
+
+    Each form that is loaded costs a listing of the whole cache, which may hold thousands.
+    """
+    old = cache_dir()
+    lines = Path("/proc/self/maps").read_text().splitlines()
+    loaded = {Path(line.split(maxsplit=5)[5]) for line in lines if line.count(" /")}
+    os.environ["XDG_CACHE_HOME"] = str(folder)
+    cache_dir().mkdir(parents=True)
+    for library in loaded:
+        if library.parent == old:
+            for file in old.glob(f"{library.name.split('.')[0]}.*"):
+                shutil.copy2(file, cache_dir())
+
+
+def warmed(good: Path, scratch: Path) -> None:
+    """Read each good folder once in this process, so that what it imports is there in all others.
+
+    Raises
+    ------
+    Fault
+        If one cannot be read.
+    """
+    for read in (tables, frames, carried_on, mesh):
+        place = scratch / read.__name__
+        outcome = read_one(good, place, read, lambda *_: None, _Lowest())
+        if outcome != "read":
+            raise Fault(f"the good folder is {outcome} by {read.__name__}")
+        os.chdir(scratch)
+        shutil.rmtree(place)
+    gc.collect()
+    gc.freeze()  # otherwise each process would walk through all of this again and again
 
 
 def run(
     count: int, seed: int, only: int | None = None, kinds: list[str] | None = None,
-    say: Callable[[str], object] = print, size: int = 50,
+    say: Callable[[str], object] = print, jobs: int = 1, size: int = 200,
 ) -> tuple[Counter[str], list[str]]:  # fmt: skip
     """Try so many damaged files; returns counts of what came out, and the faults.
 
@@ -436,32 +330,35 @@ def run(
     kinds
         Names in `TRIALS`; by default all, each as often as it says.
     say
-        Called with each fault.
+        Called with each fault, and now and then with how far it is.
+    jobs
+        Processes at a time.
     size
         Trials of one process.
     """
     numbers = range(count) if only is None else range(only, only + 1)
-    left = [n for n in numbers if not kinds or kind_of(seed, n) in kinds]
+    wanted = [n for n in numbers if not kinds or kind_of(seed, n) in kinds]
     counts: Counter[str] = Counter()
     faults = []
-    with tempfile.TemporaryDirectory(prefix="fuzz_readers_") as name:
-        place = Path(name)
+    with tempfile.TemporaryDirectory(prefix="fuzz_readers_", dir=fast_folder()) as name:
+        place = Path(name).resolve()
         good, scratch = place / "good", place / "scratch"
         good.mkdir()
         scratch.mkdir()
         WANTED.update(good_folders(good))
-        while left:
-            found = batch(good, scratch, seed, left[:size])
-            for number, (outcome, why) in sorted(found.items()):
-                kind = kind_of(seed, number)
-                counts[f"{kind}: {outcome}"] += 1
-                if outcome == "fault":
-                    faults.append(f"trial {number} of seed {seed} ({kind}): {why}")
-                    say(faults[-1])
-            if not found:
-                faults.append(f"trials {left[:size]} of seed {seed}: no process")
-                break
-            left = [n for n in left if n not in found]
+        own_cache(place / "cache")
+        warmed(good, scratch)
+        begun = told = time.monotonic()
+        for ended in all_of(partial(tried, good, seed), wanted, scratch, jobs, size):
+            kind = kind_of(seed, ended.number)
+            counts[f"{kind}: {ended.outcome}"] += 1
+            if ended.outcome == "fault":
+                faults.append(f"trial {ended.number} of seed {seed} ({kind}): {ended.why}")
+                say(faults[-1])
+            if (now := time.monotonic()) - told > TELL:
+                told = now
+                say(f"{counts.total()} of {len(wanted)} trials, {now - begun:.0f} s")
+        os.chdir("/")
     return counts, faults
 
 
@@ -471,14 +368,22 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=int(time.time()))
     parser.add_argument("--only", type=int, help="repeat the trial of this number alone")
     parser.add_argument("--kind", action="append", choices=list(TRIALS), help="of this kind only")
+    parser.add_argument("--jobs", type=int, default=1, help="processes at a time")
     options = parser.parse_args()
     os.environ |= subprocesses.environment()
     print(f"seed {options.seed}", flush=True)
     begun = time.monotonic()
-    counts, faults = run(options.count, options.seed, options.only, options.kind)
+    counts, faults = run(
+        options.count, options.seed, options.only, options.kind,
+        partial(print, flush=True), options.jobs,
+    )  # fmt: skip
     for outcome, number in sorted(counts.items()):
         print(f"{outcome:25} {number}")
-    print(f"{sum(counts.values())} trials, {len(faults)} faults, {time.monotonic() - begun:.0f} s")
+    used = sum(os.times()[:4])
+    print(
+        f"{sum(counts.values())} trials, {len(faults)} faults, {time.monotonic() - begun:.0f} s, "
+        f"{used:.0f} s of the processors"
+    )
     return min(len(faults), 99)
 
 
