@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
-"""The one place of the version: pyproject.toml, the command and results folders read it from here."""
+"""The only place of the version: pyproject.toml, the command and results read it from here."""
 
 if TYPE_CHECKING:
     from dea_fenicsx import design, exact, materials, origami, pictures

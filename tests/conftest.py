@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -55,6 +56,37 @@ def pytest_collection_modifyitems(config, items):
         for item in items:
             if item.get_closest_marker("engine"):
                 item.add_marker(pytest.mark.skip(reason="counts what the usual settings cost"))
+
+
+SLOW = 10.0
+"""CPU time of a test and its subprocesses [s] above which it is to be marked slow."""
+
+_long: dict[str, float] = {}
+
+
+def cpu_time() -> float:
+    """CPU time [s] of this process and of all of its subprocesses that have ended."""
+    return sum(os.times()[:4])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    begin = cpu_time()
+    try:
+        return (yield)
+    finally:
+        taken = cpu_time() - begin
+        if taken > SLOW and not item.get_closest_marker("slow"):
+            _long[item.nodeid] = taken
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Name the tests that took long and are not marked: a hint only, for machines differ."""
+    for name, taken in _long.items():
+        terminalreporter.write_line(
+            f"{name} took {taken:.0f} s of CPU time; if it does so with compiled forms at hand, "
+            "mark it slow."
+        )
 
 
 def needed_mpirun() -> str:
