@@ -17,8 +17,15 @@ from test_structure import PACKAGE, ROOMS
 
 PAGE = ROOT / "CONTRIBUTING.md"
 MOST_LINES = 60
-ADDED = ("material", "observable", "device family")
+SHOWN = ("material", "support", "load", "observable", "device family")
 """Kinds of things whose addition is shown by a diff."""
+
+ADDED = tuple(
+    kind
+    for kind in SHOWN
+    if kind not in ("support", "load") or (PACKAGE / "scene" / "declarations.py").exists()
+)
+"""Those that this package takes: supports and loads need the declarations of the scene."""
 
 
 def diffs() -> dict[str, list[str]]:
@@ -64,6 +71,11 @@ def apply(lines: list[str], tree: Path) -> list[Path]:
     return touched
 
 
+def diff_of(kind: str) -> list[str]:
+    """The lines of the diff that adds something of a kind."""
+    return next(lines for heading, lines in diffs().items() if heading.endswith(f" {kind}"))
+
+
 @pytest.fixture(scope="module")
 def tree(tmp_path_factory) -> Path:
     """A copy of the repository to which all diffs have been applied."""
@@ -74,7 +86,8 @@ def tree(tmp_path_factory) -> Path:
     (tree / "tests").mkdir()
     for name in ("pyproject.toml", "tests/conftest.py"):
         shutil.copy(ROOT / name, tree / name)
-    for lines in diffs().values():
+    for kind in ADDED:
+        lines = diff_of(kind)
         for file in {tree / line[6:] for line in lines if line.startswith("+++ b/")}:
             assert lines.count("--- /dev/null") and file.parent.is_dir(), file
         apply(lines, tree)
@@ -94,13 +107,13 @@ def run(tree: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_all_kinds_are_shown():
-    assert set(diffs()) == {f"Adding a{'n' * (k[0] in 'aeiou')} {k}" for k in ADDED}
+    assert set(diffs()) == {f"Adding a{'n' * (k[0] in 'aeiou')} {k}" for k in SHOWN}
 
 
-@pytest.mark.parametrize("kind", ADDED)
+@pytest.mark.parametrize("kind", SHOWN)
 def test_a_diff_is_short(kind):
     """One new file and its test, in at most 60 lines."""
-    lines = next(d for heading, d in diffs().items() if heading.endswith(f" {kind}"))
+    lines = diff_of(kind)
     assert len(lines) <= MOST_LINES
     made = [line.removeprefix("+++ b/") for line in lines if line.startswith("+++ ")]
     assert len(made) == 2 and made[1].startswith("tests/test_")
@@ -117,7 +130,7 @@ def test_what_is_added_passes_its_tests(tree):
 
 @pytest.mark.skipif(find_spec("ruff") is None, reason="ruff is not installed")
 def test_what_is_added_is_clean(tree):
-    made = [line[6:] for lines in diffs().values() for line in lines if line.startswith("+++ b/")]
+    made = [line[6:] for kind in ADDED for line in diff_of(kind) if line.startswith("+++ b/")]
     done = run(tree, "-m", "ruff", "check", "--no-cache", *made)
     assert done.returncode == 0, done.stdout + done.stderr
 

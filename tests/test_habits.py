@@ -161,7 +161,8 @@ def test_coverage_is_told_by_room(tmp_path):
     )
     done = subprocess.run([sys.executable, str(CI / "coverage"), str(report)], text=True,
                           capture_output=True, timeout=60)  # fmt: skip
-    assert done.stdout == "ci: coverage of lines: total 90 % (geometry 100 %, path 75 %)\n", done.stderr
+    told = "ci: coverage of lines: total 90 % (geometry 100 %, path 75 %)\n"
+    assert done.stdout == told, done.stderr
 
 
 def test_the_suite_does_not_need_coverage():
