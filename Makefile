@@ -31,7 +31,7 @@ demo: env
 	$(RUN) mpirun -n 2 .venv/bin/python demos/hdea_two_turn.py --out results/hdea_two_turn
 
 quick: env
-	$(RUN) .venv/bin/python -m pytest -m "not slow and not mpi and not demo"
+	$(RUN) .venv/bin/python -m pytest -m "not slow and not mpi and not demo and not around"
 
 test: env
 	$(RUN) .venv/bin/python -m pytest

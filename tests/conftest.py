@@ -51,7 +51,24 @@ def pytest_configure(config):
         Corotation.update = lambda self: None
 
 
+AROUND = {
+    # meshes and results of others, and what a user may do wrong with them
+    "cad", "foreign_cells", "foreign_meshes", "foreign_overlap", "malformed", "strange_meshes",
+    "results_of_strangers", "results_safety", "vtk", "geometry_cli",
+    # what users look at, and their machine
+    "cli", "demos", "docs", "pictures", "progress", "doctor", "compile_cache", "interruption",
+    "ending",
+    # searches, tables, and inputs at random
+    "design", "fit_uncertainty", "fuzz", "fuzz_readers", "hard", "ladder", "thesis",
+}  # fmt: skip
+"""Files (test_X.py) that test what lies around the solution of a problem: all are marked so."""
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest chooses by markers
 def pytest_collection_modifyitems(config, items):
+    for item in items:
+        if item.path.stem.removeprefix("test_") in AROUND:
+            item.add_marker(pytest.mark.around)
     if config.getoption("--engine"):
         for item in items:
             if item.get_closest_marker("engine"):

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from conftest import ROOT
+from conftest import AROUND, ROOT
 
 TESTS = ROOT / "tests"
 FILES = sorted(TESTS.glob("test_*.py"))
@@ -116,6 +116,10 @@ def missing(file: Path) -> list[str]:
 @pytest.mark.parametrize("file", FILES, ids=lambda f: f.stem)
 def test_markers_are_complete(file):
     assert not missing(file)
+
+
+def test_files_around_the_solution_are_there():
+    assert {f"test_{name}" for name in AROUND} <= {file.stem for file in FILES}
 
 
 def test_what_lacks_a_marker_is_found(tmp_path):
