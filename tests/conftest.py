@@ -58,10 +58,12 @@ AROUND = {
     # what users look at, and their machine
     "cli", "demos", "docs", "pictures", "progress", "doctor", "compile_cache", "interruption",
     "ending",
+    # whole devices and their closed forms
+    "edges", "hdea", "helicoid", "kresling_cell", "laminate", "loadings", "origami", "stiffened",
     # searches, tables, and inputs at random
     "design", "fit_uncertainty", "fuzz", "fuzz_readers", "hard", "ladder", "thesis",
 }  # fmt: skip
-"""Files (test_X.py) that test what lies around the solution of a problem: all are marked so."""
+"""Files (test_X.py) that are marked `around`: they test what lies around a problem's solution."""
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by markers
