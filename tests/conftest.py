@@ -57,11 +57,11 @@ AROUND = {
     "results_of_strangers", "results_safety", "vtk", "geometry_cli",
     # what users look at, and their machine
     "cli", "demos", "docs", "pictures", "progress", "doctor", "compile_cache", "interruption",
-    "ending",
+    "ending", "import_effects", "reading_alone",
     # whole devices and their closed forms
     "edges", "hdea", "helicoid", "kresling_cell", "laminate", "loadings", "origami", "stiffened",
     # searches, tables, and inputs at random
-    "design", "fit_uncertainty", "fuzz", "fuzz_readers", "hard", "ladder", "thesis",
+    "design", "fit_uncertainty", "fitting", "fuzz", "fuzz_readers", "hard", "ladder", "thesis",
 }  # fmt: skip
 """Files (test_X.py) that are marked `around`: they test what lies around a problem's solution."""
 
