@@ -1,5 +1,6 @@
 # make env    set up .venv (once; PYTHON=... names an interpreter)
 # make demo   the two-turn helical actuator on 2 ranks
+# make quick  the tests that a change of code needs most, in two minutes
 # make test   the test suite
 # make hard   the table of hard cases and the random kills, into hard_cases.csv
 # make fuzz   random scenes, paths near instabilities, and damaged files
@@ -19,7 +20,7 @@ SHELL := /bin/bash
 READY := .venv/ready-$(firstword $(shell pwd | cksum))
 RUN := PATH="$(CURDIR)/.venv/bin:$$PATH" OMP_NUM_THREADS=1
 
-.PHONY: env demo test hard fuzz peers bench bench-compare lint api pictures docker clean
+.PHONY: env demo quick test hard fuzz peers bench bench-compare lint api pictures docker clean
 
 env: $(READY)
 
@@ -30,6 +31,9 @@ $(READY): pyproject.toml .ci/env
 
 demo: env
 	$(RUN) mpirun -n 2 .venv/bin/python demos/hdea_two_turn.py --out results/hdea_two_turn
+
+quick: env
+	$(RUN) .venv/bin/python -m pytest -m "not slow and not mpi and not demo and not around"
 
 test: env
 	$(RUN) .venv/bin/python -m pytest

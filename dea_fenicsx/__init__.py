@@ -12,6 +12,9 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+__version__ = "0.1.0"
+"""The only place of the version: pyproject.toml, the command and results read it from here."""
+
 if TYPE_CHECKING:
     from dea_fenicsx import design, exact, materials, origami, pictures
     from dea_fenicsx.materials import (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -50,11 +51,61 @@ def pytest_configure(config):
         Corotation.update = lambda self: None
 
 
+AROUND = {
+    # meshes and results of others, and what a user may do wrong with them
+    "cad", "foreign_cells", "foreign_meshes", "foreign_overlap", "malformed", "strange_meshes",
+    "results_of_strangers", "results_safety", "vtk", "geometry_cli",
+    # what users look at, and their machine
+    "cli", "demos", "docs", "pictures", "progress", "doctor", "compile_cache", "interruption",
+    "ending", "import_effects", "reading_alone",
+    # whole devices and their closed forms
+    "edges", "hdea", "helicoid", "kresling_cell", "laminate", "loadings", "origami", "stiffened",
+    # searches, tables, and inputs at random
+    "design", "fit_uncertainty", "fitting", "fuzz", "fuzz_readers", "hard", "ladder", "thesis",
+}  # fmt: skip
+"""Files (test_X.py) that are marked `around`: they test what lies around a problem's solution."""
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest chooses by markers
 def pytest_collection_modifyitems(config, items):
+    for item in items:
+        if item.path.stem.removeprefix("test_") in AROUND:
+            item.add_marker(pytest.mark.around)
     if config.getoption("--engine"):
         for item in items:
             if item.get_closest_marker("engine"):
                 item.add_marker(pytest.mark.skip(reason="counts what the usual settings cost"))
+
+
+SLOW = 10.0
+"""CPU time of a test and its subprocesses [s] above which it is to be marked slow."""
+
+_long: dict[str, float] = {}
+
+
+def cpu_time() -> float:
+    """CPU time [s] of this process and of all of its subprocesses that have ended."""
+    return sum(os.times()[:4])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    begin = cpu_time()
+    try:
+        return (yield)
+    finally:
+        taken = cpu_time() - begin
+        if taken > SLOW and not item.get_closest_marker("slow"):
+            _long[item.nodeid] = taken
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Name the tests that took long and are not marked: a hint only, for machines differ."""
+    for name, taken in _long.items():
+        terminalreporter.write_line(
+            f"{name} took {taken:.0f} s of CPU time; if it does so with compiled forms at hand, "
+            "mark it slow."
+        )
 
 
 def needed_mpirun() -> str:

@@ -302,6 +302,7 @@ if front and __import__("mpi4py.MPI").MPI.COMM_WORLD.rank == 0:
 """
 
 
+@pytest.mark.slow
 @needs_pymoo
 @pytest.mark.mpi
 def test_finite_elements_inside_killed_and_resumed_on_three_ranks(start, tmp_path, quick_compile):

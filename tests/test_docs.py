@@ -19,7 +19,9 @@ from dea_fenicsx import cli
 DOCS = ROOT / "dea_fenicsx" / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md")), ROOT / "demos" / "README.md"]
 IDS = [str(p.relative_to(ROOT)) for p in PAGES]
-OTHERS = [ROOT / "docker" / "README.md", ROOT / "tests" / "hard" / "README.md"]
+OTHERS = [
+    ROOT / "CONTRIBUTING.md", ROOT / "docker" / "README.md", ROOT / "tests" / "hard" / "README.md",
+]  # fmt: skip
 SLOW = ("doctor",)  # commands of dea that measure the machine; they have their own tests
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 

@@ -334,6 +334,7 @@ def on_few_cells(comm):
     return film_capacitance(comm), [float(shared["q_C"]), tapered["V_V"], float(quiet["q_C"])]
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_on_ranks(on_ranks, ranks):

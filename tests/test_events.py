@@ -103,6 +103,9 @@ def test_breakdown_and_stretch_limit(tmp_path):
         assert last["largest_stretch"][0] == pytest.approx(1.5)
 
 
+@pytest.mark.slow
+@pytest.mark.demo
+@pytest.mark.mpi
 def test_strip_buckles(start, tmp_path):
     """Euler's load within 1 % at L/h = 50, its mode, and both branches; on two ranks."""
     start(STRIP, "--out", tmp_path, "--quiet", ranks=2, check=True)

@@ -67,6 +67,7 @@ def split_ramp(comm):
     return run["contraction"], run.summary["stable"]
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_split_factors_on_any_number_of_ranks(on_ranks):
     here, _ = split_ramp(MPI.COMM_SELF)

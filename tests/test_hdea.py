@@ -107,6 +107,7 @@ def test_strands_and_caps_follow_betti(device):
     assert run.summary["mesh_quality"]["least_scaled_jacobian"] > 0.5
 
 
+@pytest.mark.demo
 @pytest.mark.mpi
 def test_same_history_on_any_number_of_ranks(histories):
     one = histories[1][0]
@@ -121,6 +122,7 @@ def test_same_history_on_any_number_of_ranks(histories):
             assert other[column] == pytest.approx(one[column], rel=1e-8, abs=3e-10 * scale), column
 
 
+@pytest.mark.demo
 @pytest.mark.mpi
 def test_ten_steps_need_few_factorisations(histories):
     for history, summary in histories.values():
@@ -135,6 +137,7 @@ def test_ten_steps_need_few_factorisations(histories):
         assert summary["stable"] is True
 
 
+@pytest.mark.demo
 @pytest.mark.mpi
 def test_full_field_adds_a_few_percent(histories):
     """With the whole field the fringes add to the active area: 0.80 x 3/4 becomes 0.62.

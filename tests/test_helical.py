@@ -147,6 +147,7 @@ def inset_history(comm):
     return {name: list(run.column(name)[1:]) for name in names}
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_same_history_on_any_number_of_ranks(on_ranks):
     here = inset_history(MPI.COMM_SELF)

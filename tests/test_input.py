@@ -202,6 +202,7 @@ COMMANDS = {
 }
 
 
+@pytest.mark.demo
 @pytest.mark.mpi
 @pytest.mark.parametrize("case", COMMANDS)
 def test_command_line_refuses_on_two_ranks(start, tmp_path, case):

@@ -158,6 +158,7 @@ def test_nan_charge_is_refused(cube):
         film(cube, dea.NeoHookean(MU), electrodes)
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_charge_on_several_ranks(start, tmp_path):
     """The one floating potential is shared by all ranks."""

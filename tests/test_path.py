@@ -141,6 +141,9 @@ def test_past_pull_in_the_last_states_are_kept(tmp_path, elastic):
     assert dea.read_summary(tmp_path)["status"] == "equilibrium lost"
 
 
+@pytest.mark.demo
+@pytest.mark.mpi
+@pytest.mark.slow
 def test_exit_status_past_pull_in(start, tmp_path):
     done = start(CUBE, "--voltage", 900, "--out", tmp_path, "--quiet", ranks=2)
     assert done.returncode == 3
@@ -204,6 +207,8 @@ def kill_after(out, steps, script, *arguments, ranks=2):
     process.wait(timeout=60)
 
 
+@pytest.mark.demo
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_killed_and_resumed_on_another_number_of_ranks(start, tmp_path):
     """kill -9 in mid-ramp: all completed steps open; resuming gives the undisturbed result."""

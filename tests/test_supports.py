@@ -446,6 +446,7 @@ def on_several_ranks(comm):
     return told, [float(angle), *map(float, ends)]
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_the_same_on_several_ranks(on_ranks, ranks):

@@ -19,9 +19,9 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import NoReturn
 
+from dea_fenicsx import __version__
 from dea_fenicsx.support.errors import DeaError, InputError, install_hook
 from dea_fenicsx.support.files import clean
 
@@ -39,12 +39,8 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    try:
-        own = version("dea_fenicsx")
-    except PackageNotFoundError:
-        own = "(not installed)"
     parser = _Parser(prog="dea", description="Simulation of dielectric elastomer actuators.")
-    parser.add_argument("--version", action="version", version=f"dea_fenicsx {own}")
+    parser.add_argument("--version", action="version", version=f"dea_fenicsx {__version__}")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
     for name in COMMANDS:

@@ -16,6 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from dea_fenicsx import __version__
 from dea_fenicsx.cli.child import start
 from dea_fenicsx.support import subprocesses
 
@@ -80,9 +81,10 @@ def packages() -> Iterator[Finding]:
                   "" if level == OK else "Python 3.12 or newer is needed.")  # fmt: skip
     here = Path(__file__).resolve().parents[1]
     try:
-        yield Finding(OK, "dea_fenicsx", f"{version('dea_fenicsx')}, {here}")
+        version("dea_fenicsx")  # raises where the package is not installed
+        yield Finding(OK, "dea_fenicsx", f"{__version__}, {here}")
     except PackageNotFoundError:
-        yield Finding(WARN, "dea_fenicsx", f"not installed, used from {here}",
+        yield Finding(WARN, "dea_fenicsx", f"{__version__}, not installed, used from {here}",
                       "`make env` in the repository installs it.")  # fmt: skip
     hidden = hiding_folder(Path.cwd(), here)
     if hidden:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx import __version__
 from dea_fenicsx.support.files import replace_file
 
 COPY, RESUMED = "script.py", "script_resumed.py"
@@ -93,8 +94,8 @@ def origin() -> dict[str, Any]:
 
 def package_versions() -> dict[str, str]:
     """Versions of this package, numpy, h5py, gmsh and Python."""
-    found = {}
-    for name in ("dea_fenicsx", "h5py", "gmsh"):
+    found = {"dea_fenicsx": __version__}
+    for name in ("h5py", "gmsh"):
         try:
             found[name] = version(name)
         except PackageNotFoundError:
