@@ -21,6 +21,7 @@ import numpy as np
 from dea_fenicsx.materials import Material
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si, si
+from dea_fenicsx.support.validation import one_of, positive
 
 ACROSS = ("held", "uniform", "free")
 """Across the bending direction: no strain (plane strain), one free strain for the whole section
@@ -47,8 +48,7 @@ class Ply:
     driven: bool = False
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.thickness) and self.thickness > 0):
-            raise InputError(f"Ply: thickness is {self.thickness!r}, but must be positive, in m.")
+        positive(self.thickness, "Ply: thickness", "positive, in m")
         if self.driven and not self.material.is_dielectric:
             raise InputError("Ply: a driven layer must be dielectric; give it an IdealDielectric.")
         faults = self.material.faults()
@@ -103,12 +103,8 @@ class Laminate:
     def __post_init__(self) -> None:
         if not self.plies:
             raise InputError("Laminate: there are no plies; give at least one, from the bottom up.")
-        if self.across not in ACROSS:
-            raise InputError(f"Laminate: across is {self.across!r}, but must be in {ACROSS}.")
-        if self.stress not in ("field", "pressure"):
-            raise InputError(
-                f'Laminate: stress is {self.stress!r}, but must be "field" or "pressure".'
-            )
+        one_of(self.across, ACROSS, "Laminate: across", f"in {ACROSS}")
+        one_of(self.stress, ("field", "pressure"), "Laminate: stress", '"field" or "pressure"')
         # unknowns in the order e_x, kappa_x, e_y, kappa_y
         free = {"held": (0, 1), "uniform": (0, 1, 2), "free": (0, 1, 2, 3)}[self.across]
         object.__setattr__(self, "_free", free)

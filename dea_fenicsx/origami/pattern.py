@@ -16,6 +16,7 @@ from dea_fenicsx.origami.kresling import Kresling
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
 from dea_fenicsx.support.units import in_si
+from dea_fenicsx.support.validation import one_of
 
 STYLES = {  # stroke, dashes in mm
     "cut": ("#d00000", ""),
@@ -149,9 +150,7 @@ class CreasePattern:
                 raise InputError(
                     f"CreasePattern: {name} is {value}, but must be finite and not negative."
                 )
-        if self.stiffeners not in STIFFENERS:
-            told = self.stiffeners
-            raise InputError(f"CreasePattern: stiffeners is {told!r}, but must be in {STIFFENERS}.")
+        one_of(self.stiffeners, STIFFENERS, "CreasePattern: stiffeners", f"in {STIFFENERS}")
         least = float(least_fold_width(self.thickness))
         if self.fold < least:
             raise InputError(
