@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 import ufl
 from conftest import block
+from mpi4py import MPI
 
 import dea_fenicsx as dea
+from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0, Dielectric
 from dea_fenicsx.scene import conditions, declarations
 from dea_fenicsx.scene.condition import Condition, Driven, Load, OnSurface, Prescribed, Support
@@ -133,6 +135,29 @@ def test_own_prescribed_motion_that_varies_in_space(cube):
     run = dea.solve(scene, dea.Ramp("stretch", steps=1),
                     {"u": dea.MeanDisplacement("x_max", "x")}, quiet=True)  # fmt: skip
     assert run["u_m"] == pytest.approx(0.1 * EDGE, rel=1e-10)
+
+
+def tilted_on(comm):
+    """Iterations, and displacements of two faces, of a block of two cells with a tilted side."""
+    film = Layer("film", EDGE, divisions=1)
+    device = dea.read_gmsh(BoxStack(EDGE, EDGE, [film], divisions=(2, 1)), comm)
+    scene = dea.Scene(device, {"film": RUBBER}, prescribed=[Tilt("x_max", 0.2)],
+                      supports=[Roller("x_min", "x"), Roller("bottom", "z"), dea.FreeBody()],
+                      loads=[EvenForce("y_max", (0.0, 0.0, 0.0), EDGE**2)])  # fmt: skip
+    run = dea.solve(scene, [dea.Ramp("load", steps=1), dea.Ramp("stretch", steps=1)],
+                    {"u": dea.MeanDisplacement("x_max", "x"),
+                     "w": dea.MeanDisplacement("top", "z")}, quiet=True)  # fmt: skip
+    return [run["newton_iterations"], run["u_m"], run["w_m"]]
+
+
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_own_conditions_on_several_ranks(on_ranks, ranks):
+    """Three ranks are more than there are cells."""
+    alone = tilted_on(MPI.COMM_SELF)
+    assert alone[1] == pytest.approx(0.1 * EDGE, rel=1e-10)
+    found = on_ranks("test_conditions", "tilted_on", ranks)
+    assert found[0] == alone[0]
+    assert found[1:] == pytest.approx(alone[1:], rel=1e-8)
 
 
 def test_own_dielectric(cube):

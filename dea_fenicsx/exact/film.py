@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.exact.states import STRESSES, Stress
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.stretches import margin, taylor
 from dea_fenicsx.support.errors import InputError
@@ -94,7 +95,7 @@ class Film:
     thickness: float
     first: Side = FREE
     second: Side = FREE
-    stress: str = "field"
+    stress: Stress = "field"
 
     def __post_init__(self) -> None:
         check_declared(self)
@@ -103,7 +104,7 @@ class Film:
             raise InputError(f"{type(self.material.elastic).__name__}: {faults[0]}.")
         self.material.dielectric_of("film's material")
         positive(self.thickness, "The thickness", "a length > 0 in m")
-        one_of(self.stress, ("field", "pressure"), "The stress", '"field" or "pressure"')
+        one_of(self.stress, STRESSES, "The stress", '"field" or "pressure"')
         for name, side in (("first", self.first), ("second", self.second)):
             if not isinstance(side, Side):
                 raise InputError(

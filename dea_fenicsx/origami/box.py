@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -22,7 +22,8 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si, si
 from dea_fenicsx.support.validation import one_of, positive
 
-MAPS = ("panel", "proportional", "storey")
+AngleMap = Literal["panel", "proportional", "storey"]
+MAPS: tuple[AngleMap, ...] = get_args(AngleMap)
 
 
 def table_of_angles(voltages: Any, angles: Any) -> Callable[[Any], Any]:
@@ -93,7 +94,7 @@ class Box:
 
     angle: Callable[[Any], Any]
     height: float
-    map: str = "panel"
+    map: AngleMap = "panel"
     panel: float | None = None
     storey: Kresling | None = None
     cells: int = 4

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -25,8 +25,10 @@ from dea_fenicsx.support.type_checks import check_declared
 from dea_fenicsx.support.units import in_si, si
 from dea_fenicsx.support.validation import one_of, positive
 
-TWISTS = ("free", "held")
-CHORDS = ("right", "printed")
+EndTwist = Literal["free", "held"]
+TWISTS: tuple[EndTwist, ...] = get_args(EndTwist)
+Chords = Literal["right", "printed"]
+CHORDS: tuple[Chords, ...] = get_args(Chords)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,8 +99,8 @@ class Kresling:
     stiffness: float = 1.0
     height: float | None = None
     sides: int = 4
-    twist: str = "free"
-    chords: str = "right"
+    twist: EndTwist = "free"
+    chords: Chords = "right"
 
     def __post_init__(self) -> None:
         check_declared(self)

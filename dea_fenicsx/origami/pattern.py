@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -25,7 +25,8 @@ STYLES = {  # stroke, dashes in mm
     "stiffener": ("#808080", ""),
 }
 """Layers of the drawing."""
-STIFFENERS = ("none", "fold", "panels")
+Stiffeners = Literal["none", "fold", "panels"]
+STIFFENERS: tuple[Stiffeners, ...] = get_args(Stiffeners)
 
 
 @in_si(start="m", end="m", width="m", offsets="m")
@@ -136,7 +137,7 @@ class CreasePattern:
     fold: float = 1e-3
     offset: float = 10e-3
     thickness: float = 0.0
-    stiffeners: str = "none"
+    stiffeners: Stiffeners = "none"
     tab: float = 0.0
 
     def __post_init__(self) -> None:
