@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from numbers import Integral
 from typing import Any
 
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
+from dea_fenicsx.support.validation import is_finite, is_whole
 
 LONGEST = 1e6
 """Lengths in m beyond which no device lies; squares of larger ones may overflow."""
@@ -18,7 +18,7 @@ MOST = 100_000
 
 def length(owner: str, name: str, value: Any, *, zero: bool = False) -> float:
     """A finite positive length in metres (``zero``: not negative)."""
-    good = is_number(value) and math.isfinite(value)
+    good = is_number(value) and is_finite(value)
     if good and value > LONGEST:
         raise InputError(f"{owner}: {name} is {shown(value)} m; it must be at most {LONGEST:g} m.")
     if not good or value < 0 or (value == 0 and not zero):
@@ -29,7 +29,7 @@ def length(owner: str, name: str, value: Any, *, zero: bool = False) -> float:
 
 def number(owner: str, name: str, value: Any) -> float:
     """Any finite number."""
-    if not is_number(value) or not math.isfinite(value):
+    if not is_number(value) or not is_finite(value):
         raise InputError(f"{owner}: {name} is {shown(value)}; it must be a finite number.")
     return float(value)
 
@@ -38,7 +38,7 @@ def count(owner: str, name: str, value: Any, least: int = 1) -> int:
     """A whole number of at least ``least``."""
     if isinstance(value, Integral) and int(value) > MOST:
         raise InputError(f"{owner}: {name} is {shown(value)}; it must be at most {MOST}.")
-    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
+    if not is_whole(value, least):
         raise InputError(
             f"{owner}: {name} is {shown(value)}; it must be a whole number of at least {least}."
         )
@@ -47,7 +47,7 @@ def count(owner: str, name: str, value: Any, least: int = 1) -> int:
 
 def ratio(owner: str, name: str, value: Any) -> float:
     """A finite positive grading ratio."""
-    good = is_number(value) and math.isfinite(value)
+    good = is_number(value) and is_finite(value)
     if not good or value <= 0:
         raise InputError(
             f"{owner}: {name} is {shown(value)}; it must be a positive ratio, largest over "

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import argparse
 import ast
-import difflib
 import shutil
 from importlib import resources
 from pathlib import Path
 
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.validation import did_you_mean
 
 HELP = "the demos; copy one out to edit"
 
@@ -57,8 +57,7 @@ def copy(name: str, to: Path) -> list[Path]:
     """
     known, name = available(), name.removesuffix(".py")
     if name not in known:
-        near = difflib.get_close_matches(name, known, n=1)
-        hint = f"did you mean {near[0]!r}? " if near else ""
+        hint = f"{did_you_mean(name, known)} ".lstrip()
         raise InputError(
             f"There is no demo named {name!r}; {hint}the demos are: {', '.join(known)}."
         )

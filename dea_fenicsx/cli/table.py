@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import textwrap
 from pathlib import Path
 
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.validation import did_you_mean
 
 HELP = "the thesis, number by number"
 
@@ -30,8 +30,7 @@ def run(options: argparse.Namespace) -> int:
     systems = list(dict.fromkeys(row.system for row in rows))
     if options.system is not None:
         if options.system not in systems:
-            near = difflib.get_close_matches(options.system, systems, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
+            hint = f"{did_you_mean(options.system, systems)} ".lstrip()
             raise InputError(
                 f"The table has no system {options.system!r}; {hint}it has: {', '.join(systems)}."
             )

@@ -16,6 +16,7 @@ from mpi4py import MPI
 from dea_fenicsx.design.front import Front, first_front
 from dea_fenicsx.design.variables import Limit, Range, signs, violations
 from dea_fenicsx.support.errors import InputError, install_hook
+from dea_fenicsx.support.validation import whole
 
 Columns = dict[str, np.ndarray]
 Evaluate = Callable[[np.ndarray], Columns]
@@ -70,10 +71,7 @@ def evolve(
     require_pymoo()
     for name, value, least in (("population", population, 4), ("generations", generations, 1),
                                ("seed", seed, 0)):  # fmt: skip
-        if not isinstance(value, int) or value < least:
-            raise InputError(
-                f"The {name} is {value!r}, but must be a whole number of at least {least}."
-            )
+        whole(value, f"The {name}", least)
     begun = time.perf_counter()
     names = list(variables)
     low, high = np.array(list(variables.values())).T

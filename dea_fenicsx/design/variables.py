@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.validation import did_you_mean
 
 Range = tuple[float, float]
 Limit = tuple[float | None, float | None]
@@ -113,6 +113,5 @@ def one_of(name: str, names: Iterable[str], what: str) -> str:
     names = list(names)
     if name in names:
         return name
-    near = difflib.get_close_matches(str(name), names, n=1)
-    hint = f" did you mean {near[0]!r}?" if near else ""
-    raise InputError(f"There is no {what} {name!r};{hint} there are: {', '.join(names)}.")
+    hint = f"{did_you_mean(name, names)} ".lstrip()
+    raise InputError(f"There is no {what} {name!r}; {hint}there are: {', '.join(names)}.")

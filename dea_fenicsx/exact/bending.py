@@ -23,7 +23,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.optimize import root
 
-from dea_fenicsx.exact.laminate import Laminate, Ply
+from dea_fenicsx.exact.laminate import Across, Laminate, Ply
 from dea_fenicsx.materials.stretches import taylor
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import si
@@ -50,7 +50,7 @@ class Bent:
     across: float
 
 
-def bend(plies: Sequence[Ply], volts: Any, across: str = "held") -> list[Bent]:
+def bend(plies: Sequence[Ply], volts: Any, across: Across = "held") -> list[Bent]:
     """States of a laminate at growing voltages, followed from the flat state.
 
     Parameters

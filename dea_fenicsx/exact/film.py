@@ -19,11 +19,13 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.exact.states import STRESSES, Stress
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.stretches import margin, taylor
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
 from dea_fenicsx.support.units import in_si
+from dea_fenicsx.support.validation import one_of, positive
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ class Film:
     thickness: float
     first: Side = FREE
     second: Side = FREE
-    stress: str = "field"
+    stress: Stress = "field"
 
     def __post_init__(self) -> None:
         check_declared(self)
@@ -101,10 +103,8 @@ class Film:
         if faults:
             raise InputError(f"{type(self.material.elastic).__name__}: {faults[0]}.")
         self.material.dielectric_of("film's material")
-        if not (math.isfinite(self.thickness) and self.thickness > 0):
-            raise InputError(f"The thickness is {self.thickness!r}, but must be a length > 0 in m.")
-        if self.stress not in ("field", "pressure"):
-            raise InputError(f'The stress is {self.stress!r}, but must be "field" or "pressure".')
+        positive(self.thickness, "The thickness", "a length > 0 in m")
+        one_of(self.stress, STRESSES, "The stress", '"field" or "pressure"')
         for name, side in (("first", self.first), ("second", self.second)):
             if not isinstance(side, Side):
                 raise InputError(

@@ -14,15 +14,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
+from dea_fenicsx.exact.states import STRESSES, Stress
 from dea_fenicsx.materials import Material
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si, si
+from dea_fenicsx.support.validation import one_of, positive
 
-ACROSS = ("held", "uniform", "free")
+Across = Literal["held", "uniform", "free"]
+ACROSS: tuple[Across, ...] = get_args(Across)
 """Across the bending direction: no strain (plane strain), one free strain for the whole section
 (generalised plane strain), or free to bend too (a plate)."""
 
@@ -47,8 +50,7 @@ class Ply:
     driven: bool = False
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.thickness) and self.thickness > 0):
-            raise InputError(f"Ply: thickness is {self.thickness!r}, but must be positive, in m.")
+        positive(self.thickness, "Ply: thickness", "positive, in m")
         if self.driven and not self.material.is_dielectric:
             raise InputError("Ply: a driven layer must be dielectric; give it an IdealDielectric.")
         faults = self.material.faults()
@@ -66,7 +68,7 @@ class Ply:
         """E/(1 - nu^2) = 2 mu/(1 - nu) in Pa."""
         return 2 * self.material.elastic.shear_modulus() / (1 - self.poisson)
 
-    def push(self, volts: Any, stress: str = "field") -> Any:
+    def push(self, volts: Any, stress: Stress = "field") -> Any:
         """p in Pa; with stress ``"pressure"`` eps E^2 presses on the faces and nothing pulls."""
         if not self.driven:
             return np.zeros_like(np.asarray(volts, dtype=float))
@@ -96,19 +98,15 @@ class Laminate:
     """
 
     plies: Sequence[Ply]
-    across: str = "held"
-    stress: str = "field"
+    across: Across = "held"
+    stress: Stress = "field"
     _free: tuple[int, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not self.plies:
             raise InputError("Laminate: there are no plies; give at least one, from the bottom up.")
-        if self.across not in ACROSS:
-            raise InputError(f"Laminate: across is {self.across!r}, but must be in {ACROSS}.")
-        if self.stress not in ("field", "pressure"):
-            raise InputError(
-                f'Laminate: stress is {self.stress!r}, but must be "field" or "pressure".'
-            )
+        one_of(self.across, ACROSS, "Laminate: across", f"in {ACROSS}")
+        one_of(self.stress, STRESSES, "Laminate: stress", '"field" or "pressure"')
         # unknowns in the order e_x, kappa_x, e_y, kappa_y
         free = {"held": (0, 1), "uniform": (0, 1, 2), "free": (0, 1, 2, 3)}[self.across]
         object.__setattr__(self, "_free", free)

@@ -6,13 +6,18 @@ another and against the electric quantity; a million states take about a second.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.stretches import taylor
 from dea_fenicsx.support.errors import InputError
+
+Stress = Literal["field", "pressure"]
+"""What the electric field does: its full stress, or a pressure eps E^2 on the film's faces."""
+
+STRESSES = get_args(Stress)
 
 
 def elastic_stress(material: Material, lam1: Any, lam2: Any) -> np.ndarray:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, Protocol, runtime_checkable
+
+from dea_fenicsx.support.validation import is_finite, is_positive
 
 EPSILON_0 = 8.8541878128e-12
 """Permittivity of vacuum in F/m (CODATA 2018)."""
@@ -71,20 +72,12 @@ class Elastic(Protocol):
         ...
 
 
-def _is_number(x: Any) -> bool:
-    """Whether x is a finite real number."""
-    try:
-        return math.isfinite(x)
-    except TypeError:
-        return False
-
-
 def _positive(model: Any, *names: str) -> list[str]:
     """Complaints about constants that are not finite and positive."""
     return [
         f"{name} is {getattr(model, name)!r}, but must be a finite number > 0"
         for name in names
-        if not _is_number(getattr(model, name)) or not getattr(model, name) > 0
+        if not is_positive(getattr(model, name))
     ]
 
 
@@ -93,5 +86,5 @@ def _finite(model: Any, *names: str) -> list[str]:
     return [
         f"{name} is {getattr(model, name)!r}, but must be a finite number"
         for name in names
-        if not _is_number(getattr(model, name))
+        if not is_finite(getattr(model, name))
     ]

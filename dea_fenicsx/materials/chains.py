@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from dea_fenicsx.materials.base import Strain, _is_number, _positive
+from dea_fenicsx.materials.base import Strain, _positive
 from dea_fenicsx.support.units import in_si
+from dea_fenicsx.support.validation import is_finite
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,6 @@ class ArrudaBoyce:
 
     def faults(self) -> list[str]:
         found = _positive(self, "mu")
-        if not _is_number(self.lam_m) or not self.lam_m > 1:
+        if not is_finite(self.lam_m) or not self.lam_m > 1:
             found.append(f"lam_m is {self.lam_m!r}, but a locking stretch is a finite number > 1")
         return found

@@ -6,8 +6,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from dea_fenicsx.materials.base import EPSILON_0, _is_number
+from dea_fenicsx.materials.base import EPSILON_0
 from dea_fenicsx.support.units import in_si
+from dea_fenicsx.support.validation import is_finite
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Breakdown:
 
     def faults(self) -> list[str]:
         found = []
-        if not _is_number(self.field) or not self.field > 0:
+        if not is_finite(self.field) or not self.field > 0:
             found.append(
                 f"the breakdown field is {self.field!r}, but must be a finite number of V/m > 0"
             )
@@ -44,7 +45,7 @@ class Breakdown:
                 f"the breakdown field is {self.field:g} V/m, less than that of air; the unit is "
                 "V/m (1 MV/m = 1e6 V/m)"
             )
-        if not _is_number(self.exponent):
+        if not is_finite(self.exponent):
             found.append(f"the breakdown exponent is {self.exponent!r}, but must be finite")
         return found
 
@@ -118,7 +119,7 @@ class IdealDielectric(Dielectric):
 
     def faults(self) -> list[str]:
         found = []
-        if not _is_number(self.eps_r) or self.eps_r < 1:
+        if not is_finite(self.eps_r) or self.eps_r < 1:
             found.append(
                 f"eps_r is {self.eps_r!r}, but a relative permittivity is a finite number >= 1"
             )

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from dea_fenicsx.materials.base import Elastic, _is_number
+from dea_fenicsx.materials.base import Elastic
 from dea_fenicsx.materials.electric import Dielectric, Electric
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import in_si, si
+from dea_fenicsx.support.validation import is_finite
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Material:
             found += self.electric.faults()
         if self.bulk_modulus is not None and not found:
             kappa, mu = self.bulk_modulus, self.elastic.shear_modulus()
-            if not _is_number(kappa) or kappa < 2 / 3 * mu:
+            if not is_finite(kappa) or kappa < 2 / 3 * mu:
                 found.append(
                     f"bulk_modulus is {kappa!r}, but must be at least 2/3 of the shear modulus "
                     f"{mu:g} Pa (Poisson's ratio >= 0), or None for an incompressible material"

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.materials.base import Strain, _is_number
+from dea_fenicsx.materials.base import Strain
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si, si
+from dea_fenicsx.support.validation import is_finite
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ class Ogden:
             f"{name} holds {x!r}, but must hold finite numbers{other}"
             for name, values, other in (("mu", self.mu, ""), ("alpha", self.alpha, " other than 0"))
             for x in values
-            if not _is_number(x) or (other and x == 0)
+            if not is_finite(x) or (other and x == 0)
         ]
         if not found and not self.shear_modulus() > 0:
             found = [

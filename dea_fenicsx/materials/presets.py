@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from dataclasses import dataclass
 from functools import cache
@@ -20,6 +19,7 @@ from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.stretches import TESTS, nominal_stress
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
+from dea_fenicsx.support.validation import nearest
 
 MODELS: dict[str, Any] = {
     m.__name__: m for m in (NeoHookean, MooneyRivlin, Yeoh, Ogden, Gent, ArrudaBoyce)
@@ -85,7 +85,7 @@ def preset(name: str) -> Preset:
     """
     library = _library()
     if not isinstance(name, str) or name not in library:
-        near = difflib.get_close_matches(str(name).lower(), library, n=1, cutoff=0.0)[0]
+        near = nearest(str(name).lower(), library, cutoff=0.0)
         raise InputError(
             f"There is no material named {shown(name)}; the nearest is {near!r}, and "
             "dea_fenicsx.materials.list() names all."

@@ -6,7 +6,6 @@ Zhao and Suo, Phys. Rev. B 76 (2007) 134113; Moscardo et al., J. Appl. Phys. 104
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
@@ -15,11 +14,12 @@ import numpy as np
 import ufl
 
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.scene.scene import Scene, known
+from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import together
 from dea_fenicsx.support.errors import EquilibriumLost, InputError
 from dea_fenicsx.support.type_checks import plain_numbers
+from dea_fenicsx.support.validation import is_finite, known, positive
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,7 @@ class ElectricalBreakdown:
     needs_stress: ClassVar[bool] = False
 
     def check(self, scene: Scene) -> None:
-        if not (math.isfinite(self.safety) and self.safety > 0):
-            raise InputError(f"The safety factor is {self.safety!r}, but must be a number > 0.")
+        positive(self.safety, "The safety factor")
         if not self.regions_of(scene):
             raise InputError(
                 "No dielectric of the scene has a breakdown field; give one as "
@@ -204,7 +203,7 @@ class StretchLimit:
     needs_stress: ClassVar[bool] = False
 
     def check(self, scene: Scene) -> None:
-        if not (math.isfinite(self.stretch) and self.stretch > 1):
+        if not (is_finite(self.stretch) and self.stretch > 1):
             raise InputError(f"The stretch limit is {self.stretch!r}, but must be a number > 1.")
         for name in self.regions:
             known(name, scene.device.regions, "region")

@@ -23,7 +23,7 @@ from dea_fenicsx.scene.kinematics import cofactor
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
-from dea_fenicsx.support.validation import known
+from dea_fenicsx.support.validation import known, one_of
 
 Measurement = Callable[[], float]
 
@@ -316,8 +316,7 @@ def facets_once(device: Device, where: str | tuple[str, ...]) -> np.ndarray:
 
 def _axis(problem: Problem, axis: str) -> int:
     axes = problem.scene.kinematics.axes
-    if axis not in tuple(axes):
-        raise InputError(f"The axis is {axis!r}, but must be one of {', '.join(axes)}.")
+    one_of(axis, tuple(axes), "The axis")
     return axes.index(axis)
 
 
@@ -350,10 +349,8 @@ def _surface_mean(
     x = ufl.SpatialCoordinate(problem.mesh)
     weight = problem.scene.kinematics.weight(x)
     kinematics = problem.scene.kinematics
-    if projected and axis not in tuple(kinematics.coordinates):
-        raise InputError(
-            f"The axis is {axis!r}, but must be one of {', '.join(kinematics.coordinates)}."
-        )
+    if projected:
+        one_of(axis, tuple(kinematics.coordinates), "The axis")
     along = kinematics.coordinates.find(axis)  # -1 where the mesh does not go
     if projected:
         weight = weight * ufl.FacetNormal(problem.mesh)[along]

@@ -8,7 +8,6 @@ has no name is numbered, as in ``surface_5``, and can be given a name of its own
 
 from __future__ import annotations
 
-import difflib
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
@@ -25,6 +24,7 @@ from dea_fenicsx.mesh.foreign.meshing import mend_elsewhere, mesh_drawing
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import si
+from dea_fenicsx.support.validation import did_you_mean
 
 STEP_UNIT = 1e-3
 """Coordinates of a STEP file in m: gmsh reads it, whatever its own unit, in mm."""
@@ -233,10 +233,9 @@ def _name_parts(path: Path, names: Names) -> None:
         chosen: list[tuple[int, int]] = []
         for name in (old,) if isinstance(old, str) else tuple(old):
             if name not in known:
-                near = difflib.get_close_matches(str(name), known, n=1)
-                hint = f"did you mean {near[0]!r}?" if near else ""
                 raise InputError(
-                    f"{path} has no part named {name!r}; {hint} it has: {', '.join(known)}."
+                    f"{path} has no part named {name!r}; {did_you_mean(name, known)} it has: "
+                    f"{', '.join(known)}."
                 )
             if name not in parts:
                 raise InputError(f"names= uses {name!r} of {path} twice; use it once.")

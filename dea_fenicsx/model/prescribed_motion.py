@@ -93,8 +93,14 @@ def prescriptions(scene: Scene, parts: list[Component]) -> list[Prescription]:
         what = f"{type(s.item).__name__} on {s.told.surface!r}"
         X = parts[a].space.tabulate_dof_coordinates()[s.local]
         metres, length = s.told.metres, scene.device.length
-        given = metres(X * length) if callable(metres) else metres
-        values, rounding = np.full(len(s.local), given / length), 0.0
+        rounding = 0.0
+        if callable(metres):
+            values = np.array(metres(X * length), dtype=float) / length
+            moved = [metres((X + FLAT * e) * length) / length - values for e in np.eye(3)]
+            largest = float(np.abs(moved).max(initial=0.0))
+            rounding = scene.device.comm.allreduce(largest, op=MPI.MAX)
+        else:
+            values = np.full(len(s.local), metres / length)
         if s.told.growth is not None:
             along = X[:, scene.kinematics.coordinates.index(s.axis)]
             values += s.told.growth * (along - _centre(scene, s, surfaces))

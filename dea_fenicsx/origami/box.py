@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -20,8 +20,10 @@ from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.origami.kresling import Kresling, strokes
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si, si
+from dea_fenicsx.support.validation import one_of, positive
 
-MAPS = ("panel", "proportional", "storey")
+AngleMap = Literal["panel", "proportional", "storey"]
+MAPS: tuple[AngleMap, ...] = get_args(AngleMap)
 
 
 def table_of_angles(voltages: Any, angles: Any) -> Callable[[Any], Any]:
@@ -92,17 +94,15 @@ class Box:
 
     angle: Callable[[Any], Any]
     height: float
-    map: str = "panel"
+    map: AngleMap = "panel"
     panel: float | None = None
     storey: Kresling | None = None
     cells: int = 4
     storeys: int = 1
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.height) and self.height > 0):
-            raise InputError(f"Box: height is {self.height}, but must be finite and positive.")
-        if self.map not in MAPS:
-            raise InputError(f"Box: map is {self.map!r}, but must be one of {MAPS}.")
+        positive(self.height, "Box: height", "finite and positive")
+        one_of(self.map, MAPS, "Box: map", f"one of {MAPS}")
         for name in ("cells", "storeys"):
             if getattr(self, name) != int(getattr(self, name)) or getattr(self, name) < 1:
                 raise InputError(f"Box: {name} is {getattr(self, name)}, but must be 1 or more.")

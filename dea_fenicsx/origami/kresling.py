@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -23,9 +23,12 @@ from scipy.optimize import minimize_scalar
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
 from dea_fenicsx.support.units import in_si, si
+from dea_fenicsx.support.validation import one_of, positive
 
-TWISTS = ("free", "held")
-CHORDS = ("right", "printed")
+EndTwist = Literal["free", "held"]
+TWISTS: tuple[EndTwist, ...] = get_args(EndTwist)
+Chords = Literal["right", "printed"]
+CHORDS: tuple[Chords, ...] = get_args(Chords)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,23 +99,19 @@ class Kresling:
     stiffness: float = 1.0
     height: float | None = None
     sides: int = 4
-    twist: str = "free"
-    chords: str = "right"
+    twist: EndTwist = "free"
+    chords: Chords = "right"
 
     def __post_init__(self) -> None:
         check_declared(self)
         for name in ("side", "edge", "stiffness"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise InputError(f"Kresling: {name} is {value}, but must be finite and positive.")
+            positive(getattr(self, name), f"Kresling: {name}", "finite and positive")
         if self.sides < 3:
             raise InputError(f"Kresling: sides is {self.sides}, but a box has 3 or more.")
         if self.chords == "printed" and self.sides != 4:
             raise InputError("Kresling: the printed chords are those of a square; give 4 sides.")
         for name, known in (("twist", TWISTS), ("chords", CHORDS)):
-            if getattr(self, name) not in known:
-                told = getattr(self, name)
-                raise InputError(f"Kresling: {name} is {told!r}, but must be one of {known}.")
+            one_of(getattr(self, name), known, f"Kresling: {name}", f"one of {known}")
         if self.height is None:
             if self.chords == "printed":
                 raise InputError(

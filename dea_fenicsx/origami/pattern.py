@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from dea_fenicsx.origami.kresling import Kresling
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
 from dea_fenicsx.support.units import in_si
+from dea_fenicsx.support.validation import one_of
 
 STYLES = {  # stroke, dashes in mm
     "cut": ("#d00000", ""),
@@ -24,7 +25,8 @@ STYLES = {  # stroke, dashes in mm
     "stiffener": ("#808080", ""),
 }
 """Layers of the drawing."""
-STIFFENERS = ("none", "fold", "panels")
+Stiffeners = Literal["none", "fold", "panels"]
+STIFFENERS: tuple[Stiffeners, ...] = get_args(Stiffeners)
 
 
 @in_si(start="m", end="m", width="m", offsets="m")
@@ -135,7 +137,7 @@ class CreasePattern:
     fold: float = 1e-3
     offset: float = 10e-3
     thickness: float = 0.0
-    stiffeners: str = "none"
+    stiffeners: Stiffeners = "none"
     tab: float = 0.0
 
     def __post_init__(self) -> None:
@@ -149,9 +151,7 @@ class CreasePattern:
                 raise InputError(
                     f"CreasePattern: {name} is {value}, but must be finite and not negative."
                 )
-        if self.stiffeners not in STIFFENERS:
-            told = self.stiffeners
-            raise InputError(f"CreasePattern: stiffeners is {told!r}, but must be in {STIFFENERS}.")
+        one_of(self.stiffeners, STIFFENERS, "CreasePattern: stiffeners", f"in {STIFFENERS}")
         least = float(least_fold_width(self.thickness))
         if self.fold < least:
             raise InputError(

@@ -16,7 +16,6 @@ from mpi4py import MPI
 
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
-from dea_fenicsx.scene.kinematics import Helical
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 
@@ -143,8 +142,7 @@ class FieldWriter:
             return None
         assert self.grid is not None
         u = u * problem.scales.length
-        if isinstance(problem.scene.kinematics, Helical):
-            u = problem.scene.kinematics.section(self.grid.points, u, overall)
+        u = problem.scene.kinematics.section(self.grid.points, u, overall)
         fields: dict[str, np.ndarray] = {"displacement_m": u}
         if potential is not None:
             phi = np.zeros(len(self.grid.points))
@@ -178,7 +176,7 @@ class FieldWriter:
         for k, (i, j) in enumerate(_VOIGT):
             stress[:, i, j] = stress[:, j, i] = gathered[:, 4 + k]
         field = gathered[:, 1:4]
-        if problem.scene.kinematics.coordinates == "rz":
+        if problem.scene.kinematics.axis_of_rotation:
             # the picture's plane is (r, z); the hoop direction comes last there
             turn = [0, 2, 1]
             stress, field = stress[:, turn][:, :, turn], field[:, turn]

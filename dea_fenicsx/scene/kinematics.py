@@ -21,7 +21,7 @@ from dea_fenicsx.scene.kinematics_base import GlobalMotion, Helix, Kinematics
 from dea_fenicsx.scene.strain import StrainOf, cofactor
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
-from dea_fenicsx.support.validation import finite, known
+from dea_fenicsx.support.validation import finite, known, positive
 
 __all__ = ["Axisymmetric", "GeneralisedPlaneStrain", "GlobalMotion", "Helical", "Helix",
            "Kinematics", "PlaneStrain", "StrainOf", "ThreeD", "cofactor"]  # fmt: skip
@@ -66,11 +66,7 @@ class PlaneStrain(Kinematics):
 
     def check(self, device: Device) -> None:
         super().check(device)
-        if not (math.isfinite(self.depth) and self.depth > 0):
-            raise InputError(
-                f"The depth of {type(self).__name__} is {self.depth!r}, but must be a length > 0 "
-                "in m."
-            )
+        positive(self.depth, f"The depth of {type(self).__name__}", "a length > 0 in m")
 
     def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         g = grad(u)

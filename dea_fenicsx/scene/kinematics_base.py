@@ -134,6 +134,20 @@ class Kinematics(ABC):
             return X[:, self.coordinates.index(name)]
         return np.hypot(X[:, 0], X[:, 1])
 
+    def section(self, x: np.ndarray, u: np.ndarray, overall: np.ndarray) -> np.ndarray:
+        """Displacement of the section that a picture shows; that of the mesh as a rule.
+
+        Parameters
+        ----------
+        x
+            Positions of the nodes, shape (n, 2 or more).
+        u
+            Displacement of the mesh, in the same unit of length.
+        overall
+            Values of the global unknowns.
+        """
+        return u
+
     # ---------------------------------------------------------- global motions
 
     def lead(self, length: float) -> float:

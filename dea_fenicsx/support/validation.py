@@ -1,36 +1,85 @@
-"""Checks of single inputs that several modules share: names and numbers."""
+"""Checks of single inputs that several modules share: names and numbers.
+
+The questions (`nearest`, `is_finite`, `is_positive`, `is_whole`) serve every module; the checks
+raise an InputError of one form, "What is value, but must be ...".
+"""
 
 from __future__ import annotations
 
 import difflib
 import math
 from collections.abc import Iterable, Sequence
+from numbers import Integral
+from typing import Any
 
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import plain
+
+
+def nearest(name: object, names: Iterable[str], cutoff: float = 0.6) -> str | None:
+    """The one of `names` that is spelt most like `name`, or None if none is much alike."""
+    near = difflib.get_close_matches(str(name), list(names), n=1, cutoff=cutoff)
+    return near[0] if near else None
+
+
+def did_you_mean(name: object, names: Iterable[str]) -> str:
+    """``did you mean 'x'?`` for a name that is not known, or nothing."""
+    near = nearest(name, names)
+    return "" if near is None else f"did you mean {near!r}?"
 
 
 def known(name: str, names: Iterable[str], what: str, owner: str = "the mesh") -> None:
     """Raise InputError unless `name` is one of an owner's `names`; the nearest is suggested."""
     names = list(names)
-    if name in names:
-        return
-    near = difflib.get_close_matches(name, names, n=1)
-    hint = f"did you mean {near[0]!r}?" if near else ""
-    listing = ", ".join(sorted(names)) or "none"
-    raise InputError(f"There is no {what} named {name!r}; {hint} {owner} has: {listing}.")
+    if name not in names:
+        listing = ", ".join(sorted(names)) or "none"
+        raise InputError(
+            f"There is no {what} named {name!r}; {did_you_mean(name, names)} {owner} has: "
+            f"{listing}."
+        )
 
 
-def one_of(value: object, choices: Sequence[object], what: str) -> None:
-    """Raise InputError unless `value` is one of a few choices."""
-    if value not in choices:
-        raise InputError(f"{what} is {value!r}, but must be one of {', '.join(map(str, choices))}.")
+def is_finite(value: Any) -> bool:
+    """Whether a value is a finite real number."""
+    try:
+        return math.isfinite(value)
+    except (TypeError, ValueError, OverflowError):  # the last one: a whole number above 1e308
+        return False
+
+
+def is_positive(value: Any) -> bool:
+    """Whether a value is a finite number > 0."""
+    return is_finite(value) and bool(value > 0)
+
+
+def is_whole(value: Any, least: int) -> bool:
+    """Whether a value is a whole number of at least `least`; a truth value is none."""
+    return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= least
 
 
 def finite(value: object, what: str) -> None:
     """Raise InputError unless `value` is a finite real number."""
-    try:
-        ok = math.isfinite(value)  # type: ignore[arg-type]
-    except TypeError:
-        ok = False
-    if not ok:
-        raise InputError(f"{what} is {value!r}, but must be a finite number.")
+    if not is_finite(value):
+        raise _refused(value, what, "a finite number")
+
+
+def positive(value: object, what: str, due: str = "a number > 0") -> None:
+    """Raise InputError unless `value` is a finite number > 0; `due` says what it must be."""
+    if not is_positive(value):
+        raise _refused(value, what, due)
+
+
+def whole(value: object, what: str, least: int) -> None:
+    """Raise InputError unless `value` is a whole number of at least `least`."""
+    if not is_whole(value, least):
+        raise _refused(value, what, f"a whole number of at least {least}")
+
+
+def one_of(value: object, choices: Sequence[str], what: str, due: str = "") -> None:
+    """Raise InputError unless `value` is one of a few choices; `due` says them in other words."""
+    if value not in choices:
+        raise _refused(value, what, due or f"one of {', '.join(choices)}")
+
+
+def _refused(value: object, what: str, due: str) -> InputError:
+    return InputError(f"{what} is {plain(value)!r}, but must be {due}.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from dea_fenicsx.exact import Film, Laminate, Ply, trace
+from dea_fenicsx.exact.states import Stress
 from dea_fenicsx.geometry import DEAHinge
 from dea_fenicsx.materials import Material, get
 from dea_fenicsx.thesis.table import MISSING, REPRODUCED, WRONG, Row, answer, computed
@@ -15,7 +16,7 @@ THIN = 2e-3
 """Length of the thin region in m; the thesis gives none."""
 
 
-def layers(film: Material, stress: str = "pressure") -> Laminate:
+def layers(film: Material, stress: Stress = "pressure") -> Laminate:
     """The thin region, electrodes as soft as the film, PETG of 1.9 GPa; plane strain."""
     shape = DEAHinge()
     soft, petg = Material(film.elastic, None, film.bulk_modulus), get("petg")
