@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.results.history import Columns, columns_of
 from dea_fenicsx.results.untrusted import read_data, read_xml
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean, listed
@@ -25,12 +27,20 @@ _CELLS = {
     "Hexahedron_27": (29, 27, False),
 }
 
-TEXTS = ("ramp", "event")
-"""Columns of a history that hold texts."""
+def read_history(folder: str | os.PathLike) -> Columns:
+    """The history in a run's history.csv, by columns.
 
+    Returns
+    -------
+    Columns
+        A dict of numbers as float arrays (NaN where empty), else of strings.  Its ``rows`` are the
+        steps, as in `Run.history`.
 
-def read_history(folder: str | os.PathLike) -> dict[str, np.ndarray]:
-    """Columns of a run's history.csv: numbers as float arrays (NaN where empty), else strings."""
+    Raises
+    ------
+    InputError
+        If there is no such file, it cannot be read, or it is no history.
+    """
     file = Path(folder) / "history.csv"
     if not file.is_file():
         raise InputError(f"There is no history.csv in {folder}; give the folder of a run.")
@@ -49,16 +59,7 @@ def read_history(folder: str | os.PathLike) -> dict[str, np.ndarray]:
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"{file} is damaged: it has two columns {clean(twice, 60)!r}.")
-    columns: dict[str, np.ndarray] = {}
-    for name in rows[0] if rows else []:
-        values = [row[name] for row in rows]
-        try:
-            if name in TEXTS and any(values):
-                raise ValueError("a text, even where it looks like a number")
-            columns[name] = np.array([float(v) if v else np.nan for v in values])
-        except ValueError:
-            columns[name] = np.array(values)
-    return columns
+    return columns_of(names if rows else [], rows)
 
 
 def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
@@ -77,7 +78,7 @@ def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
     return found
 
 
-def load_columns(history: dict[str, np.ndarray], summary: dict[str, Any]) -> list[str]:
+def load_columns(history: Mapping[str, np.ndarray], summary: dict[str, Any]) -> list[str]:
     """Columns of a history that hold the loads, those of the last ramp first.
 
     A ramp that moves electrodes of given potential has a column in V, any other one its factor.
