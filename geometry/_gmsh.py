@@ -14,13 +14,17 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.support.cell_types import HEX, LINE, QUAD, gmsh_number
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import replace_file
 
 from ._structured import Ints, StructuredMesh
 
-# gmsh's element numbers by (dimension, order)
-ELEMENT = {(1, 1): 1, (2, 1): 3, (3, 1): 5, (1, 2): 8, (2, 2): 10, (3, 2): 12}
+ELEMENT = {
+    (dim, order): gmsh_number(shape, order)
+    for dim, shape in ((1, LINE), (2, QUAD), (3, HEX)) for order in (1, 2)
+}  # fmt: skip
+"""gmsh's numbers of the cells of structured meshes, by dimension and order."""
 
 
 def start() -> bool:

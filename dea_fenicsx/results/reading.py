@@ -16,16 +16,10 @@ import numpy as np
 
 from dea_fenicsx.results.history import Columns, columns_of
 from dea_fenicsx.results.untrusted import read_data, read_xml
+from dea_fenicsx.support.cell_types import BY_XDMF
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean, listed
 
-# XDMF's name of a quadratic cell: VTK's number, nodes, whether it is a flat one
-_CELLS = {
-    "Triangle_6": (22, 6, True),
-    "Quadrilateral_9": (28, 9, True),
-    "Tetrahedron_10": (24, 10, False),
-    "Hexahedron_27": (29, 27, False),
-}
 
 def read_history(folder: str | os.PathLike) -> Columns:
     """The history in a run's history.csv, by columns.
@@ -194,13 +188,13 @@ def read_frame(folder: str | os.PathLike, step: int = -1) -> Frame:
 
     topology = xml.find("Topology")
     kind = "" if topology is None else topology.attrib.get("TopologyType", "")
-    if kind not in _CELLS:
+    if kind not in BY_XDMF:
         raise InputError(f"{file} is damaged: it has cells of an unknown kind {clean(kind, 60)!r}.")
-    number, nodes, flat = _CELLS[kind]
+    cell = BY_XDMF[kind]
     cells, points = data(topology), data(xml.find("Geometry"))
-    _check_grid(file, cells, points, nodes)
-    table = np.column_stack([np.full(len(cells), nodes), cells]).ravel()
-    grid = pyvista.UnstructuredGrid(table, np.full(len(cells), number, dtype=np.uint8), points)
+    _check_grid(file, cells, points, cell.nodes)
+    table = np.column_stack([np.full(len(cells), cell.nodes), cells]).ravel()
+    grid = pyvista.UnstructuredGrid(table, np.full(len(cells), cell.vtk, dtype=np.uint8), points)
     for attribute in xml.findall("Attribute"):
         nodal = attribute.attrib["Center"] == "Node"
         name, values = attribute.attrib["Name"], data(attribute)
@@ -210,7 +204,7 @@ def read_frame(folder: str | os.PathLike, step: int = -1) -> Frame:
                 f"{'node' if nodal else 'cell'}."
             )
         (grid.point_data if nodal else grid.cell_data)[name] = values
-    return Frame(grid, flat, _time(file, xml))
+    return Frame(grid, cell.flat, _time(file, xml))
 
 
 def _check_grid(file: Path, cells: np.ndarray, points: np.ndarray, nodes: int) -> None:
