@@ -331,7 +331,7 @@ def main():
 
 
 def report(s, checked):
-    print(f"\n{'model':15}{'case':8}{'width':8}{'error':>9}{'slack at strain':>17}{'digest':>8}")
+    print(f"\n{'model':15}{'case':8}{'width':8}{'error':>9}{'slack at strain':>17}{'table':>8}")
     for (model, case, width), (error, slack) in checked.items():
         known = SLACK.get((model, case)) if width == "held" else None
         print(f"{model:15}{case:8}{width:8}"

@@ -1,7 +1,8 @@
-"""The spiral box in closed form: against corner coordinates, complex steps and the checked digest.
+"""The spiral box in closed form: against corner coordinates, complex steps and peaks
+that were found apart.
 
-Numbers in inch and lbf are those of `thesis_reference.toml` (kresling_kinematics, smooth_fold,
-kresling_box_actuation), recomputed there independently of this package.
+Numbers in inch and lbf belong to chapter 5 of J. Park's thesis (2019) and were computed
+independently of this package.
 """
 
 from __future__ import annotations
@@ -124,7 +125,7 @@ PEAKS = {
 
 
 @pytest.mark.parametrize("name", PEAKS)
-def test_peaks_of_the_digest(name):
+def test_peaks_that_were_found_apart(name):
     s = READINGS[name]
     partial, force, twist = PEAKS[name]
     assert s.peak("partial_force")[1] == pytest.approx(partial, abs=6e-3 if twist == 0 else 6e-4)

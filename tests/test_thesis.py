@@ -1,6 +1,6 @@
 """The thesis table against independently computed numbers, and that nothing printed is left out.
 
-Expected values are those of `thesis_reference.toml` (recomputed independently of this package
+Expected values belong to J. Park's thesis (2019; recomputed independently of this package
 from the inputs that J. Park 2019 prints), to the digits given there.
 """
 
