@@ -183,7 +183,7 @@ def test_plane_strain_has_no_limit_point(Im):
 
 
 def test_cube_of_the_thesis_corrected():
-    # section 3.3 of the thesis with its dead load put right: dead load 98437.5 Pa, 811.602 V at 2.5,
+    # section 3.3 of the thesis with the right dead load: it is 98437.5 Pa, 811.602 V at 2.5,
     # pull-in 867.015 V at 2.97042, true pressure 65126.25 Pa
     cube = Film(Material(NeoHookean(50e3), IdealDielectric(2.86)), 1e-4).prestretched(2.0, 2.0)
     assert cube.first.pascal == pytest.approx(98437.5, rel=1e-14)
