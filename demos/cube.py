@@ -53,18 +53,8 @@ def main():
     device = dea.read_gmsh(geometry, comm)
     scene(args, device, film)  # refuses bad constants before they enter the closed form
 
-    # the exact state
-    eps = args.eps_r * EPSILON_0
     force = mu * (args.prestretch - args.prestretch**-5)
-
-    def exact_voltage(lam, force=force):
-        phi = (mu * (lam**2 - lam**-4) - lam * force) / lam**4
-        return T * np.sqrt(np.maximum(phi, 0.0) / eps)
-
-    within = (args.prestretch, 6 * args.prestretch)
-    peak = minimize_scalar(lambda x: -exact_voltage(x), bounds=within, method="bounded",
-                           options={"xatol": 1e-12})  # fmt: skip
-    lam_peak, V_peak = float(peak.x), float(-peak.fun)
+    exact_voltage, lam_peak, V_peak = closed_form(args, force)
 
     # finite elements along the stable branch
     V_end = args.voltage if args.voltage is not None else 0.99907 * V_peak
@@ -84,24 +74,12 @@ def main():
         options=dea.NewtonOptions(tolerance=1e-12),
         settings=parser.settings(args),
     )
-    voltage = run.column("voltage_V")
-    stretch = run.column("stretch")
-    share = run.column("load_factor")
-    exact = [
-        brentq(lambda x, V=V, f=f * force: mu * (x**2 - x**-4) - x * f - eps * (x**2 * V / T) ** 2,
-               0.9, lam_peak, xtol=1e-15, rtol=1e-14)
-        for V, f in zip(voltage, share, strict=True)
-    ]  # fmt: skip
-    error = float(np.max(np.abs(stretch / exact - 1)))
+    exact = exact_stretches(args, run, force, lam_peak)
+    error = float(np.max(np.abs(run.column("stretch") / exact - 1)))
 
-    # finite elements at a held stretch: the voltage at which the reaction equals the dead load
+    # finite elements at a held stretch
     def fe_voltage(lam):
-        held = scene(args, device, film, hold=lam, volts=V_peak)
-        ramps = [dea.Ramp("stretch", steps=4), dea.Ramp("voltage", steps=1)]
-        r = dea.solve(held, ramps, {"force": dea.Reaction("x_max", "x")}, quiet=True)
-        (_, dry), (_, wet) = r.column("force_N")[-3:-1], r.column("force_N")[-2:]
-        # the reaction falls with the square of the voltage
-        return V_peak * np.sqrt((dry[()] - force * T**2) / (dry[()] - wet[()]))
+        return held_voltage(args, device, film, lam, (force, V_peak))
 
     at_25 = fe_voltage(1.25 * args.prestretch)
     bracket = (0.97 * lam_peak, lam_peak, 1.03 * lam_peak)
@@ -118,6 +96,44 @@ def main():
     )
     if comm.rank == 0 and not args.quiet:
         report(args, run, exact, exact_voltage)
+
+
+def closed_form(args, force):
+    """Thesis eq 17 as a voltage of the stretch, and stretch and voltage at its peak."""
+    mu, T, eps = args.mu, args.thickness, args.eps_r * EPSILON_0
+
+    def exact_voltage(lam):
+        phi = (mu * (lam**2 - lam**-4) - lam * force) / lam**4
+        return T * np.sqrt(np.maximum(phi, 0.0) / eps)
+
+    within = (args.prestretch, 6 * args.prestretch)
+    peak = minimize_scalar(lambda x: -exact_voltage(x), bounds=within, method="bounded",
+                           options={"xatol": 1e-12})  # fmt: skip
+    return exact_voltage, float(peak.x), float(-peak.fun)
+
+
+def exact_stretches(args, run, force, largest):
+    """Stretch on the stable branch of thesis eq 17 at each step of a run."""
+    mu, T, eps = args.mu, args.thickness, args.eps_r * EPSILON_0
+    return [
+        brentq(lambda x, V=V, f=f * force: mu * (x**2 - x**-4) - x * f - eps * (x**2 * V / T) ** 2,
+               0.9, largest, xtol=1e-15, rtol=1e-14)
+        for V, f in zip(run.column("voltage_V"), run.column("load_factor"), strict=True)
+    ]  # fmt: skip
+
+
+def held_voltage(args, device, film, stretch, load):
+    """Voltage at which the reaction of a held cube equals a dead load.
+
+    `load` is the dead load in Pa and a voltage in V at which the reaction is found.
+    """
+    force, volts = load
+    held = scene(args, device, film, hold=stretch, volts=volts)
+    ramps = [dea.Ramp("stretch", steps=4), dea.Ramp("voltage", steps=1)]
+    r = dea.solve(held, ramps, {"force": dea.Reaction("x_max", "x")}, quiet=True)
+    (_, dry), (_, wet) = r.column("force_N")[-3:-1], r.column("force_N")[-2:]
+    # the reaction falls with the square of the voltage
+    return volts * np.sqrt((dry[()] - force * args.thickness**2) / (dry[()] - wet[()]))
 
 
 def report(args, run, exact, exact_voltage):

@@ -79,15 +79,38 @@ def main():
         options=dea.NewtonOptions(tolerance=1e-12),
         settings=parser.settings(args),
     )
-    # both stretches and the voltage of the exact state that has the same thickness
+    peak = next(row for row in run.history if row["event"] == "maximum")
+    exact_peak, pressed_peak = field.event("pull-in"), pressed.event("pull-in")
+
+    run.add(
+        max_relative_error=largest_error(args, run, field),
+        pull_in_voltage_V=peak["voltage_V"],
+        pull_in_contraction=peak["contraction"],
+        exact_pull_in_voltage_V=exact_peak.voltage,
+        exact_pull_in_contraction=float(1 - exact_peak.stretches[2]),
+        exact_pull_in_voltage_pressure_V=pressed_peak.voltage,
+        **by_pressure(args, device, film, pressed),
+    )
+    if comm.rank == 0:
+        draw(args, field, pressed)
+        if not args.quiet:
+            report(args, run)
+
+
+def largest_error(args, run, field):
+    """Of both stretches and the voltage, against the exact state that has the same thickness."""
     errors = []
     for row in run.history[1:]:
         (state,) = field.at_stretch(1 - row["contraction"], axis=2)
         errors.append([row["voltage_V"] / state.voltage - 1,
                        (1 + row["stretch_m"] / args.radius) / state.stretches[0] - 1])  # fmt: skip
-    peak = next(row for row in run.history if row["event"] == "maximum")
-    exact_peak, pressed_peak = field.event("pull-in"), pressed.event("pull-in")
+    return float(np.abs(errors).max())
 
+
+def by_pressure(args, device, film, pressed):
+    """The column under Maxwell pressures in place of a field, beside the exact states."""
+    T, eps = args.thickness, args.eps_r * EPSILON_0
+    pressed_peak = pressed.event("pull-in")
     # the Maxwell pressure eps E^2 on the electrodes alone, in place of the field's stress
     top = pressed_peak.maxwell
     live = press(device, film, dea.FollowerPressure("top", 2 * top), at=(0.5,), until=0.5)
@@ -102,14 +125,8 @@ def main():
         given[name] = press(device, film, load("top", p))["contraction"][-1]
     exact_live = float(1 - pressed.states_at(volts, "undeformed")[0][0].stretches[2])
     (at30,) = pressed.at_stretch(1 - THESIS["contraction"] / SHARE, axis=2)
-    run.add(
-        max_relative_error=float(np.abs(errors).max()),
-        pull_in_voltage_V=peak["voltage_V"],
-        pull_in_contraction=peak["contraction"],
-        exact_pull_in_voltage_V=exact_peak.voltage,
-        exact_pull_in_contraction=float(1 - exact_peak.stretches[2]),
+    return dict(
         pull_in_voltage_pressure_V=float(pressed_volts[at]),
-        exact_pull_in_voltage_pressure_V=pressed_peak.voltage,
         largest_voltage_pressure_V=float(pressed_volts.max()),
         contraction_live=given["live"],
         contraction_dead=given["dead"],
@@ -117,17 +134,18 @@ def main():
         exact_contraction_dead=dead_contraction(film, p),
         voltage_for_30_percent_V=float(T * np.sqrt(at30.maxwell / eps)),
     )
-    if comm.rank == 0:
-        keep = 1 - field.stretches[2] < args.until
-        lines = {"exact, full field": (1 - field.stretches[2][keep], field.voltage[keep])}
-        keep = 1 - pressed.stretches[2] < args.until
-        shrink = 1 - pressed.stretches[2][keep]
-        lines["exact, pressure of true field"] = shrink, pressed.voltage[keep]
-        lines["exact, undeformed thickness"] = shrink, pressed.load("undeformed")[keep]
-        dea.pictures.curve(args.out, x="contraction", y="voltage_V", labels=["finite elements"],
-                           lines=lines)  # fmt: skip
-        if not args.quiet:
-            report(args, run)
+
+
+def draw(args, field, pressed):
+    """Voltage against contraction, beside the exact branches."""
+    keep = 1 - field.stretches[2] < args.until
+    lines = {"exact, full field": (1 - field.stretches[2][keep], field.voltage[keep])}
+    keep = 1 - pressed.stretches[2] < args.until
+    shrink = 1 - pressed.stretches[2][keep]
+    lines["exact, pressure of true field"] = shrink, pressed.voltage[keep]
+    lines["exact, undeformed thickness"] = shrink, pressed.load("undeformed")[keep]
+    dea.pictures.curve(args.out, x="contraction", y="voltage_V", labels=["finite elements"],
+                       lines=lines)  # fmt: skip
 
 
 def press(device, film, load, at=(), until=None):

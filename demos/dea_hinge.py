@@ -189,14 +189,25 @@ def study(args, name, out, settings):
         "closed_fold_V": float(np.interp(180, fold, volts)) if fold.max() > 180 else None,
     }
 
-    # the thesis's way: the pressure grows with V^2, so the factor is (V/4 kV)^2
+    way, pressed = by_pressure(hinge, quiet)
+    found |= way
+    curves = {"full coupling": (volts, fold), "given pressure": pressed}
+    if args.solid:
+        found |= in_space(hinge, low, quiet)
+    return run, found, curves, hinge
+
+
+def by_pressure(hinge, quiet):
+    """The thesis's way, a given pressure on the films: findings, and the fold at each voltage."""
+    args = hinge.args
+    # the pressure grows with V^2, so the factor is (V/4 kV)^2
     press, stopped = driven(
         hinge.scene(pressure=hinge.maxwell(max(VOLTS))),
         dea.Ramp("load", steps=64, at=tuple((v / max(VOLTS)) ** 2 for v in (500, *VOLTS[:-1]))),
         angles(), **quiet,
     )  # fmt: skip
     volts, fold = max(VOLTS) * np.sqrt(press.column("load_factor")), fold_deg(press)
-    found |= {
+    return {
         "given_pressure_Pa": hinge.maxwell(max(VOLTS)),
         "fold_linear_pressure_at_1_2_4_kV_deg": np.degrees(
             hinge.laminate(stress="pressure").curvature(np.array(VOLTS)) * args.thin
@@ -206,19 +217,22 @@ def study(args, name, out, settings):
             for v in VOLTS
         ],
         "given_pressure_ends_V": float(volts[-1]) if stopped else None,
-    }
-    curves = {"full coupling": (run.column("voltage_V"), fold_deg(run)),
-              "given pressure": (volts, fold)}  # fmt: skip
-    if args.solid:
-        solid, _ = driven(hinge.scene(low, width=args.solid, taper=False), dea.Ramp(steps=1),
-                          angles("y"), **quiet)  # fmt: skip
-        plate = float(hinge.laminate(across="free").curvature(low))
-        found |= {"solid_curvature_over_plane_strain": solid["middle_rad"] / (args.thin / 2)
-                  / float(hinge.laminate(across="held").curvature(low)),
-                  "plate_curvature_over_plane_strain": plate
-                  / float(hinge.laminate(across="held").curvature(low)),
-                  "solid_unknowns": solid.summary["unknowns"]}  # fmt: skip
-    return run, found, curves, hinge
+    }, (volts, fold)
+
+
+def in_space(hinge, low, quiet):
+    """Curvature of a hinge in space and of a plate at a small voltage, over that of plane strain.
+    """
+    args = hinge.args
+    solid, _ = driven(hinge.scene(low, width=args.solid, taper=False), dea.Ramp(steps=1),
+                      angles("y"), **quiet)  # fmt: skip
+    held = float(hinge.laminate(across="held").curvature(low))
+    return {
+        "solid_curvature_over_plane_strain": solid["middle_rad"] / (args.thin / 2) / held,
+        "plate_curvature_over_plane_strain":
+            float(hinge.laminate(across="free").curvature(low)) / held,
+        "solid_unknowns": solid.summary["unknowns"],
+    }  # fmt: skip
 
 
 def blocked(hinge, quiet):

@@ -21,7 +21,7 @@ from dea_fenicsx.materials.material import bulk_modulus_of
 
 COARSE = HelicalCell(radial=12, rim=3, grading=8, grading_rim=3, grading_through=3, films=True)
 EDGES = ("sharp", "tapered", "thin film")
-# electrode modulus over elastomer modulus, Poisson's ratio: digest section 5
+# electrode modulus over elastomer modulus, Poisson's ratio
 LINEAR = ((1, 0.406), (10, 0.406), (100, 0.406), (1e5, 0.406), (1000, 0.495), (1e5, 0.495))
 
 

@@ -32,9 +32,8 @@ def parse():
     return parser, parser.parse_args()
 
 
-def main():
-    parser, args = parse()
-    comm = MPI.COMM_WORLD
+def ring(args, comm):
+    """The section of the ring layer."""
     width = args.outer_radius - args.inner_radius
     if not 0 < args.inner_radius < args.outer_radius:
         raise dea.InputError(
@@ -43,7 +42,13 @@ def main():
         )
     layer = Layer("film", args.thickness, divisions=args.through, grading=2.0)
     shape = BoxStack(width, None, [layer], divisions=args.radial, grading=8.0, x0=args.inner_radius)
-    device = dea.read_gmsh(shape, comm)
+    return dea.read_gmsh(shape, comm)
+
+
+def main():
+    parser, args = parse()
+    comm = MPI.COMM_WORLD
+    device = ring(args, comm)
     film = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(4.7))
     T, top = args.thickness, max(PRESSURES)
     area = np.pi * (args.outer_radius**2 - args.inner_radius**2)
@@ -82,27 +87,35 @@ def main():
     # and by 1e-5 of the thickness for the modulus at rest, which is what the shape factor gives
     _, start, sunk = case(bonded, plate=1e-5 * T, **quiet)
 
-    p, k = free
-    at = [int(np.argmin(np.abs(p - wanted))) for wanted in PRESSURES]
-    exact = [solve_free(film, wanted) for wanted in PRESSURES]
-    plate_p, plate_k = found["bonded, flat plate"]
-    soft_p, soft_k = found["bonded, soft electrode"]
     run.add(
-        contraction_free=[float(k[i]) for i in at],
-        exact_contraction_free=exact,
-        max_relative_error=float(np.max(np.abs(elastic_pressure(film, k[1:]) / p[1:] - 1))),
-        contraction_bonded_soft=[float(soft_k[np.argmin(np.abs(soft_p - w))]) for w in PRESSURES],
+        **findings(film, found),
         plate_modulus_Pa=float(start[-1] / sunk[-1]),
         shape_factor_modulus_Pa=float(modulus),
         ring_modulus_Pa=float(ring_modulus),
-        shape_factor=width / (4 * T),
-        pressure_of_plate_Pa=[float(v) for v in plate_p],
-        contraction_of_plate=[float(v) for v in plate_k],
+        shape_factor=(args.outer_radius - args.inner_radius) / (4 * T),
     )
     if comm.rank == 0:
         draw(Path(args.out) / "contraction_pressure.png", film, found, modulus)
         if not args.quiet:
             report(run, found)
+
+
+def findings(film, found):
+    """Contractions at the pressures of the thesis, and those of the analytic model."""
+    p, k = found["free"]
+    at = [int(np.argmin(np.abs(p - wanted))) for wanted in PRESSURES]
+    exact = [solve_free(film, wanted) for wanted in PRESSURES]
+    plate_p, plate_k = found["bonded, flat plate"]
+    soft_p, soft_k = found["bonded, soft electrode"]
+    return {
+        "contraction_free": [float(k[i]) for i in at],
+        "exact_contraction_free": exact,
+        "max_relative_error": float(np.max(np.abs(elastic_pressure(film, k[1:]) / p[1:] - 1))),
+        "contraction_bonded_soft": [float(soft_k[np.argmin(np.abs(soft_p - w))])
+                                    for w in PRESSURES],
+        "pressure_of_plate_Pa": [float(v) for v in plate_p],
+        "contraction_of_plate": [float(v) for v in plate_k],
+    }  # fmt: skip
 
 
 def solve_free(film, pressure):

@@ -21,7 +21,7 @@ MESHES = {
     2: {"angular": 16, "radial": 8, "rim": 2, "through": 2},
     3: {"angular": 24, "radial": 12, "rim": 4, "through": 3},
 }
-LINEAR_SHARE = 0.800  # electrode area over ring area, times elastomer over pitch: digest section 5
+LINEAR_SHARE = 0.800  # electrode area over ring area, times elastomer over pitch
 
 
 def parse():

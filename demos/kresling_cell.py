@@ -165,24 +165,10 @@ def main():
     softer = {k: [stiffness(args, cell, held=k, hinge=E) for E in MODULI] for k in at_rest}
     rigid = [stiffness(args, cell, hinge=E, panel=1e14) for E in (MODULI[0], MODULI[-1])]
 
-    strokes, forces = -run.column("stroke_m"), -run.column("force_N")
-    turn = np.degrees(run.column("twist_rad"))
-    buckled = [row for row in held.history if row["event"] == "bifurcation"]
-    small = forces[1] / strokes[1]
     run.add(
         edge_m=linkage.edge,
         panels_meet_at_height_m=lowest,
-        stiffness_N_per_m=at_rest[False],
-        stiffness_held_N_per_m=at_rest[True],
-        reached_stroke_m=strokes[-1],
-        linear_force_at_stroke_N=at_rest[False] * strokes[-1],
-        force_at_stroke_N=forces[-1],
-        largest_force_N=float(np.max(forces)),
-        small_stroke_over_linear=small / at_rest[False],
-        twist_at_stroke_deg=turn[-1],
-        linkage_twist_at_stroke_deg=float(
-            np.degrees(linkage.twist_at(args.height - strokes[-1])) - args.twist
-        ),
+        **path_findings(args, run, held, linkage, at_rest),
         hinge_moduli_Pa=MODULI,
         stiffness_of_moduli_N_per_m=softer[False],
         stiffness_held_of_moduli_N_per_m=softer[True],
@@ -190,8 +176,6 @@ def main():
         drop_held=1 - softer[True][-1] / softer[True][0],
         hinge_share_of_energy=share(softer[False]),
         hinge_share_of_energy_held=share(softer[True]),
-        held_buckling_stroke_m=-buckled[0]["stroke_m"] if buckled else float("nan"),
-        held_buckling_force_N=-buckled[0]["force_N"] if buckled else float("nan"),
         stiffness_rigid_panels_N_per_m=rigid[0],
         drop_rigid_panels=1 - rigid[-1] / rigid[0],
         **springs(args, cell),
@@ -203,6 +187,29 @@ def main():
         dea.pictures.deformed(args.out, "displacement_m")
         if not args.quiet:
             report(run, args)
+
+
+def path_findings(args, run, held, linkage, at_rest):
+    """Forces and turns along the strokes, beside the tangents at rest."""
+    strokes, forces = -run.column("stroke_m"), -run.column("force_N")
+    turn = np.degrees(run.column("twist_rad"))
+    buckled = [row for row in held.history if row["event"] == "bifurcation"]
+    small = forces[1] / strokes[1]
+    return dict(
+        stiffness_N_per_m=at_rest[False],
+        stiffness_held_N_per_m=at_rest[True],
+        reached_stroke_m=strokes[-1],
+        linear_force_at_stroke_N=at_rest[False] * strokes[-1],
+        force_at_stroke_N=forces[-1],
+        largest_force_N=float(np.max(forces)),
+        small_stroke_over_linear=small / at_rest[False],
+        twist_at_stroke_deg=turn[-1],
+        linkage_twist_at_stroke_deg=float(
+            np.degrees(linkage.twist_at(args.height - strokes[-1])) - args.twist
+        ),
+        held_buckling_stroke_m=-buckled[0]["stroke_m"] if buckled else float("nan"),
+        held_buckling_force_N=-buckled[0]["force_N"] if buckled else float("nan"),
+    )
 
 
 def study(args, device):

@@ -45,14 +45,9 @@ def main():
             supports=[dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")],
         )
 
-    # 1. A ramp to 1.2 times that voltage.  It ends with EquilibriumLost; all steps before are kept
-    #    in results/.  A script that does not catch it ends with this sentence and exit status 3.
+    # 1. A ramp to 1.2 times that voltage.
     driven = scene(dea.Electrode("top", 1.2 * exact.voltage))
-    try:
-        dea.solve(driven, dea.Ramp("voltage", steps=6), record, quiet=True)
-        told = ""
-    except dea.EquilibriumLost as lost:
-        told = str(lost)
+    told = ramped(driven, record)
 
     # 2. The same scene by arc length: over the maximum, and down the unstable branch to 0.4 of T.
     curve = dea.solve(
@@ -90,14 +85,33 @@ def main():
     if comm.rank == 0:
         dea.pictures.curve(args.out, x="thickness_stretch", y="voltage_V")
         if not args.quiet:
-            print(f"\nthe ramp: {told}")
-            print(f"pull-in:  {top['voltage_V']:.6f} V at {top['thickness_stretch']:.5f} of the "
-                  f"thickness;\n          exact {exact.voltage:.6f} V at "
-                  f"{exact.stretches[2]:.5f}")  # fmt: skip
-            print(f"charge:   the voltage falls to {volts[-1]:.1f} V behind the maximum, but from "
-                  f"{2 * split['charge_factor']:.3f} times the charge\n          of pull-in on the "
-                  "uniform film is not stable: it thins in one place")  # fmt: skip
-            print(f"results:  {curve.out}/voltage_thickness_stretch.png")
+            report(curve, exact)
+
+
+def ramped(driven, record):
+    """What a ramp beyond pull-in ends with.
+
+    It is EquilibriumLost; all steps before are kept in results/.  A script that does not catch it
+    ends with this sentence and exit status 3.
+    """
+    try:
+        dea.solve(driven, dea.Ramp("voltage", steps=6), record, quiet=True)
+    except dea.EquilibriumLost as lost:
+        return str(lost)
+    return ""
+
+
+def report(curve, exact):
+    s = curve.summary
+    print(f"\nthe ramp: {s['ramp_ended_with']}")
+    print(f"pull-in:  {s['pull_in_voltage_V']:.6f} V at {s['pull_in_thickness_stretch']:.5f} of "
+          f"the thickness;\n          exact {exact.voltage:.6f} V at "
+          f"{exact.stretches[2]:.5f}")  # fmt: skip
+    print(f"charge:   the voltage falls to {s['last_voltage_under_charge_V']:.1f} V behind the "
+          f"maximum, but from {s['bifurcation_charge_over_that_of_pull_in']:.3f} times the charge\n"
+          "          of pull-in on the uniform film is not stable: it thins in one "
+          "place")  # fmt: skip
+    print(f"results:  {curve.out}/voltage_thickness_stretch.png")
 
 
 if __name__ == "__main__":

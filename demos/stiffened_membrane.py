@@ -201,14 +201,17 @@ def stiffened(args, out, settings):
 # ------------------------------------------------------------------------- 3. bending
 
 
-def section(args, volts, strip, thickness, stiffener, offset=None, eps_r=None, length=None,
-            out=None, stiff=None, cells=(14, 4, 14), steps=6):  # fmt: skip
-    """Bending of a film that bears no tension, clamped at one end; (run, scene's shape)."""
+def profile(strip, thickness, stiffener, offset=None, length=None, cells=(14, 4, 14)):
+    """Shape of a section: `strip` is the stiffener's width in the middle, or both of its ends."""
     length = length or CASES["cell"][0][0] * INCH
     middle = length / 2
     reach = strip if isinstance(strip, tuple) else (middle - strip / 2, middle + strip / 2)
-    shape = StiffenedSection(thickness=thickness, stiffener=stiffener, offset=offset,
-                             length=length, strip=reach, cells=cells)  # fmt: skip
+    return StiffenedSection(thickness=thickness, stiffener=stiffener, offset=offset,
+                            length=length, strip=reach, cells=cells)  # fmt: skip
+
+
+def section(args, volts, shape, eps_r=None, out=None, stiff=None, steps=6):
+    """Run of the bending of a film that bears no tension, clamped at one end."""
     film = dea.materials.get(f"vhb-thesis-{args.model}-2p125").elastic
     mylar = stiff or mylar_of(args, shape)
     scene = dea.Scene(
@@ -219,7 +222,7 @@ def section(args, volts, strip, thickness, stiffener, offset=None, eps_r=None, l
         supports=[dea.Clamp("x_min")], kinematics=dea.PlaneStrain(),
     )  # fmt: skip
     record = {"angle": dea.Rotation("x_max", "z"), "tip": dea.MeanDisplacement("x_max", "y")}
-    return dea.solve(scene, dea.Ramp("voltage", steps=steps), record, out=out, **QUIET), shape
+    return dea.solve(scene, dea.Ramp("voltage", steps=steps), record, out=out, **QUIET)
 
 
 def element_angles(folder, shape):
@@ -237,11 +240,11 @@ def bending(args, out):
     h = args.thickness / np.prod(CASES["cell"][0])
     three = 3 * h  # three layers as one rectangle, as in the thesis
     offset = None if args.offset < 0 else args.offset
-    run, shape = section(args, args.volts, args.strip, three, args.stiffener, offset,
-                         out=out / "section")  # fmt: skip
+    shape = profile(args.strip, three, args.stiffener, offset)
+    run = section(args, args.volts, shape, out=out / "section")
     found = {"bending_angle_deg": np.degrees(run["angle_rad"]), "tip_displacement_m": run["tip_m"],
              "section_voltage_V": args.volts, "thesis_bending_angle_6kV_deg": 39.2}  # fmt: skip
-    flat, _ = section(args, args.volts, args.strip, three, args.stiffener, 0.0)
+    flat = section(args, args.volts, profile(args.strip, three, args.stiffener, 0.0))
     found["mid_plane_bending_angle_deg"] = abs(np.degrees(flat["angle_rad"]))
 
     # bilayer: a stiffener all over, of a rubber four times as stiff
@@ -252,8 +255,8 @@ def bending(args, out):
     grid = layer * np.sqrt(elastic.mu / 4 / (args.eps_r * EPSILON_0)) * np.linspace(0.05, 0.95, 46)
     exact = -np.degrees([s.angle_per_length * length for s in bend(plies, grid)])
     top = float(np.interp(90, exact, grid))
-    run, _ = section(args, top, (0.0, length), layer, layer / 2, length=length, stiff=back,
-                     cells=(1, 24, 1))  # fmt: skip
+    bilayer = profile((0.0, length), layer, layer / 2, length=length, cells=(1, 24, 1))
+    run = section(args, top, bilayer, stiff=back)
     ours, V = np.degrees(run.column("angle_rad")), run.column("voltage_V")
     theory = -np.degrees([s.angle_per_length * length for s in bend(plies, V)])
     found |= {
@@ -279,7 +282,8 @@ def vary(args, film):
     table = []
     for change in tried:
         chosen = base | change
-        run, _ = section(args, args.volts, **chosen)
+        eps_r = chosen.pop("eps_r")
+        run = section(args, args.volts, profile(**chosen), eps_r=eps_r)
         words = ", ".join(f"{k} {v:g}" for k, v in change.items()) or "nothing"
         table.append(
             {"changed": words, "angle_deg": float(np.degrees(run["angle_rad"])),
@@ -331,7 +335,7 @@ def main():
 
 
 def report(s, checked):
-    print(f"\n{'model':15}{'case':8}{'width':8}{'error':>9}{'slack at strain':>17}{'digest':>8}")
+    print(f"\n{'model':15}{'case':8}{'width':8}{'error':>9}{'slack at strain':>17}{'table':>8}")
     for (model, case, width), (error, slack) in checked.items():
         known = SLACK.get((model, case)) if width == "held" else None
         print(f"{model:15}{case:8}{width:8}"

@@ -14,12 +14,17 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.support.cell_types import HEX, LINE, QUAD, gmsh_number
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.files import replace_file
 
 from ._structured import Ints, StructuredMesh
 
-# gmsh's element numbers by (dimension, order)
-ELEMENT = {(1, 1): 1, (2, 1): 3, (3, 1): 5, (1, 2): 8, (2, 2): 10, (3, 2): 12}
+ELEMENT = {
+    (dim, order): gmsh_number(shape, order)
+    for dim, shape in ((1, LINE), (2, QUAD), (3, HEX)) for order in (1, 2)
+}  # fmt: skip
+"""gmsh's numbers of the cells of structured meshes, by dimension and order."""
 
 
 def start() -> bool:
@@ -118,15 +123,13 @@ def write_current(path: Path) -> None:
     """Write the current model as .msh 4.1; the file appears whole or not at all."""
     import gmsh
 
-    part = path.with_name(f".{path.stem}.{os.getpid()}.msh")
     settings = {"Mesh.MshFileVersion": 4.1, "Mesh.Binary": 1, "Mesh.SaveAll": 0}
     before = {key: gmsh.option.getNumber(key) for key in settings}
     try:
-        part.touch()
         for key, value in settings.items():
             gmsh.option.setNumber(key, value)
-        gmsh.write(str(part))
-        os.replace(part, path)
+        # gmsh goes by the ending; the number keeps processes that write the same file apart
+        replace_file(path, lambda part: gmsh.write(str(part)), ending=f".{os.getpid()}.msh")
     except Exception as error:  # OSError, or the plain Exception that gmsh raises
         raise InputError(
             f"Mesh file {path}: it can't be written ({error}); give a path in a folder that you "
@@ -135,7 +138,6 @@ def write_current(path: Path) -> None:
     finally:
         for key, value in before.items():
             gmsh.option.setNumber(key, value)
-        part.unlink(missing_ok=True)
 
 
 def group_name(model: Any, dim: int, tag: int) -> str:

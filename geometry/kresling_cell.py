@@ -11,12 +11,11 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._structured import Floats, Ints, StructuredMesh, block, joined_ends, lattice_points, sweep
+from ._panel import ORDER, Panel
+from ._structured import Floats, Ints, StructuredMesh, lattice_points, sweep
 from .base import Geometry
 from .grading import graded
 
-ORDER = 2
-"""Degree of the cells' geometry: folds are curved."""
 CREASES = ("side", "edge", "diagonal")
 """What lies along the three sides of a panel, in the order of its corners."""
 
@@ -244,7 +243,7 @@ class KreslingCell(Geometry):
 
     def mesh(self) -> StructuredMesh:
         """Nodes, cells and named parts as plain arrays."""
-        quads, weights, bend, of, rims = self._triangle_mesh()
+        quads, weights, bend, of, rims = self._panel().mesh()
         numbers, count = self._number(len(weights), rims)
         levels = graded(self.through, self.grading_through)
         z = self.thickness * (lattice_points(levels, ORDER) - 0.5)
@@ -291,78 +290,18 @@ class KreslingCell(Geometry):
         numbers[inner] = len(shared) + np.arange(np.count_nonzero(inner))
         return numbers, int(numbers.max()) + 1
 
-    def _triangle_mesh(self) -> tuple[Ints, Floats, Floats, Ints, Ints]:
-        """Quadrilaterals of any of the triangles with the strips along its sides.
-
-        Returns
-        -------
-        quads : ndarray (cells, 3, 3)
-            Node numbers; three strips, each row by row from the middle of the fold, then the panel.
-        weights : ndarray (nodes, 3)
-            Barycentric coordinates; in a strip those of the panel's rim beside it.
-        bend : ndarray (nodes,)
-            1 in the middle of the folds, 0 in the panel, linear through the strips.
-        of : ndarray (nodes,)
-            Side of the triangle in whose strip a node is.
-        rims : ndarray (3, 4 along + 1)
-            Nodes along the middle of each fold.
-        """
-        corner, feet, tips = np.eye(3), self._feet(), self._inner_weights()[0]
-        inset = self._insets()[0]
-
-        def beside(j: int, s: Floats) -> Floats:
-            """Points of a panel's rim straight across from shares s of a crease."""
-            a, b, opposite = corner[j], corner[(j + 1) % 3], corner[j - 1]
-            inwards = inset[j] * (opposite - (1 - feet[j]) * a - feet[j] * b)
-            return (1 - s[:, None]) * a + s[:, None] * b + inwards
-
-        def half_rim(k: int, j: int, s: Floats) -> Floats:
-            """From the tip k of a panel to the hinge of side j, and along half of it."""
-            hinge = beside(j, s)
-            tip = graded(self.tip, self.grading, "both")[:, None]
-            ends = np.vstack([(1 - tip) * tips[k] + tip * hinge[0], hinge[1:]])
-            return np.column_stack([lattice_points(x, ORDER) for x in ends.T])
-
+    def _panel(self) -> Panel:
+        """The first triangle with its halves of hinges; all others are meshed like it."""
         hinge = self.relief + (0.5 - self.relief) * graded(self.along, self.grading, "start")
-        line = lattice_points(joined_ends(hinge, 1 - hinge[::-1]), ORDER)
-        across = lattice_points(1 - graded(self.strip, self.grading_strip), ORDER)
-        grids = []  # barycentric coordinates, bend, side
-        for j in range(3):
-            place = np.broadcast_to(beside(j, line), (len(across), len(line), 3))
-            b = np.broadcast_to(across[:, None, None], (*place.shape[:2], 1))
-            grids.append(np.concatenate([place, b, np.where(b > 0, j, 0)], axis=2))
-        centre = tips.mean(axis=0)
-        # towards the centre as along the rims, on the average of them
-        lines = [half_rim(k, j, s) @ self._panels[0] for k in range(3)
-                 for j, s in ((k, hinge), (k - 1, 1 - hinge))]  # fmt: skip
-        away = np.array([np.linalg.norm(x - x[0], axis=1) for x in lines])
-        share = np.mean(away / away[:, -1:], axis=0)[:, None]
-        for k in range(3):  # a patch from a tip to the middles of two rims and the centre
-            low, left = half_rim(k, k, hinge), half_rim(k, k - 1, 1 - hinge)
-            high, right = ((1 - share) * x[-1] + share * centre for x in (left, low))
-            v, u = share[:, None], share[None, :]
-            place = (1 - v) * low[None] + v * high[None] + (1 - u) * left[:, None]
-            place = place + u * right[:, None] - (1 - v) * ((1 - u) * low[0] + u * low[-1])
-            place -= v * ((1 - u) * left[-1] + u * centre)
-            grids.append(np.dstack([place, np.zeros((*place.shape[:2], 2))]))
-        places = np.concatenate([grid.reshape(-1, 5) for grid in grids])
-        _, chosen, number = np.unique(
-            np.rint(places * 1e9).astype(np.int64), axis=0, return_index=True, return_inverse=True
+        return Panel(
+            corners=self._panels[0],
+            feet=self._feet(),
+            tips=self._inner_weights()[0],
+            inset=self._insets()[0],
+            hinge=hinge,
+            tip=graded(self.tip, self.grading, "both"),
+            across=1 - graded(self.strip, self.grading_strip),
         )
-        side, patch = 4 * self.along + 1, 2 * (self.tip + self.along)
-        assert len(chosen) == 3 * (2 * self.strip * side + patch * (patch + 1)) + 1
-        number, first, quads, rims = number.ravel(), 0, [], []
-        for grid in grids:
-            rows, columns = grid.shape[:2]
-            own = number[first : first + rows * columns].reshape(rows, columns)
-            first += rows * columns
-            rims.append(own[0])
-            # columns run along the crease, rows from it inwards
-            _, (row, column) = block((rows // ORDER, columns // ORDER), ORDER)
-            quads.append(np.swapaxes(own[row, column], 1, 2))
-        found = places[chosen]
-        return (np.concatenate(quads), found[:, :3], found[:, 3], found[:, 4].astype(int),
-                np.array(rims[:3]))  # fmt: skip
 
 
 def _over(above: Floats, below: Floats, limit: Floats | float) -> Floats:

@@ -9,7 +9,7 @@ import dea_fenicsx as dea
 
 
 def check_hinge(out, printed):
-    """Digest section 12: free film 3.83 kV by a pressure; eps E^2 x 150 um x 2.125 in, 2.16 N."""
+    """Closed forms: free film 3.83 kV by a pressure; eps E^2 x 150 um x 2.125 in, 2.16 N."""
     s = {k.removeprefix("C10_D1_"): v for k, v in dea.read_summary(out).items()}
     assert s["free_film_pull_in_pressure_V"] == pytest.approx(3826.0, abs=1)
     assert abs(s["curvature_relative_difference"]) < 0.01
@@ -30,7 +30,7 @@ def check_hinge(out, printed):
 
 
 def check_stiffened(out, printed):
-    """Digest sections 13 to 15: exact curves, strains at loss of tension, bounds, bending."""
+    """Closed forms: exact curves, strains at loss of tension, bounds, bending."""
     s = dea.read_summary(out)
     assert s["max_relative_error"] < 1e-6
     slack = {"gent, 2.125": 0.136, "gent, 2.75": 0.091}

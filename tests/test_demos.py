@@ -20,7 +20,7 @@ def summary(folder):
 
 
 def check_cube(out, printed):
-    """Thesis 3.3 with the right force; values of thesis_reference.toml for its eps_0 of 8.85e-12,
+    """Thesis 3.3 with the right force; values for its eps_0 of 8.85e-12,
     brought to 8.8541878128e-12."""
     s = summary(out)
     assert s["voltage_at_stretch_2_5_V"] == pytest.approx(811.602 * (8.85 / 8.8541878128) ** 0.5,
@@ -58,7 +58,7 @@ def check_hdea(out, printed):
 
 
 def check_kresling(out, printed):
-    """Digest section 10: peaks in lbf, states without strain, barrier; 0.206 and 0.20 in."""
+    """Closed form of a storey: peaks in lbf, states without strain, barrier; 0.206 and 0.20 in."""
     s = summary(out)
     inch = 0.0254
     peaks = {name: (r["peak_force_lbf"], r["peak_force_eq72a_lbf"], r["twist_of_collapse_deg"])
@@ -76,13 +76,13 @@ def check_kresling(out, printed):
 
 
 def check_box(out, printed):
-    """Table 5.3 and digest section 12."""
+    """Table 5.3 of J. Park's thesis (2019), and exact states of the film."""
     s = summary(out)
     losses = [np.array(b["stroke_m"]) / 0.0254 for b in s["boxes"].values()]
     assert losses[0] == pytest.approx([0, 0.12222, 0.275, 0.70278], abs=5e-6)
     assert losses[1] == pytest.approx([0, 0.08764, 0.20785, 0.59957], abs=5e-6)
     assert s["blocked_force_of_hinge_N"][-1] == pytest.approx(2.156, abs=6e-4)
-    # incompressible: 50 um sqrt(mu/eps (l^-2 - l^-8)), l^6 = 4; the digest's 1445.7 V has nu 0.495
+    # incompressible: 50 um sqrt(mu/eps (l^-2 - l^-8)), l^6 = 4; 1445.7 V belongs to nu 0.495
     pull_in = 50e-6 * np.sqrt(73.7e3 / (4.7 * 8.8541878128e-12) * (4 ** (-1 / 3) - 4 ** (-4 / 3)))
     assert s["free_film_pull_in_V"] == pytest.approx(pull_in, rel=1e-8)
     assert s["printed_power_of_voltage"] == pytest.approx(1.79, abs=5e-3)
@@ -100,7 +100,7 @@ def check_box(out, printed):
 
 
 def check_cell(out, printed):
-    """Linear against large displacements, two springs, and the linkage; digest section 11."""
+    """Linear against large displacements, two springs, and the linkage."""
     s = summary(out)
     assert s["edge_m"] == pytest.approx(2.01124 * 0.0254, rel=1e-5)
     assert s["small_stroke_over_linear"] == pytest.approx(1, abs=2e-3)
@@ -117,10 +117,10 @@ def check_cell(out, printed):
 
 
 def check_smooth_fold(out, printed):
-    """p1 to p4 of digest section 9 and the box with its folds closing, as a time series."""
+    """The corners p1 to p4 and the box with its folds closing, as a time series."""
     s = summary(out)
-    digest = [(0.38, 0.465), (2.66, 3.505), (2.62, 3.535), (0.34, 0.495)]
-    assert np.array(s["corners_of_thesis"]) == pytest.approx(np.array(digest), abs=1e-12)
+    corners = [(0.38, 0.465), (2.66, 3.505), (2.62, 3.535), (0.34, 0.495)]
+    assert np.array(s["corners_of_thesis"]) == pytest.approx(np.array(corners), abs=1e-12)
     assert s["direction_deg"] == pytest.approx(52.31, abs=5e-3)
     assert s["thesis_width_scaled_m"] == pytest.approx(0.883e-3, abs=5e-7)
     width, length = 0.9e-3, 0.76 * np.hypot(2.125, 2.75) * 0.0254
@@ -136,7 +136,7 @@ def check_smooth_fold(out, printed):
 
 
 def check_snap_through(out, printed):
-    """Gent film, digest section 13: 23.88 kV at 1.263, minimum at 5.545."""
+    """Exact branch of a Gent film: 23.88 kV at 1.263, minimum at 5.545."""
     s = summary(out)
     assert s["max_relative_error"] < 1e-6
     assert s["pull_in_voltage_V"] == pytest.approx(s["exact_pull_in_voltage_V"], rel=1e-6)
@@ -161,11 +161,11 @@ def check_fit(out, printed):
 
 
 def check_helical_cell(out, printed):
-    """Linear benchmarks of digest section 5, and the cell's own converged values.
+    """Linear benchmarks with stiff electrodes, and the cell's own converged values.
 
     The reference values for stiffer electrodes are from an independent displacement method (cubic
-    quadrilaterals, rings, refined three times).  The digest's own elements were stiffer: its 0.627,
-    0.443 and 0.400 lie up to 0.5 % below, its 0.064 (1000 times, nu 0.495) 4.3 % below.
+    quadrilaterals, rings, refined three times).  Coarser elements are stiffer: their 0.627,
+    0.443 and 0.400 lie up to 0.5 % below, their 0.064 (1000 times, nu 0.495) 4.3 % below.
     Given pressure with one modulus is exact: strain by Betti's theorem -(p/E) share, and twist
     k = p c 2 t_el A_el/(pitch mu J), J = pi/2 (r_o^4 - r_i^4), A_el flat.
     """
@@ -223,7 +223,7 @@ def check_ten_layer(out, printed):
 
 
 def check_design(out, printed):
-    """Issue's bound on the hypervolume; Table 4.2 as in thesis_reference.toml."""
+    """A bound on the hypervolume; Table 4.2 as it is printed in the thesis."""
     s = summary(out)
     assert 0.995 <= s["hypervolume_ratio"] <= 1
     assert s["wall_s"] < 60
@@ -254,7 +254,8 @@ def check_buckling(out, printed):
 
 
 def check_ddea(out, printed):
-    """Exact states of exact/film.py; 38.3 kV, 57 kV and 30 % are the digest's (section 2).
+    """Exact states of exact/film.py; 38.3 kV follow from them, 57 kV and 30 % are
+    printed in the thesis (section 4.3.2).
 
     38.3 kV is the pull-in of a compressible layer that eps E^2 presses without pulling in its
     plane; the field's whole stress gives 37.4 kV.
@@ -276,7 +277,7 @@ def check_ddea(out, printed):
 
 
 def check_sldea(out, printed):
-    """Digest section 3: 41.0 % at 700 kPa, 11.0 % at 160 kPa, 677 kPa for 40 %."""
+    """Closed form of the layer: 41.0 % at 700 kPa, 11.0 % at 160 kPa, 677 kPa for 40 %."""
     s = summary(out)
     assert s["max_error"] < 1e-10
     assert s["contraction_700_kPa"] == pytest.approx(0.410, abs=5e-4)
@@ -286,7 +287,7 @@ def check_sldea(out, printed):
 
 
 def check_single_layer(out, printed):
-    """Digest section 4: 17.9 % at 40 kPa for 73.7 kPa, and the shape factor's modulus.
+    """Closed form of the ring: 17.9 % at 40 kPa for 73.7 kPa, and the shape factor's modulus.
 
     4 mu (1 + S^2) takes the ring as straight; at an inner radius of a fifth of the outer one that
     is 6 % low, and 2.5 % with its curvature (converged 21.2 mu against 20 and 20.63).
@@ -324,7 +325,7 @@ def check_wrinkles(out, printed):
 
 
 def check_bending(out, printed):
-    """Curvature of half electrodes: 93.4 p/E 1/m (digest section 6), within 1 % from turn to turn.
+    """Curvature of half electrodes: 93.4 p/E 1/m by beam theory, within 1 % from turn to turn.
 
     The last added turn, of five, lies 0.9 % below, the sixth 0.5 % above: the ends of a ring of
     14 mm and 1.1 mm pitch are felt over some turns.
@@ -334,7 +335,7 @@ def check_bending(out, printed):
     assert s["curvature"][-1] == pytest.approx(s["exact_curvature"], rel=0.01)
     assert s["bending_angle_deg"] == pytest.approx(0.1060, abs=2e-4)  # own value, mesh 1, 2026-11
     assert s["contraction"] == pytest.approx(0.003944, abs=2e-6)
-    # digest: 44.8 kV for 1.406 MPa over 3.3 mm; here 3 x 73.7 kPa over the driven 1.65 mm
+    # 44.8 kV for 1.406 MPa over 3.3 mm; here 3 x 73.7 kPa over the driven 1.65 mm
     expected = 44.8e3 * (221.1e3 / 1.406e6 * 3.3 / 1.65) ** 0.5
     assert s["linear_voltage_for_4_2_deg_V"] == pytest.approx(expected, rel=2e-3)
     assert {"unknowns", "ranks", "wall_s", "peak_memory_GB"} <= set(s)

@@ -34,7 +34,7 @@ RING = {n: TABLE_4_2[n] for n in ("outer_radius", "inner_radius", "elastomer")}
 
 
 def test_table_4_2():
-    """Printed: 8902.528 V and 20.2 um; digest section 8 for the rest."""
+    """Printed: 8902.528 V and 20.2 um; the rest follows from the analytic model."""
     model = HelicalModel(RUBBER)
     here = model(**TABLE_4_2)
     assert here["strain"] == pytest.approx(0.145011, rel=4e-6)

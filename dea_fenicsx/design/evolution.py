@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from mpi4py import MPI
@@ -16,7 +17,7 @@ from mpi4py import MPI
 from dea_fenicsx.design.front import Front, first_front
 from dea_fenicsx.design.variables import Limit, Range, signs, violations
 from dea_fenicsx.support.errors import InputError, install_hook
-from dea_fenicsx.support.validation import whole
+from dea_fenicsx.support.validation import keywords, whole
 
 Columns = dict[str, np.ndarray]
 Evaluate = Callable[[np.ndarray], Columns]
@@ -35,18 +36,37 @@ def require_pymoo() -> None:
         ) from error
 
 
+class _Needed(TypedDict):
+    """The keywords of the genetic algorithm that cannot be left out."""
+
+    population: int
+    generations: int
+    seed: int
+
+
+class EvolutionOptions(_Needed, total=False):
+    """Keywords of the genetic algorithm.
+
+    Attributes
+    ----------
+    population, generations, seed
+        Of NSGA-II, whole numbers of at least 4, 1 and 0.  The same seed gives the same front.
+    start
+        Designs for the first generation; each must satisfy the bounds.
+    """
+
+    start: Sequence[Mapping[str, float]]
+
+
 def evolve(
     evaluate: Evaluate,
     variables: Mapping[str, Range],
     objectives: Mapping[str, str],
     bounds: Mapping[str, Limit],
     *,
-    population: int,
-    generations: int,
-    seed: int,
-    start: Sequence[Mapping[str, float]] = (),
     comm: Any = MPI.COMM_SELF,
     say: Callable[[str], None] = lambda line: None,
+    **options: Unpack[EvolutionOptions],
 ) -> Front:
     """Search for the front.  Collective on `comm`.
 
@@ -57,10 +77,12 @@ def evolve(
         same on all ranks; NaN where a design has failed.
     variables, objectives, bounds
         See `ranges`, `goals` and `limits`.
-    population, generations, seed
-        Of the genetic algorithm.
-    start
-        Designs for the first generation; each must satisfy the bounds.
+    comm
+        Its rank 0 runs the algorithm.
+    say
+        Is told a line for each generation.
+    options
+        See `EvolutionOptions`.
 
     Raises
     ------
@@ -69,48 +91,93 @@ def evolve(
     """
     install_hook()
     require_pymoo()
+    chosen = keywords("evolve", options, EvolutionOptions, {"start": ()})
+    population, generations, seed = (
+        chosen[name] for name in ("population", "generations", "seed")
+    )
     for name, value, least in (("population", population, 4), ("generations", generations, 1),
                                ("seed", seed, 0)):  # fmt: skip
         whole(value, f"The {name}", least)
     begun = time.perf_counter()
     names = list(variables)
     low, high = np.array(list(variables.values())).T
-    first = _start(start, names, low, high, population)
+    first = _start(chosen["start"], names, low, high, population)
     herd = _Herd(low, high, len(objectives), population, seed, first) if comm.rank == 0 else None
-    kept: Columns = {}
-    tried = failed = feasible = 0
-    nearest: dict[str, float] = {}
+    tally = _Tally(objectives, bounds)
     for generation in range(1, generations + 1):
         X = comm.bcast(herd.ask() if herd else None, root=0)
         if not len(X):
             break  # no new design is to be found
-        quantities = evaluate(X)
-        columns = {name: X[:, i] for i, name in enumerate(names)} | quantities
-        F, G, missed = _judge(columns, objectives, bounds)
-        good = np.isfinite(F).all(axis=1) & np.all(G <= 0, axis=1)
-        if generation == 1:
-            _check_start(len(first), good, missed, F)
-        tried, failed = tried + len(X), failed + int(np.isnan(F).any(axis=1).sum())
-        feasible += int(good.sum())
-        for what, miss in missed.items():
-            nearest[what] = min(nearest.get(what, np.inf), float(np.nanmin(miss, initial=np.inf)))
-        if good.any():
-            new = {name: np.asarray(values, dtype=float)[good] for name, values in columns.items()}
-            kept = {n: np.concatenate([kept[n], v]) for n, v in new.items()} if kept else new
-            best = first_front(_minimised(kept, objectives))
-            kept = {name: values[best] for name, values in kept.items()}
+        columns = {name: X[:, i] for i, name in enumerate(names)} | evaluate(X)
+        F, G = tally.add(columns, len(first) if generation == 1 else 0)
         if herd:
             herd.tell(np.where(np.isfinite(F), F, FAILED), np.where(np.isfinite(G), G, FAILED))
-        size = len(next(iter(kept.values()))) if kept else 0
-        say(f"generation {generation:3d} of {generations}: {tried} designs, {feasible} feasible, "
-            f"{failed} failed, front of {size}")  # fmt: skip
-    if not kept:
-        raise InputError(_nothing(tried, failed, nearest))
-    order = np.argsort(next(iter(_minimised(kept, objectives).T)), kind="stable")
-    return Front(
-        tuple(names), dict(objectives), {n: v[order] for n, v in kept.items()}, tried, failed,
-        {}, time.perf_counter() - begun,
-    )  # fmt: skip
+        say(f"generation {generation:3d} of {generations}: {tally}")
+    return tally.front(names, time.perf_counter() - begun)
+
+
+@dataclass
+class _Tally:
+    """What a search has found so far.
+
+    Attributes
+    ----------
+    objectives, bounds : see `goals` and `limits`
+    kept : columns of the designs in the front
+    tried, failed, feasible : numbers of designs
+    nearest : the smallest violation of each bound
+    """
+
+    objectives: Mapping[str, str]
+    bounds: Mapping[str, Limit]
+    kept: Columns = field(default_factory=dict)
+    tried: int = 0
+    failed: int = 0
+    feasible: int = 0
+    nearest: dict[str, float] = field(default_factory=dict)
+
+    def add(self, columns: Columns, given: int) -> tuple[np.ndarray, np.ndarray]:
+        """Judge a generation and keep its best; its objectives and constraints, as in `_judge`.
+
+        The first `given` designs are the user's own, which must be feasible.
+        """
+        F, G, missed = _judge(columns, self.objectives, self.bounds)
+        good = np.isfinite(F).all(axis=1) & np.all(G <= 0, axis=1)
+        _check_start(given, good, missed, F)
+        self.tried += len(F)
+        self.failed += int(np.isnan(F).any(axis=1).sum())
+        self.feasible += int(good.sum())
+        for what, miss in missed.items():
+            least = float(np.nanmin(miss, initial=np.inf))
+            self.nearest[what] = min(self.nearest.get(what, np.inf), least)
+        if good.any():
+            new = {name: np.asarray(values, dtype=float)[good] for name, values in columns.items()}
+            if self.kept:
+                new = {name: np.concatenate([self.kept[name], v]) for name, v in new.items()}
+            best = first_front(_minimised(new, self.objectives))
+            self.kept = {name: values[best] for name, values in new.items()}
+        return F, G
+
+    def __str__(self) -> str:
+        size = len(next(iter(self.kept.values()))) if self.kept else 0
+        return (f"{self.tried} designs, {self.feasible} feasible, {self.failed} failed, "
+                f"front of {size}")  # fmt: skip
+
+    def front(self, names: Sequence[str], seconds: float) -> Front:
+        """The front, in the order of its first objective.
+
+        Raises
+        ------
+        InputError
+            If there is no feasible design.
+        """
+        if not self.kept:
+            raise InputError(_nothing(self.tried, self.failed, self.nearest))
+        first = next(iter(_minimised(self.kept, self.objectives).T))
+        order = np.argsort(first, kind="stable")
+        columns = {name: values[order] for name, values in self.kept.items()}
+        return Front(tuple(names), dict(self.objectives), columns, self.tried, self.failed, {},
+                     seconds)  # fmt: skip
 
 
 def _minimised(columns: Mapping[str, np.ndarray], objectives: Mapping[str, str]) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from mpi4py import MPI
@@ -18,9 +18,34 @@ from dea_fenicsx.design.helical import (
     HelicalModel,
     material_of,
 )
-from dea_fenicsx.design.variables import goals, limits, one_of, ranges
+from dea_fenicsx.design.variables import Range, goals, limits, one_of, ranges
 from dea_fenicsx.materials import Material
 from dea_fenicsx.support.errors import DeaError, InputError
+from dea_fenicsx.support.validation import keywords
+
+
+class SearchOptions(TypedDict, total=False):
+    """Keywords of the genetic algorithm that `search` hands on; see `EvolutionOptions`."""
+
+    population: int
+    generations: int
+    seed: int
+    start: Sequence[Mapping[str, float]]
+
+
+class OptimiseOptions(SearchOptions, total=False):
+    """Keywords of `optimise` beside those of the genetic algorithm.
+
+    Attributes
+    ----------
+    comm
+        The communicator whose ranks share the work.
+    quiet
+        Whether to print nothing.
+    """
+
+    comm: Any
+    quiet: bool
 
 
 def search(
@@ -32,11 +57,8 @@ def search(
     electrode: float = 50e-6,
     inset: float = 0.0,
     turns: int = 1,
-    population: int = 100,
-    generations: int = 100,
-    seed: int = 1,
-    start: Sequence[Mapping[str, float]] = (),
     quiet: bool = True,
+    **options: Unpack[SearchOptions],
 ) -> Front:
     """Search the analytic helical actuator for the best designs (thesis 4.4.3 to 4.4.5).
 
@@ -53,12 +75,11 @@ def search(
         Names out of `CONSTRAINTS`, each with its number.
     electrode, inset, turns
         See `HelicalModel`.
-    population, generations, seed
-        Of NSGA-II.  The same seed gives the same front.
-    start
-        Designs that the first generation is to contain.
     quiet
         Print nothing; else a line for each tenth of the generations, from rank 0.
+    options
+        ``population``, ``generations`` (100 each) and ``seed`` (1) of NSGA-II, and ``start``,
+        designs that the first generation is to contain; see `SearchOptions`.
 
     Returns
     -------
@@ -70,12 +91,12 @@ def search(
         For wrong input, and if no design satisfies the constraints.
     """
     require_pymoo()
+    chosen = keywords(
+        "search", options, SearchOptions,
+        {"population": 100, "generations": 100, "seed": 1, "start": ()},
+    )  # fmt: skip
     model = HelicalModel(material_of(material), electrode, inset, turns)
-    given = dict(ENVELOPE)
-    for name, value in (envelope or {}).items():
-        given[one_of(name, ENVELOPE, "design variable")] = value
-    free, fixed = ranges(given)
-    _positive({**{n: low for n, (low, _) in free.items()}, **fixed}, free)
+    free, fixed = _within(envelope or {})
     wanted = {}
     for name in [objectives] if isinstance(objectives, str) else objectives:
         name = one_of(name, OBJECTIVES, "objective")
@@ -98,12 +119,20 @@ def search(
             design["elastomer"] = model.thickness_at(design["outer_radius"], angle)
         return design | model(**design)
 
+    generations = chosen["generations"]
     every = max(generations // 10, 1) if isinstance(generations, int) else 1
     say = _Progress(MPI.COMM_WORLD, quiet, every)
-    return evolve(
-        evaluate, free, wanted, bounds, population=population, generations=generations,
-        seed=seed, start=start, say=say,
-    )  # fmt: skip
+    return evolve(evaluate, free, wanted, bounds, say=say, **chosen)
+
+
+def _within(envelope: Mapping[str, Any]) -> tuple[dict[str, Range], dict[str, float]]:
+    """Ranges and fixed values of the helical actuator's variables, checked."""
+    given = dict(ENVELOPE)
+    for name, value in envelope.items():
+        given[one_of(name, ENVELOPE, "design variable")] = value
+    free, fixed = ranges(given)
+    _positive({**{n: low for n, (low, _) in free.items()}, **fixed}, free)
+    return free, fixed
 
 
 def _positive(lowest: Mapping[str, float], free: Mapping[str, Any]) -> None:
@@ -121,16 +150,11 @@ def optimise(
     objectives: Mapping[str, str],
     constraints: Mapping[str, Any] | None = None,
     *,
-    population: int = 16,
-    generations: int = 10,
-    seed: int = 1,
-    start: Sequence[Mapping[str, float]] = (),
     out: str | os.PathLike | None = None,
     resume: bool = False,
     settings: Mapping[str, Any] | None = None,
     failures: tuple[type[Exception], ...] = (DeaError,),
-    comm: Any = MPI.COMM_WORLD,
-    quiet: bool = False,
+    **options: Unpack[OptimiseOptions],
 ) -> Front:
     """Search with any Python function as the evaluator, finite elements included.
 
@@ -149,8 +173,6 @@ def optimise(
         Name of a quantity to ``"min"`` or ``"max"``.
     constraints
         Name of a quantity to (lower, upper), None for an open end.
-    population, generations, seed, start
-        See `search`.  More generations than an earlier search had carry it on.
     out
         Folder for the designs evaluated, each on disk as soon as it is known.
     resume
@@ -159,10 +181,10 @@ def optimise(
         What else the function depends on; a search with other settings is not resumed.
     failures
         Exceptions that make a design infeasible; they are logged.  Others end the search.
-    comm
-        Whose ranks share the work.
-    quiet
-        Print nothing.
+    options
+        ``population`` (16), ``generations`` (10), ``seed`` (1) and ``start`` as in `search`; more
+        generations than an earlier search had carry it on.  ``comm``, whose ranks share the work
+        (MPI.COMM_WORLD).  ``quiet``: print nothing (False).  See `OptimiseOptions`.
 
     Returns
     -------
@@ -175,6 +197,12 @@ def optimise(
         For wrong input, and if no design satisfies the constraints.
     """
     require_pymoo()
+    chosen = keywords(
+        "optimise", options, OptimiseOptions,
+        {"population": 16, "generations": 10, "seed": 1, "start": (), "comm": MPI.COMM_WORLD,
+         "quiet": False},
+    )  # fmt: skip
+    comm, quiet = chosen["comm"], chosen.pop("quiet")
     free, fixed = ranges(variables)
     wanted, bounds = goals(objectives), limits(constraints or {})
     if resume and out is None:
@@ -190,10 +218,7 @@ def optimise(
     try:
         if evaluator.cached:
             say(f"{evaluator.cached} designs are known from {out}")
-        front = evolve(
-            evaluator, free, wanted, bounds, population=population, generations=generations,
-            seed=seed, start=start, comm=comm, say=say,
-        )  # fmt: skip
+        front = evolve(evaluator, free, wanted, bounds, say=say, **chosen)
         return evaluator.explained(front)
     finally:
         evaluator.close()

@@ -7,7 +7,7 @@ to be solved by one rank alone, as inside `optimise`.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from mpi4py import MPI
@@ -24,6 +24,7 @@ from dea_fenicsx.scene.conditions import Clamp, Displacement, Electrode, Fix, Fr
 from dea_fenicsx.scene.kinematics import Axisymmetric
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import EquilibriumLost, InputError
+from dea_fenicsx.support.validation import keywords
 
 BASES = ("sliding", "bonded")
 
@@ -83,6 +84,21 @@ def ring_stroke(
     return {"stroke_m": -run["top_m"], "max_field_V_per_m": run["max_field_V_per_m"]}
 
 
+class CellOptions(TypedDict, total=False):
+    """Mesh and path of `cell_stroke`.
+
+    Attributes
+    ----------
+    cells
+        Over the width, and through the elastomer.
+    steps
+        Of the height.
+    """
+
+    cells: tuple[int, int]
+    steps: int
+
+
 def cell_stroke(
     outer_radius: float,
     inner_radius: float,
@@ -93,8 +109,7 @@ def cell_stroke(
     electrode: float = 50e-6,
     electrode_mu: float,
     largest: float,
-    cells: tuple[int, int] = (12, 2),
-    steps: int = 12,
+    **options: Unpack[CellOptions],
 ) -> dict[str, float]:
     """One layer of a tall stack: from the middle of an electrode to the middle of the next.
 
@@ -108,8 +123,9 @@ def cell_stroke(
         Thickness in m and shear modulus in Pa of the electrodes, which are neo-Hookean.
     largest
         A stroke in m that is not reached, as the analytic one times 1.1.
-    steps
-        Of the height.
+    options
+        ``cells`` over the width and through the elastomer ((12, 2)), and ``steps`` of the height
+        (12).
 
     Returns
     -------
@@ -121,13 +137,15 @@ def cell_stroke(
     EquilibriumLost
         If the force does not change sign: beyond pull-in, as a rule.
     """
+    chosen = keywords("cell_stroke", options, CellOptions, {"cells": (12, 2), "steps": 12})
+    width, through = chosen["cells"]
     half = electrode / 2
     layers = [
         Layer("lower", half),
-        Layer("film", elastomer, divisions=cells[1], grading=3.0),
+        Layer("film", elastomer, divisions=through, grading=3.0),
         Layer("upper", half),
     ]
-    shape = BoxStack(outer_radius - inner_radius, None, layers, divisions=(cells[0],), grading=8.0,
+    shape = BoxStack(outer_radius - inner_radius, None, layers, divisions=(width,), grading=8.0,
                      x0=inner_radius)  # fmt: skip
     metal = Material(NeoHookean(electrode_mu), Conductor())
     scene = Scene(
@@ -138,7 +156,7 @@ def cell_stroke(
         prescribed=[Displacement("top", "z", -largest)],
         kinematics=Axisymmetric(),
     )
-    path = [Ramp("voltage", steps=4), Ramp("stretch", steps=steps)]
+    path = [Ramp("voltage", steps=4), Ramp("stretch", steps=chosen["steps"])]
     run = solve(scene, path, {"force": Reaction("top", "z")}, quiet=True, stability="never")
     lowered = run.column("stretch_factor")
     kept = run.column("voltage_V") == voltage
@@ -165,8 +183,7 @@ def helix_stroke(
     turns: int = 2,
     inset: float = 0.0,
     steps: int = 4,
-    comm: Any = MPI.COMM_SELF,
-    **cells: Any,
+    **options: Any,
 ) -> dict[str, float]:
     """A free helix with ideal electrodes, in three dimensions.
 
@@ -177,10 +194,11 @@ def helix_stroke(
     ----------
     turns, inset
         See `HDEA`.
-    comm
-        Ranks that share the work.
-    cells
-        Divisions of `HDEA`: angular, radial, rim, through.
+    steps
+        Voltage steps.
+    options
+        ``comm``, whose ranks share the work (MPI.COMM_SELF); all others are parameters of `HDEA`,
+        such as its divisions ``angular``, ``radial``, ``rim`` and ``through``.
 
     Returns
     -------
@@ -188,7 +206,8 @@ def helix_stroke(
         ``stroke_m`` (mean of the top against mean of the bottom), ``layers`` that are driven,
         ``max_field_V_per_m``, ``unknowns``.
     """
-    shape = HDEA(outer_radius, inner_radius, inset, elastomer, 0.0, turns, **cells)
+    comm = options.pop("comm", MPI.COMM_SELF)
+    shape = HDEA(outer_radius, inner_radius, inset, elastomer, 0.0, turns, **options)
     driven = ("electrode_b_active", "electrode_b_top") if turns > 1 else "electrode_b_top"
     scene = Scene(
         read_gmsh(shape, comm),

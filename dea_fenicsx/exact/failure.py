@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from dea_fenicsx.exact.states import _elastic_stiffness, elastic_stress
+from dea_fenicsx.exact.states import elastic_stiffness, elastic_stress
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.stretches import margin
 from dea_fenicsx.support.errors import InputError
@@ -43,7 +43,7 @@ def limits(material: Material, lam1: Any, lam2: Any, held: bool = False) -> dict
         beyond lock-up.
     """
     lam1, lam2 = np.broadcast_arrays(np.asarray(lam1, float), np.asarray(lam2, float))
-    f, K = _elastic_stiffness(material, lam1, lam2)
+    f, K = elastic_stiffness(material, lam1, lam2)
     # K - diag(f) + M (1 - 2) on the diagonal and -2 M off it, singular in M
     A11, A22, A12 = K[0] - f[0], K[1] - f[1], K[2]
     if held:

@@ -104,11 +104,11 @@ def second_variation(material: Material, lam1: Any, lam2: Any, maxwell: Any) -> 
 
 def _stiffness(material: Material, lam1: Any, lam2: Any, M: np.ndarray) -> np.ndarray:
     """Entries 11, 22, 12 of the second variation at kept voltage and dead loads."""
-    f, K = _elastic_stiffness(material, lam1, lam2)
+    f, K = elastic_stiffness(material, lam1, lam2)
     return K - np.stack([f[0] - M, f[1] - M, 0 * M]) - 2 * M
 
 
-def _elastic_stiffness(material: Material, lam1: Any, lam2: Any) -> tuple[np.ndarray, np.ndarray]:
+def elastic_stiffness(material: Material, lam1: Any, lam2: Any) -> tuple[np.ndarray, np.ndarray]:
     """True stresses without field, and d^2 W/de_i de_j at constant volume, entries 11, 22, 12."""
     _, R, H = taylor(material.elastic, _log(lam1, lam2))
     K = [H[i, j] - H[i, 2] - H[2, j] + H[2, 2] for i, j in ((0, 0), (1, 1), (0, 1))]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 from mpi4py import MPI
@@ -18,6 +18,7 @@ from dea_fenicsx.mesh.foreign.model import checked
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import check_same, together
 from dea_fenicsx.support.errors import InputError, install_hook
+from dea_fenicsx.support.validation import keywords
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,17 +99,45 @@ class _Told(NamedTuple):
     source: str
 
 
+class ReadingOptions(TypedDict, total=False):
+    """Keywords of `read_gmsh` that tell how a file is meshed and checked.
+
+    Attributes
+    ----------
+    size
+        Largest size of an element in metres, for .geo and STEP files.
+    names
+        For STEP files: new names, each with the name or names that ``dea mesh FILE`` shows, as in
+        ``{"root": "surface_1", "top": ["surface_8", "surface_9"]}``.  Solids keep the names they
+        have in the file; what has none is numbered.
+    curved
+        Whether the cells of .geo and STEP files follow curved surfaces; False gives straight cells.
+    apart
+        Whether parts may touch that share no nodes, such as the two sides of a crack.  They move
+        independently of each other, and may run into each other.
+    programs
+        Whether a .geo file may run: it is a program, which can do all that its reader may.  By
+        default it may, unless the environment variable DEA_FENICSX_NO_PROGRAMS is set.
+    """
+
+    size: float | None
+    names: Names | None
+    curved: bool
+    apart: bool
+    programs: bool | None
+
+
+READING = {"size": None, "names": None, "curved": True, "apart": False, "programs": None}
+"""What holds for the options that are left out."""
+
+
 def read_gmsh(
     source: Any,
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
     dim: int | None = None,
     unit: float | None = None,
-    size: float | None = None,
-    names: Names | None = None,
-    curved: bool = True,
-    apart: bool = False,
-    programs: bool | None = None,
+    **options: Unpack[ReadingOptions],
 ) -> Device:
     """Read a mesh, or mesh a drawing, and distribute it.
 
@@ -127,20 +156,8 @@ def read_gmsh(
     unit
         Length of the file's coordinate unit in metres (1e-3 for a mesh in millimetres); 1 unless
         given.  A STEP file states its own.
-    size
-        Largest size of an element in metres, for .geo and STEP files.
-    names
-        For STEP files: new names, each with the name or names that ``dea mesh FILE`` shows, as in
-        ``{"root": "surface_1", "top": ["surface_8", "surface_9"]}``.  Solids keep the names they
-        have in the file; what has none is numbered.
-    curved
-        Whether the cells of .geo and STEP files follow curved surfaces; False gives straight cells.
-    apart
-        Whether parts may touch that share no nodes, such as the two sides of a crack.  They move
-        independently of each other, and may run into each other.
-    programs
-        Whether a .geo file may run: it is a program, which can do all that its reader may.  By
-        default it may, unless the environment variable DEA_FENICSX_NO_PROGRAMS is set.
+    options
+        ``size``, ``names``, ``curved``, ``apart`` and ``programs``: see `ReadingOptions`.
 
     Raises
     ------
@@ -151,17 +168,17 @@ def read_gmsh(
     """
     install_hook()
     label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__
+    chosen = keywords("read_gmsh", options, ReadingOptions, READING)
     check_same(comm, {"dim": dim, "unit": unit})
-    unit, size = lengths(label, unit, size)
-    _check_options(dim, curved=curved, apart=apart, programs=programs)
+    unit, chosen["size"] = lengths(label, unit, chosen["size"])
+    _check_options(dim, **{name: chosen[name] for name in ("curved", "apart", "programs")})
     model, told = None, None
 
     def open_and_check() -> None:
         nonlocal model, told
         if comm.rank == 0:
-            largest = None if size is None else size / unit
-            model = _open(source, largest, names, curved, programs)
-            model, told = _look_at(model, source, label, dim, unit, apart)
+            model = _open(source, unit, chosen)
+            model, told = _look_at(model, source, label, dim, unit, chosen["apart"])
 
     with _gmsh(source, comm):
         try:
@@ -225,12 +242,14 @@ def _gmsh(source: Any, comm: MPI.Comm) -> Iterator[None]:
             gmsh.model.setCurrent(before)
 
 
-def _open(
-    source: Any, size: float | None, names: Names | None, curved: bool, programs: bool | None
-) -> Any:
+def _open(source: Any, unit: float, options: dict[str, Any]) -> Any:
     """The gmsh model of a geometry or of a file (rank 0 only)."""
+    size, names = options["size"], options["names"]
     if not hasattr(source, "build"):
-        return open_file(Path(source), size, names, curved=curved, programs=programs)
+        largest = None if size is None else size / unit
+        return open_file(
+            Path(source), largest, names, curved=options["curved"], programs=options["programs"]
+        )
     if size is not None or names:
         raise InputError(
             f"size= and names= are for files that are still to be meshed; {type(source).__name__} "

@@ -8,13 +8,17 @@
 NumPy and SciPy only; nothing here needs a mesh.
 """
 
+from importlib import import_module
+from typing import Any
+from warnings import warn
+
 from dea_fenicsx.origami.box import (
     Box,
     blocked_force,
     table_of_angles,
     voltage_to_block,
 )
-from dea_fenicsx.origami.kresling import Kresling, State, strokes, torque_as_printed
+from dea_fenicsx.origami.kresling import Kresling, State, strokes
 from dea_fenicsx.origami.pattern import CreasePattern, SmoothFold, least_fold_width
 from dea_fenicsx.origami.solid import fold_angles, vertices
 from dea_fenicsx.support.units import INCH, POUND_FORCE
@@ -23,7 +27,6 @@ __all__ = [
     "Kresling",
     "State",
     "strokes",
-    "torque_as_printed",
     "vertices",
     "fold_angles",
     "CreasePattern",
@@ -36,3 +39,12 @@ __all__ = [
     "INCH",
     "POUND_FORCE",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """What has moved to another room, with a DeprecationWarning."""
+    if name == "torque_as_printed":
+        errata = "dea_fenicsx.thesis.errata"
+        warn(f"torque_as_printed is in {errata} now.", DeprecationWarning, stacklevel=2)
+        return getattr(import_module(errata), name)
+    raise AttributeError(f"dea_fenicsx.origami has no {name!r}")

@@ -359,13 +359,6 @@ class Kresling:
             )
 
 
-def torque_as_printed(storey: Kresling, state: State) -> Any:
-    """Eq 72b literally, R^2 k (pi/4 + theta0 + dtheta)(1 - c0/c): no sine, two signs turned."""
-    theta0 = storey.rest_twist + np.pi / 4
-    psi = np.pi / 4 + theta0 + (storey.rest_twist - state.twist)
-    return storey.radius**2 * storey.stiffness * psi * (1 - storey.rest_diagonal / state.diagonal)
-
-
 def strokes(start: Any, end: Any, collapsed: Any) -> dict[str, Any]:
     """A stroke from one height to another as a share of three lengths.
 

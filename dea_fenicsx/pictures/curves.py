@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from dea_fenicsx.results.reading import read_history
 from dea_fenicsx.support.errors import InputError
-from dea_fenicsx.support.files import LONGEST_NAME, clean, file_name, listed
+from dea_fenicsx.support.files import LONGEST_NAME, clean, file_name, listed, replace_file
+
+Pair = tuple[np.ndarray, np.ndarray]
+"""Abscissae and ordinates of a curve."""
 
 # endings of column names: unit, exponents of ten it may be scaled by
 _UNITS: dict[str, tuple[str, tuple[int, ...]]] = {
@@ -142,6 +145,45 @@ def curve(
     except ImportError as error:
         raise InputError("Curves need matplotlib; pip install matplotlib.") from error
 
+    places, names = _named(folders, labels)
+    for kind in formats:
+        if kind not in _SAVE:
+            raise InputError(f"A curve is drawn as png or svg, not as {kind!r}.")
+    runs = [(_numbers(p, x), _numbers(p, y)) for p in places]
+    others = {
+        label: (np.asarray(a, float), np.asarray(b, float))
+        for label, (a, b) in (lines or {}).items()
+    }
+    (x_text, x_unit), (y_text, y_unit) = (
+        axis_label(name, _largest(pair[i] for pair in [*runs, *others.values()]))
+        for i, name in enumerate((x, y))
+    )
+
+    def scaled(pairs: Iterable[Pair]) -> list[Pair]:
+        return [(a / x_unit, b / y_unit) for a, b in pairs]
+
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(_COLUMN, 0.75 * _COLUMN), layout="constrained")
+        axes = figure.subplots()
+        for k, ((a, b), label) in enumerate(zip(scaled(runs), names, strict=True)):
+            mark = markers[k % len(markers)] if markers else None
+            axes.plot(a, b, marker=mark, markerfacecolor="white", label=label)
+        marked = _mark_events(axes, scaled(runs), [_events(p) for p in places])
+        dashes = ["--", ":", "-."] * 9
+        for (a, b), label, dash in zip(scaled(others.values()), others, dashes, strict=False):
+            axes.plot(a, b, dash, color="0.2", linewidth=0.8, label=label)
+        axes.set_xlabel(x_text)
+        axes.set_ylabel(y_text)
+        if any(names) or others or marked:
+            axes.legend()
+        stem = Path(path) if path is not None else places[0] / file_stem(y, x)
+        return _save(figure, stem, formats)
+
+
+def _named(
+    folders: str | os.PathLike | Sequence[str | os.PathLike], labels: Sequence[str] | None
+) -> tuple[list[Path], Sequence[str]]:
+    """The folders of the runs, and a name for the legend for each."""
     if isinstance(folders, str | os.PathLike):
         folders = [folders]
     places = [Path(f) for f in folders]
@@ -151,46 +193,38 @@ def curve(
         labels = [lettering(p.resolve().name) for p in places] if len(places) > 1 else [""]
     if len(labels) != len(places):
         raise InputError(f"There are {len(places)} runs but {len(labels)} labels; give one each.")
-    for kind in formats:
-        if kind not in _SAVE:
-            raise InputError(f"A curve is drawn as png or svg, not as {kind!r}.")
-    runs = [(_numbers(p, x), _numbers(p, y)) for p in places]
-    others = [(np.asarray(a, float), np.asarray(b, float)) for a, b in (lines or {}).values()]
-    biggest = [
-        max((float(np.nanmax(np.abs(c[i]), initial=0.0)) for c in [*runs, *others]), default=0.0)
-        for i in (0, 1)
-    ]
-    (x_text, x_unit), (y_text, y_unit) = axis_label(x, biggest[0]), axis_label(y, biggest[1])
+    return places, labels
 
-    with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(_COLUMN, 0.75 * _COLUMN), layout="constrained")
-        axes = figure.subplots()
-        for k, ((a, b), label) in enumerate(zip(runs, labels, strict=True)):
-            mark = markers[k % len(markers)] if markers else None
-            axes.plot(a / x_unit, b / y_unit, marker=mark, markerfacecolor="white", label=label)
-        marked = [_events(p) for p in places]
-        names = list(dict.fromkeys(name for rows in marked for name, _ in rows))
-        for k, name in enumerate(names):
-            spots = [
-                (a[i] / x_unit, b[i] / y_unit)
-                for (a, b), rows in zip(runs, marked, strict=True)
-                for found, i in rows if found == name
-            ]  # fmt: skip
-            axes.plot(*np.transpose(spots), "XP*dhv"[k % 6], color=f"C{k % 8 + 1}", markersize=6,
-                      zorder=3, label=lettering(name))  # fmt: skip
-        for (a, b), label, dash in zip(others, lines or {}, ["--", ":", "-."] * 9, strict=False):
-            axes.plot(a / x_unit, b / y_unit, dash, color="0.2", linewidth=0.8, label=label)
-        axes.set_xlabel(x_text)
-        axes.set_ylabel(y_text)
-        if any(labels) or lines or names:
-            axes.legend()
-        stem = Path(path) if path is not None else places[0] / file_stem(y, x)
-        stem = stem.with_suffix("") if stem.suffix in (".png", ".svg") else stem
-        paths = []
-        for kind in formats:
-            save = partial(figure.savefig, format=kind, **_SAVE[kind])
-            paths.append(write_whole(stem.with_name(f"{stem.name}.{kind}"), save))
-        return paths
+
+def _largest(columns: Iterable[np.ndarray]) -> float:
+    """Largest absolute value of some columns, NaN left out; 0 where there is none."""
+    return max((float(np.nanmax(np.abs(c), initial=0.0)) for c in columns), default=0.0)
+
+
+def _mark_events(
+    axes: Any, runs: Sequence[Pair], events: Sequence[Sequence[tuple[str, int]]]
+) -> list[str]:
+    """Mark the events of all runs, those of one name alike; returns the names."""
+    names = list(dict.fromkeys(name for rows in events for name, _ in rows))
+    for k, name in enumerate(names):
+        spots = [
+            (a[i], b[i])
+            for (a, b), rows in zip(runs, events, strict=True)
+            for found, i in rows if found == name
+        ]  # fmt: skip
+        axes.plot(*np.transpose(spots), "XP*dhv"[k % 6], color=f"C{k % 8 + 1}", markersize=6,
+                  zorder=3, label=lettering(name))  # fmt: skip
+    return names
+
+
+def _save(figure: Any, stem: Path, formats: Sequence[str]) -> list[Path]:
+    """Write a figure in some formats."""
+    stem = stem.with_suffix("") if stem.suffix in (".png", ".svg") else stem
+    paths = []
+    for kind in formats:
+        save = partial(figure.savefig, format=kind, **_SAVE[kind])
+        paths.append(write_whole(stem.with_name(f"{stem.name}.{kind}"), save))
+    return paths
 
 
 def _numbers(folder: Path, name: str) -> np.ndarray:
@@ -230,20 +264,16 @@ def lettering(text: str) -> str:
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> Path:
-    """Write a file through a temporary one beside it; links of either name are not followed.
+    """Write a picture by `replace_file`, in a folder that is made for it.
 
-    The temporary file is made by what draws, which may end the process: then nothing is left.
+    Raises
+    ------
+    InputError
+        If it cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with suppress(FileNotFoundError):
-            temporary.unlink()
-        write(temporary)
-        os.replace(temporary, path)
+        replace_file(path, write, empty=False)  # what draws may end the process
     except OSError as error:
         raise InputError(f"The picture {path} cannot be written ({error.strerror}).") from error
-    finally:
-        with suppress(OSError):
-            temporary.unlink()
     return path

@@ -212,9 +212,6 @@ def render(
     view
         Colour scale, frame and resolution; by default what fits this step.
     """
-    import matplotlib
-    from matplotlib.figure import Figure
-
     frame = read_frame(folder, step)
     grid = frame.grid
     values, name, nodal = scalar(grid, field)
@@ -223,61 +220,100 @@ def render(
         view = View(limits_of(values, name), *points_seen(frame, warp), _DPI)
     low, high = view.limits
     text, divisor = label(name, max(abs(low), abs(high)))
+    grey = "" if np.isfinite(values).all() else ", no field in grey"
+    _compose(
+        _panels(frame, nodal, warp, view),
+        (low / divisor, high / divisor),
+        text,
+        title(frame.time) + grey,
+        path,
+        view.dpi,
+    )
 
-    def draw(surface: Any, outline: Any, lit: bool) -> Callable[[Any], None]:
-        def act(plotter: Any) -> None:
-            plotter.add_mesh(
-                surface, scalars="shown", preference="point" if nodal else "cell", cmap=_COLOURS,
-                clim=(low, high), nan_color=_GREY, show_scalar_bar=False,
-                ambient=0.5 if lit else 1.0, diffuse=0.55 if lit else 0.0, specular=0.0,
-            )  # fmt: skip
-            plotter.add_mesh(_edges(surface), color=_LINE, line_width=3)
-            if warp:
-                plotter.add_mesh(outline, color="#d62728", line_width=3)
 
-        return act
+@dataclass(frozen=True)
+class _Panel:
+    """An image in the picture.
 
-    whole = _surface(_warped(grid, warp), 3)
-    outline = _edges(_surface(grid, 3))
-    seen = view.outside
-    section = None if frame.flat else _section(grid)
-    panels: list[tuple[_Image, str]] = []
+    Attributes
+    ----------
+    image : the image
+    axes : names of the axes across and along, "" for an isometric view without axes
+    title : text above it
+    """
+
+    image: _Image
+    axes: str
+    title: str = ""
+
+
+def _painter(
+    surface: Any, lines: Any, view: View, nodal: bool, lit: bool
+) -> Callable[[Any], None]:
+    """What draws a surface in the colours of its field, and lines in red over it."""
+
+    def paint(plotter: Any) -> None:
+        plotter.add_mesh(
+            surface, scalars="shown", preference="point" if nodal else "cell", cmap=_COLOURS,
+            clim=view.limits, nan_color=_GREY, show_scalar_bar=False,
+            ambient=0.5 if lit else 1.0, diffuse=0.55 if lit else 0.0, specular=0.0,
+        )  # fmt: skip
+        plotter.add_mesh(_edges(surface), color=_LINE, line_width=3)
+        if lines is not None:
+            plotter.add_mesh(lines, color="#d62728", line_width=3)
+
+    return paint
+
+
+def _panels(frame: Any, nodal: bool, warp: float, view: View) -> list[_Panel]:
+    """Images of the deformed device and of its section, each over the undeformed edges."""
+    grid = frame.grid
     x, y, z = np.eye(3)
+    whole = _surface(_warped(grid, warp), 3)
+    outline = _edges(_surface(grid, 3)) if warp else None
     if frame.flat:
-        panels.append((_shoot(draw(whole, outline, False), seen, x, y, _WIDTH, view.dpi), "xy"))
-    else:
-        iso_right, iso_up = np.array([1, 1, 0]) / 2**0.5, np.array([-1, 1, 2]) / 6**0.5
-        act = draw(whole, outline, True)
-        image = _shoot(act, seen, iso_right, iso_up, _WIDTH / 2, view.dpi, 0.01)
-        panels.append((image, ""))
-        if section is not None:
-            moved = _warped(section, warp)
-            both = view.section
-            nearer = -1e-2 * (both.max() - both.min()) * y  # in front of the section
-            act = draw(moved, _edges(section).translate(nearer), False)
-            panels.append((_shoot(act, both, x, z, _WIDTH / 2, view.dpi), "xz"))
+        paint = _painter(whole, outline, view, nodal, lit=False)
+        return [_Panel(_shoot(paint, view.outside, x, y, _WIDTH, view.dpi), "xy")]
+    right, up = np.array([1, 1, 0]) / 2**0.5, np.array([-1, 1, 2]) / 6**0.5
+    paint = _painter(whole, outline, view, nodal, lit=True)
+    panels = [_Panel(_shoot(paint, view.outside, right, up, _WIDTH / 2, view.dpi, 0.01), "")]
+    section = _section(grid)
+    if section is not None:
+        seen = view.section
+        nearer = -1e-2 * (seen.max() - seen.min()) * y  # in front of the section
+        edges = _edges(section).translate(nearer) if warp else None
+        paint = _painter(_warped(section, warp), edges, view, nodal, lit=False)
+        middle = 1e3 * (grid.bounds[2] + grid.bounds[3]) / 2
+        above = f"section y = {round(middle, 4) + 0.0:g} mm"
+        panels.append(_Panel(_shoot(paint, seen, x, z, _WIDTH / 2, view.dpi), "xz", above))
+    return panels
+
+
+def _compose(
+    panels: list[_Panel], limits: tuple[float, float], label: str, title: str, path: Path, dpi: int
+) -> None:
+    """Set the images side by side with their axes in mm, a colour scale and a title."""
+    import matplotlib
+    from matplotlib.figure import Figure
 
     style = {"font.size": 8, "font.family": "sans-serif", "axes.linewidth": 0.6,
              "xtick.major.width": 0.6, "ytick.major.width": 0.6}  # fmt: skip
     with matplotlib.rc_context(style):
-        tallest = max(image.pixels.shape[0] / image.pixels.shape[1] for image, _ in panels)
+        shapes = [panel.image.pixels.shape for panel in panels]
+        tallest = max(rows / columns for rows, columns, *_ in shapes)
         height = min(0.8 * _WIDTH / len(panels) * tallest + 0.75, 1.2 * _WIDTH)
         figure = Figure(figsize=(_WIDTH, height), layout="constrained")
         axes = np.atleast_1d(figure.subplots(1, len(panels)))
-        for axis, (image, plane) in zip(axes, panels, strict=True):
-            axis.imshow(image.pixels, extent=[1e3 * e for e in image.extent])
-            if plane:
-                axis.set_xlabel(f"{plane[0]} (mm)")
-                axis.set_ylabel(f"{plane[1]} (mm)")
-                if plane == "xz":
-                    middle = 1e3 * (grid.bounds[2] + grid.bounds[3]) / 2
-                    axis.set_title(f"section y = {round(middle, 4) + 0.0:g} mm", fontsize=8)
+        for axis, panel in zip(axes, panels, strict=True):
+            axis.imshow(panel.image.pixels, extent=[1e3 * e for e in panel.image.extent])
+            if panel.axes:
+                axis.set_xlabel(f"{panel.axes[0]} (mm)")
+                axis.set_ylabel(f"{panel.axes[1]} (mm)")
+                if panel.title:
+                    axis.set_title(panel.title, fontsize=8)
             else:
                 axis.set_axis_off()
-        scale = matplotlib.cm.ScalarMappable(
-            matplotlib.colors.Normalize(low / divisor, high / divisor), _COLOURS
-        )
-        figure.colorbar(scale, ax=list(axes), label=text, aspect=25)
-        grey = "" if np.isfinite(values).all() else ", no field in grey"
-        figure.suptitle(title(frame.time) + grey, fontsize=8)
-        figure.savefig(path, format="png", dpi=view.dpi)
+        scale = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(*limits), _COLOURS)
+        figure.colorbar(scale, ax=list(axes), label=label, aspect=25)
+        figure.suptitle(title, fontsize=8)
+        figure.savefig(path, format="png", dpi=dpi)

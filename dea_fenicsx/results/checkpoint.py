@@ -26,7 +26,7 @@ from numpy.lib import format as npy
 from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.path.items import Trace
 from dea_fenicsx.results.columns import load_column
-from dea_fenicsx.results.reading import TEXTS
+from dea_fenicsx.results.history import TEXTS
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean

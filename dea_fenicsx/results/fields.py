@@ -17,16 +17,8 @@ from mpi4py import MPI
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.support import compat
+from dea_fenicsx.support.cell_types import QUADRATIC
 from dea_fenicsx.support.compat import dolfinx
-
-# VTK's order of the nodes of quadratic cells, in terms of basix's
-_VTK_ORDER = {
-    "triangle": [0, 1, 2, 5, 3, 4],
-    "quadrilateral": [0, 1, 3, 2, 4, 6, 7, 5, 8],
-    "tetrahedron": [0, 1, 2, 3, 9, 6, 8, 7, 5, 4],
-    "hexahedron": [0, 1, 3, 2, 4, 5, 7, 6, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 15, 14,
-                   22, 23, 21, 24, 20, 25, 26],
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -101,7 +93,7 @@ class FieldWriter:
         self._connectivity = rank[inverse].reshape(numbers.shape)
         points = np.empty((len(first), 3))
         points[self._connectivity.ravel()] = coordinates.reshape(-1, 3)
-        order = _VTK_ORDER[self.kind]
+        order = QUADRATIC[self.kind].vtk_order
         return Grid(points, self._connectivity[:, order], self.kind, regions)
 
     def _prepare_cell_expressions(self) -> None:
@@ -156,7 +148,7 @@ class FieldWriter:
         if part is None:
             return None
         values = self._nodal(part, self.problem.w.x.array)
-        if values.shape[1] != len(_VTK_ORDER[self.kind]):
+        if values.shape[1] != QUADRATIC[self.kind].nodes:
             values = values @ _quadratic_from_linear(self.kind).T
         return self.gather(values)
 

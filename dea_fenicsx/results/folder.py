@@ -20,9 +20,6 @@ import csv
 import json
 import os
 import shutil
-import tempfile
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -33,11 +30,12 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results import checkpoint, hdf5, provenance, xdmf
 from dea_fenicsx.results.columns import check_added
 from dea_fenicsx.results.fields import Grid
+from dea_fenicsx.results.history import History
+from dea_fenicsx.results.plain_text import json_value, number_text
 from dea_fenicsx.results.reading import read_history, read_summary
-from dea_fenicsx.support.errors import InputError, MachineError
-from dea_fenicsx.support.file_lock import FolderLock
+from dea_fenicsx.results.shared_folder import SharedFolder
+from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import free_name, replace_file
-from dea_fenicsx.support.type_checks import plain
 
 __all__ = ["RUN_FILES", "Folder", "Run", "read_history", "read_summary", "replace_file"]
 
@@ -47,8 +45,8 @@ RUN_FILES = (
 )  # fmt: skip
 
 
-class Folder:
-    """The results folder, handled by rank 0 alone.
+class Folder(SharedFolder):
+    """A run's results folder, handled by rank 0 alone.
 
     Parameters
     ----------
@@ -64,81 +62,9 @@ class Folder:
     """
 
     def __init__(self, path: str | os.PathLike, comm: MPI.Comm) -> None:
-        self.path = Path(path)
-        self.comm = comm
+        super().__init__(path, comm)
         self.origin: dict[str, Any] = {}
-        self._together(self._check_writable)
-        self._lock = FolderLock(self.path)
         self._summary: bytes | None = None
-
-    def take(self) -> bool:
-        """Take the folder for one run; False if its file system keeps no locks.  Collective.
-
-        Raises
-        ------
-        InputError
-            If another run is writing into it, or what a run writes into is a link.
-        """
-
-        def action() -> bool:
-            self._lock.take()
-            for name in ("parts", "modes"):
-                if (self.path / name).is_symlink():
-                    self._lock.release()
-                    raise InputError(
-                        f"{self.path / name} is a link, but a run writes into its own folder only; "
-                        "remove it, or choose another folder with --out or out=."
-                    )
-            return self._lock.kept
-
-        return bool(self._together(action))
-
-    def release(self) -> None:
-        """Give the folder free for other runs; reading and `Run.add` need no lock."""
-        self._lock.release()
-
-    def _together(self, action: Callable[[], Any]) -> Any:
-        """Run an action on rank 0 and let all ranks share its result or its error."""
-        result, fault = None, ""
-        if self.comm.rank == 0:
-            try:
-                result = action()
-            except (OSError, InputError) as error:
-                fault = str(error) or type(error).__name__
-        result, fault = self.comm.bcast((result, fault), root=0)
-        if fault:
-            raise InputError(fault if fault.endswith(".") else f"{fault} ({self.path}).")
-        return result
-
-    def write(self, action: Callable[[], None], together: bool = True) -> None:
-        """Write on rank 0; if that fails, raise `MachineError` on all ranks.
-
-        Collective, unless `together` is False: then it is raised on rank 0 alone.
-        """
-        fault = ""
-        if self.comm.rank == 0:
-            try:
-                action()
-            except (OSError, RuntimeError, KeyError) as error:  # h5py raises any of them
-                fault = hdf5.reason(error)
-        if together:
-            fault = self.comm.bcast(fault, root=0)
-        if fault:
-            raise MachineError(
-                f"The results folder {self.path} cannot be written any more ({fault}); all steps "
-                "before are kept there, and the run can be resumed from them."
-            )
-
-    def _check_writable(self) -> None:
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=self.path):
-                pass
-        except OSError as error:
-            raise InputError(
-                f"The results folder {self.path} cannot be written ({error.strerror}); choose "
-                "another with --out or out=."
-            ) from error
 
     def start(self) -> None:
         """Make room for a new run: an earlier run's files move into a folder previous...
@@ -162,7 +88,7 @@ class Folder:
                     os.replace(self.path / name, old / name)
             (self.path / "parts").mkdir(exist_ok=True)
 
-        self._together(action)
+        self.together(action)
 
     def keep_origin(self) -> None:
         """Copy the script into the folder, and find out its state in git.  Collective."""
@@ -171,7 +97,7 @@ class Folder:
             provenance.keep_script(self.path)
             return provenance.origin()
 
-        self.origin = self._together(action)
+        self.origin = self.together(action)
 
     # -------------------------------------------------------------- checkpoint
 
@@ -191,7 +117,7 @@ class Folder:
             told, state = checkpoint.read(file)
             return told
 
-        told = self._together(action)
+        told = self.together(action)
         return None if told is None else (told, state)  # type: ignore[return-value]
 
     # ------------------------------------------------------------------ writing
@@ -250,7 +176,7 @@ class Folder:
             with open(target, "w", newline="") as f:
                 writer = csv.DictWriter(f, fieldnames=list(history[0]))
                 writer.writeheader()
-                writer.writerows({k: _number(v) for k, v in row.items()} for row in history)
+                writer.writerows({k: number_text(v) for k, v in row.items()} for row in history)
 
         replace_file(self.path / "history.csv", write)
 
@@ -258,7 +184,7 @@ class Folder:
         """Write summary.json (rank 0)."""
         if self.comm.rank != 0:
             return
-        text = json.dumps(_plain(summary), indent=2, ensure_ascii=False) + "\n"
+        text = json.dumps(json_value(summary), indent=2, ensure_ascii=False) + "\n"
         data = text.encode("utf-8", "replace")
         replace_file(self.path / "summary.json", lambda target: target.write_bytes(data))
         self._summary = data
@@ -273,7 +199,7 @@ class Folder:
         """
         if self.comm.rank != 0:
             return
-        self._lock.take()
+        self.lock.take()
         try:
             file = self.path / "summary.json"
             if file.exists() and self._summary not in (None, file.read_bytes()):
@@ -283,7 +209,7 @@ class Folder:
                 )
             self.write_summary(summary)
         finally:
-            self._lock.release()
+            self.lock.release()
 
     def _part(self, step: int) -> Path:
         return self.path / "parts" / f"step_{step:05d}.h5"
@@ -363,37 +289,13 @@ class Folder:
         shutil.rmtree(parts)
 
 
-def _number(value: Any) -> Any:
-    """Full precision for floats, an empty cell for None."""
-    if value is None:
-        return ""
-    return repr(float(value)) if isinstance(value, float | np.floating) else value
-
-
-def _plain(value: Any) -> Any:
-    """What JSON can hold: NaN and infinity become null."""
-    value = plain(value)
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not np.isfinite(value):
-        return None
-    if isinstance(value, str | int | float | bool) or value is None:
-        return value
-    return str(value)
-
-
-@dataclass
 class Run:
     """A finished or ended run.
 
     Attributes
     ----------
     history
-        A row for each accepted step: column name to value.
+        A row for each accepted step, and by its name each column as an array; see `History`.
     summary
         What summary.json holds.
     problem
@@ -402,10 +304,28 @@ class Run:
         The results folder's writer, or None.
     """
 
-    history: list[dict[str, Any]]
-    summary: dict[str, Any]
-    problem: Problem
-    folder: Folder | None = None
+    def __init__(
+        self,
+        history: list[dict[str, Any]],
+        summary: dict[str, Any],
+        problem: Problem,
+        folder: Folder | None = None,
+    ) -> None:
+        self._history = history if isinstance(history, History) else History(history)
+        self._accepted = history  # the same list, while the run goes on and appends its steps
+        self.summary = summary
+        self.problem = problem
+        self.folder = folder
+
+    @property
+    def history(self) -> History:
+        """The accepted steps so far."""
+        self._history.follow(self._accepted)
+        return self._history
+
+    def __repr__(self) -> str:
+        steps = f"{len(self.history)} accepted steps"
+        return f"Run({self.summary.get('status', 'running')}, {steps}, out={self.out})"
 
     @property
     def out(self) -> Path | None:
@@ -431,16 +351,7 @@ class Run:
 
     def column(self, name: str) -> np.ndarray:
         """A column of the history as an array: numbers, NaN where there is none, or texts."""
-        if not self.history:
-            raise InputError("The history holds no step yet, so it has no columns.")
-        if name not in self.history[0]:
-            raise InputError(
-                f"The history has no column {name!r}; it has: {', '.join(self.history[0])}."
-            )
-        values = [row[name] for row in self.history]
-        if any(isinstance(value, str) for value in values):
-            return np.array(["" if value is None else str(value) for value in values])
-        return np.array(values, dtype=float)
+        return self.history.column(name)
 
     def __getitem__(self, name: str) -> Any:
         """Value of a column at the last step: a number, or a text such as that of ``event``."""

@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,24 +14,27 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.results.history import Columns, columns_of
 from dea_fenicsx.results.untrusted import read_data, read_xml
+from dea_fenicsx.support.cell_types import BY_XDMF
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean, listed
 
-# XDMF's name of a quadratic cell: VTK's number, nodes, whether it is a flat one
-_CELLS = {
-    "Triangle_6": (22, 6, True),
-    "Quadrilateral_9": (28, 9, True),
-    "Tetrahedron_10": (24, 10, False),
-    "Hexahedron_27": (29, 27, False),
-}
 
-TEXTS = ("ramp", "event")
-"""Columns of a history that hold texts."""
+def read_history(folder: str | os.PathLike) -> Columns:
+    """The history in a run's history.csv, by columns.
 
+    Returns
+    -------
+    Columns
+        A dict of numbers as float arrays (NaN where empty), else of strings.  Its ``rows`` are the
+        steps, as in `Run.history`.
 
-def read_history(folder: str | os.PathLike) -> dict[str, np.ndarray]:
-    """Columns of a run's history.csv: numbers as float arrays (NaN where empty), else strings."""
+    Raises
+    ------
+    InputError
+        If there is no such file, it cannot be read, or it is no history.
+    """
     file = Path(folder) / "history.csv"
     if not file.is_file():
         raise InputError(f"There is no history.csv in {folder}; give the folder of a run.")
@@ -49,16 +53,7 @@ def read_history(folder: str | os.PathLike) -> dict[str, np.ndarray]:
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(f"{file} is damaged: it has two columns {clean(twice, 60)!r}.")
-    columns: dict[str, np.ndarray] = {}
-    for name in rows[0] if rows else []:
-        values = [row[name] for row in rows]
-        try:
-            if name in TEXTS and any(values):
-                raise ValueError("a text, even where it looks like a number")
-            columns[name] = np.array([float(v) if v else np.nan for v in values])
-        except ValueError:
-            columns[name] = np.array(values)
-    return columns
+    return columns_of(names if rows else [], rows)
 
 
 def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
@@ -77,7 +72,7 @@ def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
     return found
 
 
-def load_columns(history: dict[str, np.ndarray], summary: dict[str, Any]) -> list[str]:
+def load_columns(history: Mapping[str, np.ndarray], summary: dict[str, Any]) -> list[str]:
     """Columns of a history that hold the loads, those of the last ramp first.
 
     A ramp that moves electrodes of given potential has a column in V, any other one its factor.
@@ -193,13 +188,13 @@ def read_frame(folder: str | os.PathLike, step: int = -1) -> Frame:
 
     topology = xml.find("Topology")
     kind = "" if topology is None else topology.attrib.get("TopologyType", "")
-    if kind not in _CELLS:
+    if kind not in BY_XDMF:
         raise InputError(f"{file} is damaged: it has cells of an unknown kind {clean(kind, 60)!r}.")
-    number, nodes, flat = _CELLS[kind]
+    cell = BY_XDMF[kind]
     cells, points = data(topology), data(xml.find("Geometry"))
-    _check_grid(file, cells, points, nodes)
-    table = np.column_stack([np.full(len(cells), nodes), cells]).ravel()
-    grid = pyvista.UnstructuredGrid(table, np.full(len(cells), number, dtype=np.uint8), points)
+    _check_grid(file, cells, points, cell.nodes)
+    table = np.column_stack([np.full(len(cells), cell.nodes), cells]).ravel()
+    grid = pyvista.UnstructuredGrid(table, np.full(len(cells), cell.vtk, dtype=np.uint8), points)
     for attribute in xml.findall("Attribute"):
         nodal = attribute.attrib["Center"] == "Node"
         name, values = attribute.attrib["Name"], data(attribute)
@@ -209,7 +204,7 @@ def read_frame(folder: str | os.PathLike, step: int = -1) -> Frame:
                 f"{'node' if nodal else 'cell'}."
             )
         (grid.point_data if nodal else grid.cell_data)[name] = values
-    return Frame(grid, flat, _time(file, xml))
+    return Frame(grid, cell.flat, _time(file, xml))
 
 
 def _check_grid(file: Path, cells: np.ndarray, points: np.ndarray, nodes: int) -> None:

@@ -11,12 +11,8 @@ from xml.sax.saxutils import escape, quoteattr
 
 import h5py
 
-_XDMF_CELLS = {
-    "triangle": "Triangle_6",
-    "quadrilateral": "Quadrilateral_9",
-    "tetrahedron": "Tetrahedron_10",
-    "hexahedron": "Hexahedron_27",
-}
+from dea_fenicsx.support.cell_types import QUADRATIC
+
 _KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
 
 
@@ -53,7 +49,7 @@ def grid_xml(
         where = h5[mesh_prefix] if mesh_prefix else h5
         n_cells, per_cell = where["cells"].shape
         n_points = where["points"].shape[0]
-        kind = _XDMF_CELLS[str(where.attrs["cell"])]
+        kind = QUADRATIC[str(where.attrs["cell"])].xdmf
     source = f"{mesh_file.relative_to(root).as_posix()}:/{mesh_prefix}"
     lines = [
         f'   <Grid Name="{name}" GridType="Uniform">',

@@ -63,13 +63,31 @@ def new_file(path: Path) -> None:
     os.close(os.open(path, flags, 0o666))
 
 
-def replace_file(path: Path, write: Callable[[Path], object]) -> None:
+def replace_file(
+    path: Path, write: Callable[[Path], object], *, ending: str = ".new", empty: bool = True
+) -> None:
     """Write a file through a temporary one beside it, so that a reader never sees half of it.
 
     A link of either name is replaced; what it points to is left alone.
+
+    Parameters
+    ----------
+    path
+        The file.
+    write
+        Writes the temporary file, whose path it is given.
+    ending
+        What the temporary file's name ends in, for writers that go by the ending.
+    empty
+        Whether the temporary file is made, empty, before `write` is called.  False for what may end
+        the process, so that it leaves nothing behind.
     """
-    temporary = path.with_name(f".{path.name}.new")
-    new_file(temporary)
+    temporary = path.with_name(f".{path.name}{ending}")
+    if empty:
+        new_file(temporary)
+    else:
+        with suppress(FileNotFoundError):
+            temporary.unlink()
     try:
         write(temporary)
         os.replace(temporary, path)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral
 from typing import Any
 
@@ -83,3 +83,37 @@ def one_of(value: object, choices: Sequence[str], what: str, due: str = "") -> N
 
 def _refused(value: object, what: str, due: str) -> InputError:
     return InputError(f"{what} is {plain(value)!r}, but must be {due}.")
+
+
+def keywords(
+    function: str, given: Mapping[str, Any], kind: type, defaults: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The keywords that a function takes as a typed dictionary, with those left out filled in.
+
+    Parameters
+    ----------
+    function
+        The name of the function, for the message.
+    given
+        What the caller has given.
+    kind
+        The TypedDict that declares the keywords.
+    defaults
+        Values of those that may be left out.
+
+    Raises
+    ------
+    InputError
+        For a keyword that is not declared, with the nearest as a suggestion, and for one that is
+        missing.
+    """
+    names = list(kind.__annotations__)
+    for name in given:
+        if name not in names:
+            hint = did_you_mean(name, names) or f"it takes {', '.join(names)}, too."
+            raise InputError(f"{function} takes no keyword {name!r}; {hint}")
+    found = {**defaults, **given}
+    for name in kind.__required_keys__:  # type: ignore[attr-defined]
+        if name not in found:
+            raise InputError(f"{function} needs {name}=, which is missing.")
+    return found

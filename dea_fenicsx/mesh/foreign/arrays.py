@@ -12,19 +12,19 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.support.cell_types import (
+    HEX,
+    POINT,
+    PRISM,
+    PYRAMID,
+    QUAD,
+    SHAPES,
+    TET,
+    TRIANGLE,
+)
 from dea_fenicsx.support.errors import InputError
 
 Ints = np.ndarray
-
-POINT, LINE, TRIANGLE, QUAD, TET, HEX, PRISM, PYRAMID = (
-    "point", "line", "triangle", "quadrilateral", "tetrahedron", "hexahedron", "prism", "pyramid",
-)  # fmt: skip
-
-SHAPES = {
-    (1, 2): LINE, (2, 3): TRIANGLE, (2, 4): QUAD,
-    (3, 4): TET, (3, 8): HEX, (3, 6): PRISM, (3, 5): PYRAMID,
-}  # fmt: skip
-"""Shape of an element by its dimension and number of corners."""
 
 FACES: dict[str, tuple[tuple[int, ...], ...]] = {
     TRIANGLE: ((0, 1), (1, 2), (2, 0)),

@@ -11,21 +11,20 @@ import numpy as np
 
 from dea_fenicsx.mesh.foreign.arrays import (
     FACES,
-    HEX,
-    QUAD,
     ElementType,
     Ints,
     PlainMesh,
     element_type,
 )
+from dea_fenicsx.support.cell_types import GMSH, HEX, PRISM, PYRAMID, QUAD, gmsh_number
 
-COMPLETE = {16: 10, 17: 12, 18: 13, 19: 14}
-"""gmsh's number of the complete type of each incomplete one."""
-
-_NAMES = {
-    16: "8-node quadrilaterals", 17: "20-node bricks", 18: "15-node prisms",
-    19: "13-node pyramids",
+COMPLETE = {
+    number: gmsh_number(cell.shape, 2)
+    for number, cell in GMSH.items() if cell.order == 2 and not cell.complete
 }  # fmt: skip
+"""gmsh's number of the complete type of each incomplete one of second order."""
+
+_PLURALS = {QUAD: "quadrilaterals", HEX: "bricks", PRISM: "prisms", PYRAMID: "pyramids"}
 
 
 def complete(mesh: PlainMesh) -> None:
@@ -46,7 +45,8 @@ def complete(mesh: PlainMesh) -> None:
             blocks[new] = np.concatenate([blocks[new], table]) if new in blocks else table
     added.store()
     if old:
-        mesh.notes.append(f"{' and '.join(_NAMES[n] for n in old)} completed")
+        names = " and ".join(f"{GMSH[n].nodes}-node {_PLURALS[GMSH[n].shape]}" for n in old)
+        mesh.notes.append(f"{names} completed")
 
 
 class _Points:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dea_fenicsx.support.cell_types import GMSH
+
 
 def one_group_each(path: Path) -> None:
     """Rewrite a file of format 2 in place, if elements of one entity lie in several groups.
@@ -55,10 +57,8 @@ class _Entities:
 
 
 def _dim_of(kind: int) -> int:
-    """Dimension of gmsh's types of elements; all that are not listed count as one more."""
-    lines = {1, 8, 26, 27, 28}
-    flat = {2, 3, 9, 10, 16, 20, 21, 22, 23, 24, 25, 36, 37}
-    return 1 if kind in lines else 2 if kind in flat else 0 if kind == 15 else 3
+    """Dimension of one of gmsh's types of cells; what is not in the table counts as a solid."""
+    return GMSH[kind].dim if kind in GMSH else 3
 
 
 def _text(section: bytes) -> bytes | None:
@@ -73,11 +73,6 @@ def _text(section: bytes) -> bytes | None:
     return b"\n".join([*found, *lines[count + 1 :]]) if entities.mixed else None
 
 
-_NODES = {1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18,
-          14: 14, 15: 1, 16: 8, 17: 20, 18: 15, 19: 13, 21: 10, 26: 4, 29: 20, 36: 16,
-          92: 64}  # fmt: skip
-
-
 def _binary(section: bytes) -> bytes | None:
     """The same for binary files: blocks of (type, elements, tags), then a row for each element."""
     line = section.index(b"\n") + 1
@@ -85,9 +80,9 @@ def _binary(section: bytes) -> bytes | None:
     data = bytearray(section)
     while total > 0:
         kind, count, tags = (int(v) for v in np.frombuffer(data, "<i4", 3, at))
-        if count <= 0 or kind not in _NODES or not 0 <= tags < 16:
+        if count <= 0 or kind not in GMSH or not 0 <= tags < 16:
             return None
-        at, width = at + 12, 1 + tags + _NODES[kind]
+        at, width = at + 12, 1 + tags + GMSH[kind].nodes
         rows = np.frombuffer(data, "<i4", count * width, at).reshape(count, width)
         if tags >= 2:
             pairs, inverse = np.unique(rows[:, 1:3], axis=0, return_inverse=True)
