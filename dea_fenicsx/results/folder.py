@@ -20,6 +20,7 @@ import csv
 import json
 import os
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -289,6 +290,7 @@ class Folder(SharedFolder):
         shutil.rmtree(parts)
 
 
+@dataclass(repr=False)
 class Run:
     """A finished or ended run.
 
@@ -304,24 +306,10 @@ class Run:
         The results folder's writer, or None.
     """
 
-    def __init__(
-        self,
-        history: list[dict[str, Any]],
-        summary: dict[str, Any],
-        problem: Problem,
-        folder: Folder | None = None,
-    ) -> None:
-        self._history = history if isinstance(history, History) else History(history)
-        self._accepted = history  # the same list, while the run goes on and appends its steps
-        self.summary = summary
-        self.problem = problem
-        self.folder = folder
-
-    @property
-    def history(self) -> History:
-        """The accepted steps so far."""
-        self._history.follow(self._accepted)
-        return self._history
+    history: History
+    summary: dict[str, Any]
+    problem: Problem
+    folder: Folder | None = None
 
     def __repr__(self) -> str:
         steps = f"{len(self.history)} accepted steps"

@@ -60,11 +60,6 @@ class History(list[dict[str, Any]]):
         """A column as an array, or the default if there is no such column."""
         return self.column(name) if name in self.names else default
 
-    def follow(self, rows: list[dict[str, Any]]) -> None:
-        """Hold the same rows as another list, to which a run appends its steps."""
-        if rows is not self and len(rows) != len(self):
-            self[:] = rows
-
     def __contains__(self, key: object) -> bool:
         """Whether there is a column of that name, or such a row."""
         return key in self.names if isinstance(key, str) else super().__contains__(key)

@@ -17,6 +17,7 @@ from dea_fenicsx.path.items import Ramp, Trace
 from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
+from dea_fenicsx.results.history import History
 from dea_fenicsx.run.step_checks import Checked, check_step
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import MachineError
@@ -62,7 +63,7 @@ class Journal:
     folder: Folder | None
     writer: FieldWriter | None
     identity: Callable[[], dict[str, Any]]
-    history: list[dict[str, Any]] = field(default_factory=list)
+    history: History = field(default_factory=History)
     found: list[dict[str, Any]] = field(default_factory=list)
     earlier_s: float = 0.0
     started: float = field(default_factory=time.perf_counter)

@@ -18,6 +18,7 @@ from dea_fenicsx.path.walk import Walk
 from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder, Run
+from dea_fenicsx.results.history import History
 from dea_fenicsx.results.identity import fingerprint
 from dea_fenicsx.results.summary import (
     STATUS,
@@ -272,7 +273,7 @@ class _Session:
             self.progress.say("There is no earlier run to resume; starting anew.")
             return None
         cursor, told = found
-        journal.history, journal.found = told["history"], told["failures"]
+        journal.history, journal.found = History(told["history"]), told["failures"]
         journal.earlier_s = float(told["wall_s"])
         return cursor
 
