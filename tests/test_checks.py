@@ -74,8 +74,8 @@ def test_the_volume_bound_holds_and_is_sharp(solver):
     problem = solver.problem
     tolerance = solver.options.tolerance
     state = problem.state
-    direction = np.random.default_rng(3).standard_normal(len(problem.free_of(Role.MOTION)))
-    dofs = problem.free[problem.free_of(Role.MOTION)]
+    direction = np.random.default_rng(3).standard_normal(len(problem.roles.free(Role.MOTION)))
+    dofs = problem.free[problem.roles.free(Role.MOTION)]
 
     def rows(size):
         moved = state.values.copy()

@@ -54,7 +54,7 @@ def test_a_rigid_turn_costs_nothing(dim):
     solver = NewtonSolver(problem, dea.NewtonOptions(factor="whole"))
     rng = np.random.default_rng(1)
     rhs = rng.normal(size=len(problem.free))
-    rhs[problem.free_of(Role.MULTIPLIER)] *= 1e-3
+    rhs[problem.roles.free(Role.MULTIPLIER)] *= 1e-3
     count = solver.counters
     assert solver.linear_solve(rhs, 1e-8) is not None
     assert count.krylov <= 2

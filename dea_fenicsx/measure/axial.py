@@ -22,7 +22,7 @@ class OverallStretch:
 
     def bind(self, problem: Problem) -> Measurement:
         _need(problem, self, ELONGATION)
-        return lambda: 1 + problem.overall_values()[0]
+        return lambda: 1 + problem.space.global_values(problem.scales.length)[0]
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class OverallContraction:
 
     def bind(self, problem: Problem) -> Measurement:
         _need(problem, self, ELONGATION)
-        return lambda: 0.0 - problem.overall_values()[0]
+        return lambda: 0.0 - problem.space.global_values(problem.scales.length)[0]
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class OverallTwist:
 
     def bind(self, problem: Problem) -> Measurement:
         _need(problem, self, TWIST)
-        return lambda: problem.overall_values()[1]
+        return lambda: problem.space.global_values(problem.scales.length)[1]
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,7 @@ def potential_of_unit_load(
     K.mult(rest, product)
     P.multTranspose(product, few)
     few.array[:] = source - few.array_r
-    if problem.count_of(Role.POTENTIAL):
+    if problem.roles.count(Role.POTENTIAL):
         _solve(problem, K.ptap(P), few)
         P.multAdd(few, rest, rest)
     given.x.array[:owned] = rest.array_r
@@ -118,7 +118,7 @@ def _charges_of_ramp(problem: Problem, ramp: str) -> np.ndarray:
     """Charges of a ramp at factor 1, in the free rows of the potential."""
     rows = np.zeros(len(problem.free))
     problem.add_sources(rows, ramp, 1.0)
-    return rows[problem.free_of(Role.POTENTIAL)]
+    return rows[problem.roles.free(Role.POTENTIAL)]
 
 
 def _unit_charge(problem: Problem, electrode: Conducting) -> np.ndarray:
@@ -128,7 +128,7 @@ def _unit_charge(problem: Problem, electrode: Conducting) -> np.ndarray:
     master = problem.conditions.groups[floating.index(electrode)].master
     if master >= 0:
         rows[np.searchsorted(problem.free, master)] = 1.0
-    return rows[problem.free_of(Role.POTENTIAL)]
+    return rows[problem.roles.free(Role.POTENTIAL)]
 
 
 def _solve(problem: Problem, matrix: Any, vector: Any) -> None:
@@ -158,7 +158,7 @@ def _expansion_of_potential(problem: Problem, owned: int) -> Any:
         whole = expansion(problem.free, [], None, problem.space.rows)
     first = problem.comm.exscan(len(problem.free)) or 0
     rows = part.dofs[:owned].astype(PETSc.IntType) + problem.space.rows.start
-    columns = problem.free_of(Role.POTENTIAL).astype(PETSc.IntType) + first
+    columns = problem.roles.free(Role.POTENTIAL).astype(PETSc.IntType) + first
     sets = [PETSc.IS().createGeneral(n, comm=problem.comm) for n in (rows, columns)]
     made = whole.createSubMatrix(*sets)
     for thing in (*sets, *([whole] if own else [])):

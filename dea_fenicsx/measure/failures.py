@@ -241,7 +241,7 @@ class Gauge:
             entries = [s.total[i, j] for i in range(3) for j in range(3)]
             entries += [s.J, *(s.true_field[i] for i in range(3))]
             if failure.needs_stress:
-                sigma = problem.stress(k)
+                sigma = problem.states[k].cauchy_stress
                 entries += [sigma[i, j] for i in range(3) for j in range(3)]
             evaluate = compat.expression(ufl.as_vector(entries), problem.forms.quadrature)
             for name in names:

@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.fields import Field, Role, pressure_kind
+from dea_fenicsx.model.fields import Role, pressure_kind
 from dea_fenicsx.model.fixed_values import (
     Constraints,
     apply_electrodes,
@@ -18,6 +18,7 @@ from dea_fenicsx.model.fixed_values import (
 )
 from dea_fenicsx.model.orientation_springs import Turning
 from dea_fenicsx.model.rigid_motions import check_rigid
+from dea_fenicsx.model.roles import Roles
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.tied_unknowns import (
     Group,
@@ -51,15 +52,15 @@ class Conditions:
         Degrees of freedom that share a value, with what works on them.
     free, fixed
         Owned local degrees of freedom that are unknowns, and that are fixed, sorted.
-    free_fields
-        For each group of fields the places of its unknowns among the free ones.
+    roles
+        The unknowns by the role of their fields.
     expansion
         PETSc matrix from the free unknowns to all owned degrees of freedom where some follow
         others, or None.
     turning
         What keeps a free body's orientation where no dead load gives it one.
-    unknowns, counts
-        Number of free unknowns over all ranks, and by group of fields.
+    unknowns
+        Number of free unknowns over all ranks.
     """
 
     def __init__(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
@@ -85,22 +86,11 @@ class Conditions:
         self.free = np.flatnonzero(~fixed & ~follower).astype(np.int32)
         self.fixed = np.flatnonzero(fixed).astype(np.int32)
         self.turning = Turning(scene, motion, values, self.free)
-        self.free_fields = {
-            name: self.places(fields) for name, fields in space.groups().items()
-        }
+        self.roles = Roles(space, self.free, comm)
         self.unknowns: int = comm.allreduce(len(self.free), op=MPI.SUM)
-        self.counts: dict[str, int] = {
-            name: comm.allreduce(len(where), op=MPI.SUM)
-            for name, where in self.free_fields.items()
-        }
         self.expansion: Any = None
         if self.groups or self.pairs is not None:
             self.expansion = expansion(self.free, self.groups, self.pairs, space.rows)
-
-    def places(self, fields: list[Field]) -> np.ndarray:
-        """Places of some fields' unknowns among the free ones of this rank."""
-        dofs = self._space.owned_of(fields)
-        return np.searchsorted(self.free, np.intersect1d(dofs, self.free))
 
     def _tie_ends(
         self, scene: Scene, motion: Sequence[Component], potential: Component | None

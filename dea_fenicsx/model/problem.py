@@ -45,6 +45,8 @@ class Problem:
         The unknowns.
     conditions
         Which of them are free.
+    roles
+        The same by the role of their fields.
     forms
         The residual and what else is integrated.
     parameters
@@ -93,7 +95,7 @@ class Problem:
         self.pressure_kind = pressure_kind(self.scene)
         self.free, self.fixed = conditions.free, conditions.fixed
         self.expansion = conditions.expansion
-        self.unknowns, self.counts = conditions.unknowns, conditions.counts
+        self.unknowns, self.roles = conditions.unknowns, conditions.roles
         self.turning, self.loads = conditions.turning, forms.loads
         self.kernels, self.states = forms.kernels, forms.points
         self._step = dolfinx.fem.Function(self.W)
@@ -101,35 +103,10 @@ class Problem:
         if self.expansion is not None:
             self._few, self._all = self.expansion.createVecs()
 
-    # -------------------------------------------------------------- fields by their role
-
-    def owned_of(self, role: Role) -> np.ndarray:
-        """Owned degrees of freedom of a role, sorted; those of motion include global ones."""
-        return self._of(role, self.space.owned_of)
-
-    def free_of(self, role: Role) -> np.ndarray:
-        """Places of a role's unknowns among the free ones; those of motion include global ones."""
-        return self._of(role, self.conditions.places)
-
-    def _of(self, role: Role, find: Any) -> np.ndarray:
-        found = [fields for fields in self.space.groups().values() if fields[0].role is role]
-        return find([f for fields in found for f in fields]) if found else np.empty(0, np.int64)
-
-    def count_of(self, role: Role) -> int:
-        """Number of free unknowns of a role over all ranks."""
-        groups = self.space.groups().items()
-        return sum(self.counts[name] for name, fields in groups if fields[0].role is role)
-
     @property
     def overall(self) -> dict[str, Component]:
         """The global unknowns by name; empty unless the kinematics has some."""
         return self.space.parts.get("global", {})
-
-    @property
-    def expected_negative_pivots(self) -> int:
-        """Negative eigenvalues of the tangent on a stable path: one a pressure or potential."""
-        groups = self.space.groups().items()
-        return sum(self.counts[name] for name, fields in groups if fields[0].negative)
 
     # ------------------------------------------------------------- evaluation
 
@@ -185,14 +162,6 @@ class Problem:
         It keeps it wherever no dead load turns the body.
         """
         return self.turning.anchored(state)
-
-    def overall_values(self) -> np.ndarray:
-        """Elongation and, of a helical cell, twist (rad/m), if there are such.  Collective."""
-        values = [
-            next(v for v in self.comm.allgather(self.w.x.array[part.dofs[:1]]) if len(v))[0]
-            for part in self.overall.values()
-        ]
-        return np.array(values) / np.array([1.0, self.scales.length][: len(values)])
 
     def add_free(self, increment: np.ndarray) -> None:
         """Add an increment to the free unknowns (owned) and update what follows them."""
@@ -251,13 +220,3 @@ class Problem:
     def probe(self) -> Probe:
         """Extremes of J, lock-up margin and field over the quadrature points.  Collective."""
         return self.forms.prober.extremes()
-
-    def volume_error(self) -> float:
-        """Largest relative change of volume of any incompressible cell.  Collective."""
-        cells = self.forms.incompressible_cells
-        change = np.abs(self.forms.swelling()[cells]) / self.forms.cell_volumes[cells]
-        return self.comm.allreduce(float(np.max(change, initial=0.0)), op=MPI.MAX)
-
-    def stress(self, k: int) -> Any:
-        """Symbolic Cauchy stress of kernel k, dimensionless."""
-        return self.states[k].cauchy_stress

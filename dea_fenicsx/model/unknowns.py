@@ -42,6 +42,7 @@ class Unknowns:
 
     def __init__(self, scene: Scene) -> None:
         self.fields: list[Field] = declared_fields(scene)
+        self._global = scene.kinematics.global_unknowns
         mixed = basix.ufl.mixed_element([field.element for field in self.fields])
         self.W = dolfinx.fem.functionspace(scene.device.mesh, mixed)
         self.w = dolfinx.fem.Function(self.W, name="state")
@@ -88,3 +89,19 @@ class Unknowns:
         """The fields of a mixed function or of its test function, symbolic, by name."""
         parts = ufl.split(function)
         return {field.name: part for field, part in zip(self.fields, parts, strict=True)}
+
+    def global_values(self, length: float) -> np.ndarray:
+        """Present value of each global unknown, in SI units.  Collective.
+
+        Parameters
+        ----------
+        length
+            The unit of length in m.
+        """
+        comm, w = self.W.mesh.comm, self.w.x.array
+        values = []
+        for unknown, part in zip(self._global, self.parts.get("global", {}).values(), strict=True):
+            # a rank without cells has none of these degrees of freedom
+            value = next(v for v in comm.allgather(w[part.dofs[:1]]) if len(v))[0]
+            values.append(value / length**unknown.per_length)
+        return np.array(values)

@@ -101,7 +101,7 @@ class Branch:
         count, total, square = self._sum(np.array([len(rows), rows.sum(), (rows**2).sum()]))
         size = np.sqrt(square / count - (total / count) ** 2)
         self.weight = 1.0 / (count * (UNIT_STRETCH * size) ** 2)
-        self.u = self.problem.free_of(Role.MOTION)
+        self.u = self.problem.roles.free(Role.MOTION)
         self._by_load: np.ndarray | None = None
 
     def _sum(self, values: np.ndarray) -> np.ndarray:

@@ -71,7 +71,7 @@ class Predictor:
 
     def moved(self, since: State, now: State) -> float:
         """Largest change of displacement between two states, dimensionless.  Collective."""
-        dofs = self.problem.owned_of(Role.MOTION)
+        dofs = self.problem.roles.owned(Role.MOTION)
         move = float(np.max(np.abs(now.values[dofs] - since.values[dofs]), initial=0.0))
         return self.problem.comm.allreduce(move, op=MPI.MAX)
 

@@ -103,7 +103,7 @@ class Spectrum:
 
     def __init__(self, solver: NewtonSolver) -> None:
         self.solver, self.problem = solver, solver.problem
-        self.u = self.problem.free_of(Role.MOTION)
+        self.u = self.problem.roles.free(Role.MOTION)
         # pseudo-random and always the same: no symmetry of the device is orthogonal to it
         rng = np.random.default_rng(self.problem.comm.rank + 1)
         self._start = np.zeros(len(self.problem.free))

@@ -63,7 +63,7 @@ def is_near_limit(predictor: Predictor, origin: State, failed: Mapping[str, floa
     slope = path_slope(predictor.solver, last, rates)
     if slope is None:
         return True
-    mine = float(np.max(np.abs(slope[problem.free_of(Role.MOTION)]), initial=0.0))
+    mine = float(np.max(np.abs(slope[problem.roles.free(Role.MOTION)]), initial=0.0))
     speed = problem.comm.allreduce(mine, op=MPI.MAX)
     zero = dict.fromkeys(last.factors, 0.0)
     rest = last.with_factors(zero).with_values(np.zeros_like(last.values))

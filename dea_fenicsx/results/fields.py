@@ -101,7 +101,7 @@ class FieldWriter:
         middle = basix.cell.geometry(getattr(basix.CellType, self.kind)).mean(axis=0)[None, :]
         self._cell_expressions = []
         for k, s in enumerate(problem.states):
-            sigma = problem.stress(k)
+            sigma = problem.states[k].cauchy_stress
             entries = [
                 s.J,
                 *(s.true_field[i] for i in range(3)),
@@ -128,7 +128,7 @@ class FieldWriter:
         """
         problem = self.problem
         u = self.vector(problem.w.x.array)
-        overall = problem.overall_values()
+        overall = problem.space.global_values(problem.scales.length)
         potential = self._potential()
         if u is None:
             return None

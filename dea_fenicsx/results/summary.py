@@ -31,7 +31,7 @@ def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str
     counted = ("newton_iterations", "krylov_iterations", "factorisations")
     return {
         "unknowns": problem.unknowns,
-        "unknowns_by_field": problem.counts,
+        "unknowns_by_field": problem.roles.counts,
         "cells": comm.allreduce(problem.scene.device.owned_cells(), op=MPI.SUM),
         "mesh_quality": dict(problem.scene.device.quality),
         "volume_m3": problem.forms.volume * problem.scales.volume,

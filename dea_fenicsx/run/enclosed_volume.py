@@ -61,7 +61,7 @@ def check_volume(problem: Problem, path: Sequence[Ramp | Trace]) -> None:
 
 def _moves(problem: Problem) -> bool:
     """Whether any displacement, stretch or twist is prescribed that is not 0.  Collective."""
-    dofs = problem.owned_of(Role.MOTION)
+    dofs = problem.roles.owned(Role.MOTION)
     moves = any(np.any(base[dofs]) for base in problem.conditions.fixed_values.base.values())
     return bool(problem.comm.allreduce(moves, op=MPI.LOR))
 

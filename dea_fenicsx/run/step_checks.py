@@ -110,5 +110,5 @@ def volume(problem: Problem, tolerance: float) -> tuple[float, float, float]:
     if comm.allreduce(some_compressible, op=MPI.LOR):
         return worst, 0.0, math.inf
     total = abs(comm.allreduce(float(errors.sum()), op=MPI.SUM)) / problem.forms.volume
-    bound = math.sqrt(problem.count_of(Role.MULTIPLIER)) * tolerance / problem.forms.volume
+    bound = math.sqrt(problem.roles.count(Role.MULTIPLIER)) * tolerance / problem.forms.volume
     return worst, total, bound + ROUNDING

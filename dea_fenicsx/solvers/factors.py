@@ -168,7 +168,7 @@ class WholeFactor:
     def excess(self) -> int:
         """Negative pivots beyond those of a stable state."""
         assert self._factor
-        return self._factor.negative - self.problem.expected_negative_pivots
+        return self._factor.negative - self.problem.roles.expected_negative_pivots
 
     @property
     def worth(self) -> float:

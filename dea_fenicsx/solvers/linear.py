@@ -96,8 +96,8 @@ class LinearSolver:
     def _splits(self) -> bool:
         """Whether the kept factor is a split one."""
         problem, choice = self.problem, self.options.factor
-        roles = {fields[0].role for fields in problem.space.groups().values()}
-        possible = problem.pressure_kind == "discontinuous" and roles <= set(BLOCKS)
+        discontinuous = problem.pressure_kind == "discontinuous"
+        possible = discontinuous and problem.roles.has <= set(BLOCKS)
         if choice == "split" and not possible:
             raise InputError(
                 'NewtonOptions(factor="split") needs a discontinuous pressure, but it is '

@@ -151,7 +151,7 @@ class NewtonSolver(LinearSolver):
         At a load just beyond a limit point the residual comes to rest as well, but the state does
         not: there Newton's increments stay at about the root of the residual.
         """
-        moved = float(np.max(np.abs(increment[self.problem.free_of(Role.MOTION)]), initial=0.0))
+        moved = float(np.max(np.abs(increment[self.problem.roles.free(Role.MOTION)]), initial=0.0))
         at_rest = self.problem.comm.allreduce(moved, op=MPI.MAX) < AT_REST
         near = min(history) <= STAGNANT * self.options.tolerance
         return Outcome.ROUNDING if near and at_rest else Outcome.SLOW

@@ -69,12 +69,11 @@ class References:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        multipliers = problem.count_of(Role.MULTIPLIER)
+        multipliers = problem.roles.count(Role.MULTIPLIER)
         self.volume = problem.forms.volume / np.sqrt(max(multipliers, 1))
-        space, places = problem.space, problem.conditions.places
         self._groups = [
-            _Group(name, fields[0], space.owned_of(fields), places(fields))
-            for name, fields in space.groups().items()
+            _Group(name, fields[0], *problem.roles.of_group(name))
+            for name, fields in problem.roles.groups.items()
         ]
         self.sizes = {g.name: self._moduli() for g in self._groups if g.role is Role.MOTION}
         self._disorder = self._charges_of_disorder()
@@ -127,7 +126,7 @@ class References:
         values[part.dofs] = np.sin(1e6 * (x @ np.sqrt([1.0, 2.0, 3.0])))
         with problem.at(here.with_values(values)):
             residual = problem.residual()
-        mine = float(np.sum(residual[problem.owned_of(Role.POTENTIAL)] ** 2))
+        mine = float(np.sum(residual[problem.roles.owned(Role.POTENTIAL)] ** 2))
         return float(np.sqrt(problem.comm.allreduce(mine, op=MPI.SUM)))
 
     def _rows(self, residual: np.ndarray) -> list[tuple[_Group, float, float]]:
@@ -144,7 +143,7 @@ class References:
         ]
 
     def _size_u(self, forces: np.ndarray) -> float:
-        mine = float(np.sum(forces[self.problem.owned_of(Role.MOTION)] ** 2))
+        mine = float(np.sum(forces[self.problem.roles.owned(Role.MOTION)] ** 2))
         return float(np.sqrt(self.problem.comm.allreduce(mine, op=MPI.SUM)))
 
     def _load_size(self, anew: bool = False) -> float:

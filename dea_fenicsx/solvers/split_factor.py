@@ -66,7 +66,7 @@ class SplitFactor:
         self._factors: dict[Role, Mumps] = {}
         self._blocks: dict[str, Any] = {}
         self._offset = problem.comm.exscan(len(problem.free)) or 0
-        self._on = {role: problem.free_of(role) for role in BLOCKS if problem.space.of(role)}
+        self._on = {role: problem.roles.free(role) for role in BLOCKS if problem.space.of(role)}
         self._rows = {name: self._index_set(on) for name, on in self._on.items()}
         self._vectors: dict[Role, tuple[Any, Any]] = {}
         self._cells, self._softness = _pressure_cells(problem)
@@ -129,7 +129,7 @@ class SplitFactor:
         # a body that is held at points has eigenvalues far below its cells', not to be lost
         factor = _definite(matrix, 0.1 * LOW_RANK, single=False)
         made = factor.make()
-        expected = self.problem.count_of(PHI) if PHI in names else 0
+        expected = self.problem.roles.count(PHI) if PHI in names else 0
         found = factor.negative - expected if made else None
         factor.release()
         return found
@@ -248,7 +248,7 @@ def _pressure_cells(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     p, q = ufl.TrialFunction(space), ufl.TestFunction(space)
     mass = dolfinx.fem.assemble_matrix(compat.compile_form(soft * p * q * weight * dx(0)))
     dofs = space.dofmap.list[:count]
-    rows = np.searchsorted(problem.free[problem.free_of(P)], part.dofs[dofs])
+    rows = np.searchsorted(problem.free[problem.roles.free(P)], part.dofs[dofs])
     return rows, _blocks(mass.to_scipy(), dofs)
 
 
