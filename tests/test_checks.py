@@ -27,7 +27,7 @@ def solver(cube):
 
 def moved(problem, name, by):
     values = problem.state.values.copy()
-    values[problem.free[problem.free_fields[name]][:1]] += by
+    values[problem.free[problem.roles.of_group(name)[1]][:1]] += by
     problem.commit(problem.state.with_values(values))
 
 

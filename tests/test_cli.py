@@ -16,8 +16,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from test_pictures import VOLTS, write_run
 
-from dea_fenicsx import cli, pictures
+from dea_fenicsx import cli
 from dea_fenicsx.materials import names, preset
+from dea_fenicsx.pictures import drawing
 from dea_fenicsx.thesis.table import collect
 
 needs_pyvista = pytest.mark.skipif(
@@ -256,7 +257,7 @@ def test_curves(dea, run, tmp_path):
 def test_by_default_what_can_be_drawn_is_drawn(dea, run, monkeypatch):
     """A curve, and a picture; without OpenGL the curve alone, and why."""
     pytest.importorskip("matplotlib")
-    monkeypatch.setattr(pictures, "_child", lambda *a: (-6, "VTK found no OpenGL and ended."))
+    monkeypatch.setattr(drawing, "_child", lambda *a: (-6, "VTK found no OpenGL and ended."))
     status, out, err = dea("show", run)
     assert status == 0
     assert out.split()[-2:] == [str(run / f"contraction_voltage.{k}") for k in ("png", "svg")]

@@ -216,8 +216,8 @@ def apart(a: Outcome, b: Outcome) -> float:
     problem = a.problem
     worst = 0.0
     for name, floor in (("u", SMALL), ("phi", 1e-300)):
-        if name in problem.fields:
-            dofs = problem.fields[name]
+        if name in problem.roles.groups:
+            dofs = problem.roles.of_group(name)[0]
             x, y = (o.records[-1].state[dofs] for o in (a, b))
             sizes = [np.abs(r.state[dofs]).max(initial=0.0) for o in (a, b) for r in o.records]
             scale = max(floor, *map(float, sizes))

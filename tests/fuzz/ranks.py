@@ -37,8 +37,8 @@ def numbers(sketch: Sketch, comm: MPI.Comm, **options: Any) -> dict[str, Any]:
         return found
     problem, record = it.problem, it.records[-1]
     sums = [
-        float(np.sum(record.state[problem.fields[name]] ** 2))
-        for name in ("u", "phi") if name in problem.fields
+        float(np.sum(record.state[problem.roles.of_group(name)[0]] ** 2))
+        for name in ("u", "phi") if name in problem.roles.groups
     ]  # fmt: skip
     squares = problem.comm.allreduce(np.array(sums), op=MPI.SUM)
     return found | {
