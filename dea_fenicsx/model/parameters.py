@@ -125,6 +125,7 @@ class Parameters(MutableMapping[str, float]):
             value = handle.read(materials[handle.region])
             if value != self[name]:
                 self[name] = value
+        self.materials = dict(materials)
 
     def _handle(self, name: str) -> _Handle:
         known(name, self._handles, "constant", "the problem")

@@ -61,6 +61,8 @@ class Problem:
         The pressure, and the potential or None.
     free, fixed
         Owned local degrees of freedom that are unknowns, and that are fixed, sorted.
+    handed_out
+        Whether a script may hold it, so that no other run may use it.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -79,6 +81,7 @@ class Problem:
             {name: scene.reference_voltage(name) for name in scene.ramps},
         )
         self._history: Mapping[str, Any] = {}
+        self.handed_out = False
         check_balance(
             scene, self.scales, self.displacement, self.conditions.fixed_values,
             list(self.forms.loads.unit_work), self.forms.load_vector,
@@ -167,6 +170,14 @@ class Problem:
         """Add an increment to the free unknowns (owned) and update what follows them."""
         self.spread(increment, self._step)
         self.w.x.array[:] += self._step.x.array
+
+    def reuse(self, scene: Scene) -> None:
+        """Take the constants of a scene that differs by them alone, and go back to rest."""
+        self.parameters.take(scene.materials)
+        self.scene = scene
+        zero = dict.fromkeys(scene.ramps, 0.0)
+        rest = State(np.zeros(self.size), self.factors | zero)
+        self.commit(self.anchored(rest))
 
     def moved(self, state: State, increment: np.ndarray) -> State:
         """The state with an increment of the free unknowns (owned).  Collective."""

@@ -20,7 +20,6 @@ import csv
 import json
 import os
 import shutil
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -290,7 +289,6 @@ class Folder(SharedFolder):
         shutil.rmtree(parts)
 
 
-@dataclass(repr=False)
 class Run:
     """A finished or ended run.
 
@@ -300,16 +298,25 @@ class Run:
         A row for each accepted step, and by its name each column as an array; see `History`.
     summary
         What summary.json holds.
-    problem
-        The discrete problem in its last accepted state.
     folder
         The results folder's writer, or None.
     """
 
-    history: History
-    summary: dict[str, Any]
-    problem: Problem
-    folder: Folder | None = None
+    def __init__(
+        self,
+        history: History,
+        summary: dict[str, Any],
+        problem: Problem,
+        folder: Folder | None = None,
+    ) -> None:
+        self.history, self.summary, self.folder = history, summary, folder
+        self._problem = problem
+
+    @property
+    def problem(self) -> Problem:
+        """The discrete problem in its last accepted state."""
+        self._problem.handed_out = True
+        return self._problem
 
     def __repr__(self) -> str:
         steps = f"{len(self.history)} accepted steps"

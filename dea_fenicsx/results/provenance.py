@@ -7,6 +7,7 @@ import platform
 import subprocess
 import sys
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -92,8 +93,9 @@ def origin() -> dict[str, Any]:
     }
 
 
+@cache
 def package_versions() -> dict[str, str]:
-    """Versions of this package, numpy, h5py, gmsh and Python."""
+    """Versions of this package, numpy, h5py, gmsh and Python; found once, as they do not change."""
     found = {"dea_fenicsx": __version__}
     for name in ("h5py", "gmsh"):
         try:

@@ -10,7 +10,6 @@ from typing import Any
 
 from dea_fenicsx.measure.failures import Failure, Gauge, default_failures
 from dea_fenicsx.measure.observables import Measurement, Observable
-from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.path.events import Alarm, Sentinel
 from dea_fenicsx.path.items import Ramp, Trace
@@ -30,10 +29,11 @@ from dea_fenicsx.run.closing import Closing
 from dea_fenicsx.run.enclosed_volume import check_volume
 from dea_fenicsx.run.journal import Journal
 from dea_fenicsx.run.resuming import carry_on
+from dea_fenicsx.run.reuse import keep, solver_for
 from dea_fenicsx.scene.electrode_checks import without_field
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.linear import silent
-from dea_fenicsx.solvers.newton import LINEARISING, NewtonSolver
+from dea_fenicsx.solvers.newton import LINEARISING
 from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.support.agreement import bind_alike, check_same
 from dea_fenicsx.support.errors import (
@@ -184,12 +184,14 @@ class _Session:
             closing.note_crash(error)
             raise
         closing.finish(*ending(self.scene, journal.history, self.path))
+        keep(result, journal.solver, [*self.record.values(), *self.failures])
         return result
 
     def _prepare(self, folder: Folder | None) -> Journal:
         """Build the discrete problem, and all that measures and writes its states.  Collective."""
         self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
-        problem = Problem(self.scene)
+        solver = solver_for(self.scene, self.options)
+        problem = solver.problem
         check_volume(problem, self.path)
         measurements: dict[str, Measurement] = {
             columns.column_of(name, o): columns.numeric(name, bind_alike(problem, name, o))
@@ -204,7 +206,7 @@ class _Session:
             return fingerprint(problem, self.path, self.record, self.failures, writer.grid)
 
         return Journal(
-            NewtonSolver(problem, self.options), self.path, self.stability, measurements, gauges,
+            solver, self.path, self.stability, measurements, gauges,
             self.progress, folder, writer, identity, started=self.started,
         )  # fmt: skip
 

@@ -83,6 +83,18 @@ class LinearSolver:
         self._ksp = self._gmres()
         self._stale, self._wasted, self._best_rate = True, 0.0, np.inf
 
+    def renew(self) -> None:
+        """Begin anew with other constants of the problem; matrices and analyses are kept."""
+        self.counters = Counters()
+        self.inertia = Inertia()
+        self.trouble = Outcome.CONVERGED
+        self.notify = silent
+        self._preferred = self._split or self._whole_or_single()
+        self._factor = self._preferred
+        self._corotation.factor = None
+        self.tangent.renew()
+        self._stale, self._wasted, self._best_rate = True, 0.0, np.inf
+
     @property
     def counts_cheaply(self) -> bool:
         """Whether negative eigenvalues can be counted at each step for little.

@@ -59,6 +59,11 @@ class NewtonSolver(LinearSolver):
         super().__init__(problem, options)
         self.references = References(problem)
 
+    def renew(self) -> None:
+        """Begin anew with other constants of the problem; matrices and analyses are kept."""
+        super().renew()
+        self.references = References(self.problem)
+
     def residual_of(self, residual: np.ndarray) -> float:
         """Largest scaled residual of a field (inf if it is not finite)."""
         norms = list(self.references.norms(residual).values())

@@ -84,6 +84,11 @@ class Tangent:
         self._masses = scalar_masses(problem)
         self._kept: tuple[Any, Any] = None, None
 
+    def renew(self) -> None:
+        """Take other constants of the problem.  Collective."""
+        self._masses = scalar_masses(self.problem)
+        self._loads = {}
+
     def times(self, direction: np.ndarray) -> np.ndarray:
         """Product with a vector of the free unknowns; both owned.  Collective."""
         self.problem.spread(direction, self._along)

@@ -1,0 +1,126 @@
+"""Problems of runs that are gone, kept for a run of the same scene with other constants.
+
+A design search, a fit and a loop over moduli solve one scene again and again.  Most of a small
+run's time goes into its forms, its spaces and the analysis of its factor, all of which stay the
+same.  So the last few small problems are kept.  One is used again if nobody can see it any more:
+its run has been deleted, and neither a script nor a script's own observable has ever had it.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from itertools import count
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.materials import Material
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.results.folder import Run
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.options import NewtonOptions
+
+MOST_KEPT = 3
+"""Number of problems that are kept: in a loop the last run is still there while the next begins."""
+
+MOST_UNKNOWNS = 20_000
+"""Unknowns up to which a problem is kept; it then takes some ten MB, with its factor."""
+
+MOST_CHANGE = 100.0
+"""Largest change of the smallest shear modulus, by which stresses are made dimensionless."""
+
+
+@dataclass(eq=False)
+class _Kept:
+    """A problem with its solver and its run; the number is the same on all ranks."""
+
+    number: int
+    solver: NewtonSolver
+    options: NewtonOptions
+    run: weakref.ref[Run]
+
+    def is_free(self) -> bool:
+        """Whether nobody on this rank can see the problem any more."""
+        return self.run() is None and not self.solver.problem.handed_out
+
+
+_kept: list[_Kept] = []
+_numbers = count()
+
+
+def clear() -> None:
+    """Let all kept problems go."""
+    _kept.clear()
+
+
+def keep(run: Run, solver: NewtonSolver, observables: Iterable[Any]) -> None:
+    """Keep the problem of a run that has ended, for when the run is gone.
+
+    Parameters
+    ----------
+    run
+        The run.
+    solver
+        Its solver.
+    observables
+        What has measured its states; a script's own may still hold the problem.
+    """
+    problem = solver.problem
+    own = all(type(o).__module__.startswith("dea_fenicsx.") for o in observables)
+    number = next(_numbers)
+    if problem.unknowns > MOST_UNKNOWNS or not own:
+        return
+    _kept.append(_Kept(number, solver, solver.options, weakref.ref(run)))
+    del _kept[:-MOST_KEPT]
+
+
+def solver_for(scene: Scene, options: NewtonOptions | None) -> NewtonSolver:
+    """A solver with the problem of a scene: a kept one with the scene's constants, or a new one.
+
+    Collective.
+    """
+    chosen = options or NewtonOptions()
+    _kept[:] = [kept for kept in _kept if not kept.solver.problem.handed_out]
+    usable = [
+        kept.number for kept in _kept
+        if kept.is_free() and kept.options == chosen and _is_like(kept.solver.problem.scene, scene)
+    ]  # fmt: skip
+    # ranks may differ in what a script still holds
+    everyone = scene.device.comm.allgather(usable)
+    common = set(everyone[0]).intersection(*everyone[1:])
+    if not common:
+        return NewtonSolver(Problem(scene), options)
+    kept = next(kept for kept in _kept if kept.number == min(common))
+    _kept.remove(kept)
+    kept.solver.problem.reuse(scene)
+    kept.solver.renew()
+    return kept.solver
+
+
+def _is_like(old: Scene, new: Scene) -> bool:
+    """Whether two scenes differ by the constants of their materials at most."""
+    if old.device is not new.device or set(old.materials) != set(new.materials):
+        return False
+    names = [f.name for f in fields(Scene) if f.name not in ("device", "materials")]
+    if any(_plain(getattr(old, name)) != _plain(getattr(new, name)) for name in names):
+        return False
+    if any(_kind(old.materials[r]) != _kind(m) for r, m in new.materials.items()):
+        return False
+    moduli = [min(m.elastic.shear_modulus() for m in s.materials.values()) for s in (old, new)]
+    return bool(abs(np.log(moduli[0] / moduli[1])) < np.log(MOST_CHANGE))
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, list | tuple) else value
+
+
+def _kind(material: Material) -> tuple[Any, ...]:
+    """What of a material shapes the forms: its models and how many constants they have."""
+    elastic, electric = material.elastic, material.electric
+    shape = tuple(np.size(getattr(elastic, f.name)) for f in fields(elastic))  # type: ignore[arg-type]
+    return type(elastic), shape, type(electric), material.is_dielectric, (
+        material.bulk_modulus is None
+    )
