@@ -95,7 +95,8 @@ class Energy:
 
     def _terms(self, problem: Problem) -> list[EnergyTerm]:
         """The problem's terms that are part of this energy."""
-        terms = [t for t in problem.forms.terms if any(map(t.lives_on, problem.kernels))]
+        energies = [t for t in problem.forms.terms if isinstance(t, EnergyTerm)]
+        terms = [t for t in energies if any(map(t.lives_on, problem.kernels))]
         found = [t for t in terms if (t.stored_as or t.name) == self.what]
         found = found or [t for t in terms if t.name == self.what]
         if not found:

@@ -61,8 +61,8 @@ class AtPoint:
         ``"field"``
             A component of the true electric field in V/m, in dielectrics.
     axis
-        The axis or axes.  Stresses, stretches and fields have three axes in all kinematics: x, y, z,
-        or r, t, z with t along the hoop.
+        The axis or axes.  Stresses, stretches and fields have three axes in all kinematics: x, y,
+        z, or r, t, z with t along the hoop.
     region
         A region whose cells alone are looked at.  It matters at a boundary between two regions,
         where stresses and fields jump.
