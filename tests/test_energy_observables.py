@@ -8,7 +8,7 @@ from conftest import block
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.geometry import BoxStack, HelicalCell, Layer
+from dea_fenicsx.geometry import BoxStack, HelicalCell, Layer, _gmsh
 from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.model import forms
 from dea_fenicsx.model.problem import Problem
@@ -108,7 +108,7 @@ def bent(kinematics):
             dea.read_gmsh(geometry, MPI.COMM_SELF),
             {"elastomer": FILM, "electrode_a": conductor, "electrode_b": conductor},
             [dea.Electrode("electrode_a", 3e3), dea.Ground("electrode_b")], [dea.FreeBody()],
-            loads=[dea.AxialForce(5e-3), dea.Torque(2e-6)],
+            loads=[dea.AxialForce(5e-3), dea.Torque(2e-6), dea.DeadPressure("outer", 500.0)],
             kinematics=dea.Helical(geometry.pitch),
         )  # fmt: skip
     space = isinstance(kinematics, dea.ThreeD)
@@ -218,13 +218,15 @@ def test_energies_that_are_not_there(layered, energy, words):
 
 
 def test_work_of_a_follower_load_is_refused():
-    scene = dea.Scene(box(), {"film": SOFT}, supports=[dea.Clamp("bottom")],
-                      kinematics=dea.PlaneStrain(L), loads=[dea.FollowerPressure("top", 1e3)])  # fmt: skip
+    scene = dea.Scene(
+        box(), {"film": SOFT}, supports=[dea.Clamp("bottom")], kinematics=dea.PlaneStrain(L),
+        loads=[dea.DeadPressure("x_max", 1e3), dea.FollowerPressure("top", 1e3)],
+    )  # fmt: skip
     with pytest.raises(dea.InputError, match=r"FollowerPressure on 'top' depends on the path"):
         dea.Energy("loads").bind(Problem(scene))
 
 
-# ---------------------------------------------------------------------------------- values at points
+# --------------------------------------------------------------------------------- values at points
 
 
 A = np.array([[0.1, 0.3, 0.0], [0.0, -0.2, 0.1], [0.2, 0.0, 0.4]])
@@ -294,12 +296,71 @@ def curved():
 def test_point_in_curved_cells(curved):
     rng = np.random.default_rng(1)
     for X in [*rng.random((12, 3)), np.zeros(3), np.ones(3), np.array([1 / 3, 0.5, 0.5])]:
-        place = (X + [0, 0, 0.3 * X[0] ** 2]) * L
+        place = (X + np.array([0, 0, 0.3 * X[0] ** 2])) * L
         found = dea.AtPoint(tuple(place), "displacement", "x").bind(curved)()
         assert found == pytest.approx(A[0] @ place, rel=1e-9, abs=1e-15)
     assert dea.AtPoint(tuple(place), "stretch", "y").bind(curved)() == pytest.approx(
         np.linalg.norm((np.eye(3) + A)[:, 1]), rel=1e-10
     )
+
+
+class Cylinder:
+    """A cylinder along z of radius and height L, of curved tetrahedra."""
+
+    def build(self):
+        import gmsh
+
+        _gmsh.start()
+        gmsh.model.add("cylinder")
+        gmsh.model.occ.addCylinder(0, 0, 0, 0, 0, L, L)
+        gmsh.model.occ.synchronize()
+        for (dim, tag), name in zip(
+            [(3, 1), (2, 1), (2, 2), (2, 3)], ["film", "side", "top", "bottom"], strict=True
+        ):
+            gmsh.model.addPhysicalGroup(dim, [tag], name=name)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.6 * L)
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.setOrder(2)
+        return gmsh.model
+
+
+@pytest.fixture(scope="module")
+def cylinder():
+    return stretched(dea.read_gmsh(Cylinder(), MPI.COMM_SELF), dea.ThreeD())
+
+
+def test_point_in_curved_tetrahedra(cylinder):
+    """Points up to 99.9 % of the radius, and the distance of one outside of the curved side."""
+    for angle, r, z in [(0.3, 0.999, 0.2), (2.0, 0.99, 0.9), (4.0, 0.5, 0.0), (5.5, 0, 1)]:
+        place = np.array([r * np.cos(angle), r * np.sin(angle), z]) * L
+        found = dea.AtPoint(tuple(place), "displacement", "z").bind(cylinder)()
+        assert found == pytest.approx(A[2] @ place, rel=1e-9)
+    place = np.array([1.5 * np.cos(0.3), 1.5 * np.sin(0.3), 0.4]) * L
+    with pytest.raises(dea.InputError, match="outside of the mesh") as error:
+        dea.AtPoint(tuple(place), "stretch", "x").bind(cylinder)
+    told = float(str(error.value).split(" m outside")[0].split()[-1])
+    assert told == pytest.approx(0.5 * L, rel=0.02)  # the side is a circle but for 2 % of h
+
+
+@pytest.mark.parametrize("kinematics", [dea.GeneralisedPlaneStrain(L), dea.Helical(0.0)],
+                         ids=lambda k: type(k).__name__)  # fmt: skip
+def test_point_where_the_stretch_is_one_unknown(kinematics):
+    """A block or a ring that is pulled to 1.3: sides shrink, and the fibre along z is 1.3 long."""
+    if isinstance(kinematics, dea.Helical):
+        geometry = HelicalCell(electrode=0, inset=0, radial=2, through=2, grading=1,
+                               grading_through=1)  # fmt: skip
+        device = dea.read_gmsh(geometry, MPI.COMM_SELF)
+        x = device.mesh.geometry.x
+        point = tuple(float(c) for c in (x.min(0) + 0.4 * np.ptp(x, axis=0))[:2] * device.length)
+    else:
+        device, point = box(), (0.4 * L, 0.4 * L)
+    scene = dea.Scene(device, dict.fromkeys(device.regions, SOFT), supports=[dea.FreeBody()],
+                      prescribed=[dea.AxialStretch(1.3)], kinematics=kinematics)  # fmt: skip
+    record = {a: dea.AtPoint(point, "stretch", a) for a in ("rtz" if kinematics.axis_of_rotation
+              else "xyz")}  # fmt: skip
+    run = dea.solve(scene, dea.Ramp(steps=1), record, quiet=True)
+    found = [run[name] for name in record]
+    assert found == pytest.approx([1.3**-0.5, 1.3**-0.5, 1.3], rel=1e-8)
 
 
 def test_distance_from_curved_cells(curved):
@@ -370,7 +431,7 @@ def shared_nodes(comm):
         record[f"e{k}"] = dea.AtPoint(point, "field", "z")
     run = dea.solve(scene, dea.Ramp(steps=1), record, quiet=True)
     units = {"p": "Pa", "u": "m", "e": "V_per_m"}
-    with pytest.raises(dea.InputError, match="0.001 m outside"):
+    with pytest.raises(dea.InputError, match=r"0\.001 m outside"):
         dea.AtPoint((0, 0, -L), "pressure").bind(run.problem)
     return [float(run[f"{name}_{units[name[0]]}"]) for name in record]
 

@@ -38,7 +38,12 @@ from dea_fenicsx.results.history import History
 from dea_fenicsx.results.plain_text import json_value, number_text
 from dea_fenicsx.results.reading import read_history, read_summary
 from dea_fenicsx.results.shared_folder import SharedFolder
-from dea_fenicsx.results.surface_names import surface_document, surface_group
+from dea_fenicsx.results.surface_names import (
+    SURFACES,
+    surface_document,
+    surface_group,
+    surface_of,
+)
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import free_name, replace_file
 
@@ -132,7 +137,10 @@ class Folder(SharedFolder):
     def write_grid(
         self, grid: Grid | None, surfaces: Mapping[str, Grid] = MappingProxyType({})
     ) -> None:
-        """Write the undeformed grid, and those of surfaces by their names (rank 0)."""
+        """Write the undeformed grid, and those of surfaces by their names (rank 0).
+
+        Surfaces that a run had before it was resumed without them keep their grids.
+        """
         if self.comm.rank != 0:
             return
         assert grid is not None
@@ -142,9 +150,11 @@ class Folder(SharedFolder):
             hdf5.put_grid(h5, grid)
             for name, surface in surfaces.items():
                 hdf5.put_grid(h5.create_group(surface_group(name)), surface)
+            earlier = self._where(self.path / "parts" / "grid.h5", "grid/", False)
+            groups = hdf5.carry_over(h5, *earlier, SURFACES)
+            self._surfaces = tuple(surface_of(group) for group in groups)
 
         replace_file(self.path / "parts" / "grid.h5", hdf5.image(put))
-        self._surfaces = tuple(surfaces)
 
     def write_step(
         self,

@@ -51,6 +51,31 @@ def put_fields(h5: Any, nodes: Mapping[str, np.ndarray], cells: Mapping[str, np.
             h5[f"{group}/{name}"] = values
 
 
+def carry_over(h5: Any, file: Path, prefix: str, name: str) -> list[str]:
+    """Copy what a group of another file has and this one has not.
+
+    Parameters
+    ----------
+    h5
+        The file to write.
+    file, prefix
+        The other file, which need not be there, and the group in it that stands for `h5`.
+    name
+        Name of the group.
+
+    Returns
+    -------
+    list of str
+        What the group holds now.
+    """
+    if file.is_file():
+        with h5py.File(file, locking=False) as other:
+            for key, value in other.get(f"{prefix}{name}", {}).items():
+                if f"{name}/{key}" not in h5:
+                    other.copy(value, h5.require_group(name), key)
+    return list(h5.get(name, {}))
+
+
 def join(target: Path, whole: Path, sources: Mapping[str, Path]) -> None:
     """Write a file that holds a group for each of some files, beside what it has held so far.
 

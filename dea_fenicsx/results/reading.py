@@ -17,7 +17,7 @@ import numpy as np
 from dea_fenicsx.results.history import Columns, columns_of
 from dea_fenicsx.results.surface_names import surface_document
 from dea_fenicsx.results.untrusted import read_data, read_xml
-from dea_fenicsx.support.cell_types import BY_XDMF
+from dea_fenicsx.support.cell_types import BY_XDMF, LINES
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean, listed
 
@@ -212,7 +212,8 @@ def read_frame(
                 f"{'node' if nodal else 'cell'}."
             )
         (grid.point_data if nodal else grid.cell_data)[name] = values
-    flat = cell.flat and (surface is None or bool(np.ptp(points[:, 2]) == 0))
+    # the surface of a device in space lies in no plane, that of a flat one consists of lines
+    flat = cell.flat and (surface is None or kind in LINES)
     return Frame(grid, flat, _time(file, xml))
 
 

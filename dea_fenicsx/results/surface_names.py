@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from urllib.parse import quote
+from urllib.parse import quote, unquote
+
+SURFACES = "surfaces"
+"""The group that holds those of all surfaces."""
 
 
 def surface_group(name: str) -> str:
     """Group in the HDF5 files of a grid and of a step."""
-    return f"surfaces/{_file_name(name)}"
+    return f"{SURFACES}/{_file_name(name)}"
+
+
+def surface_of(group: str) -> str:
+    """The surface whose group has a name within `SURFACES`."""
+    return unquote(group)
 
 
 def surface_document(name: str) -> str:

@@ -71,6 +71,9 @@ BY_DEGREE = {
 }
 """Both by their degree, with the lines that bound a device in the plane."""
 
+LINES = tuple(cells[LINE].xdmf for cells in BY_DEGREE.values())
+"""XDMF's names of lines."""
+
 BY_XDMF = {cell.xdmf: cell for cells in BY_DEGREE.values() for cell in cells.values()}
 """All of them by XDMF's names."""
 
