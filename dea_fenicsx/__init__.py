@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         OverallTorque,
         OverallTwist,
     )
+    from dea_fenicsx.measure.energy import Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
     from dea_fenicsx.measure.observables import (
         Area,
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
         Potential,
         Reaction,
     )
+    from dea_fenicsx.measure.point import AtPoint
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.mesh.device import Device, read_gmsh
     from dea_fenicsx.path.items import Ramp, Trace
@@ -127,6 +129,8 @@ _HOME = {
         "OverallContraction", "OverallForce", "OverallStretch", "OverallTorque", "OverallTwist",
     ),
     "results.reading": ("read_history", "read_summary"),
+    "measure.energy": ("Energy",),
+    "measure.point": ("AtPoint",),
     "measure.rotation": ("BendingAngle", "Rotation"),
     "results.folder": ("Run",),
     "run.session": ("solve",),

@@ -1,12 +1,12 @@
-"""Fields of a state for pictures: on the nodes of a quadratic grid, and one value a cell.
+"""Fields of a state for pictures: on the nodes of a grid, and one value a cell.
 
-The grid is numbered by the mesh file's own order of cells, so results are the same on any number
-of ranks.
+The grid is of first or second degree, see `FieldWriter`.  It is numbered by the mesh file's own
+order of cells, so results are the same on any number of ranks.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import basix
@@ -14,47 +14,96 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from dea_fenicsx.mesh.device import group_size
+from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
+from dea_fenicsx.results.grids import Grid, SurfaceGrid, surface_grid
 from dea_fenicsx.support import compat
-from dea_fenicsx.support.cell_types import QUADRATIC
+from dea_fenicsx.support.cell_types import BY_DEGREE
 from dea_fenicsx.support.compat import dolfinx
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.validation import known
+
+__all__ = ["FieldWriter", "Grid", "SurfaceGrid", "step_time"]
+
+Fields = dict[str, np.ndarray]
+"""Values by the name of the field."""
 
 
-@dataclass(frozen=True)
-class Grid:
-    """A quadratic grid on rank 0.
+def step_time(state: State, position: float) -> float:
+    """The time value of a step: the state's time in s, or the place on a path without time.
 
-    Attributes
+    Parameters
     ----------
-    points : ndarray (nodes, 3), undeformed, m
-    cells : ndarray (cells, nodes of a cell), VTK order
-    kind : DOLFINx's name of the cell
-    regions : ndarray (cells,), tag of each cell's region
+    state
+        The accepted state; its time is 0 on a path without time.
+    position
+        Number of path items that are behind, and the share of the present one.
     """
-
-    points: np.ndarray
-    cells: np.ndarray
-    kind: str
-    regions: np.ndarray
+    return float(state.time or position)
 
 
 class FieldWriter:
     """Evaluates the fields of a problem and gathers them on rank 0, in the grid's order.
 
     Every method is collective; results are None on all ranks but 0.
+
+    The cells of the grid are of second degree if the geometry, the displacement or the potential is
+    of second degree or higher, else of first.  A field of lower degree is exact on them.  Fields
+    and geometry of degree 3 and more are interpolated at the nodes of quadratic cells, and what is
+    between these nodes is lost.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    surfaces
+        Facet groups that get a grid of their own, each facet once.
+
+    Attributes
+    ----------
+    grid
+        The grid of the whole device, on rank 0.
+    surface_grids
+        The grid of each of the surfaces, on rank 0; empty on all others.
+
+    Raises
+    ------
+    InputError
+        If there is no such facet group in the mesh, or it has no facets.
     """
 
-    def __init__(self, problem: Problem) -> None:
+    def __init__(self, problem: Problem, surfaces: Sequence[str] = ()) -> None:
         self.problem = problem
         mesh = problem.mesh
         self.kind = mesh.topology.cell_name()
-        # each displacement component lives in a scalar quadratic space: the grid's nodes
         self.parts = problem.displacement
         self.owned_cells = problem.scene.device.owned_cells()
         self.original = np.asarray(mesh.topology.original_cell_index)[: self.owned_cells]
+        names = (surfaces,) if isinstance(surfaces, str) else tuple(dict.fromkeys(surfaces))
+        self._check_surfaces(names)
+        self._choose_nodes()
         self._prepare_cell_expressions()
         self.grid = self._build_grid()
+        self.surface_grids = self._build_surfaces(names)
+
+    def _check_surfaces(self, names: tuple[str, ...]) -> None:
+        device = self.problem.scene.device
+        for name in names:
+            known(name, device.surfaces, "facet group")
+            if group_size(device, name) == 0:
+                raise InputError(f"The surface {name!r} has no facets, so it has no fields.")
+
+    def _choose_nodes(self) -> None:
+        """Choose the degree of the grid, and the scalar space whose nodes are those of the grid."""
+        mesh, potential = self.problem.mesh, self.problem.potential
+        parts = [*self.parts, *([potential] if potential is not None else [])]
+        degrees = [_degree(part) for part in parts]
+        self.degree = min(2, max(*degrees, compat.coordinate_element(mesh).degree))
+        fitting = [part.space for part in self.parts if _degree(part) == self.degree]
+        element = ("Lagrange", self.degree)
+        self._nodes = fitting[0] if fitting else dolfinx.fem.functionspace(mesh, element)
 
     def gather(self, values: np.ndarray) -> np.ndarray | None:
         """Cell-wise values of all ranks on rank 0, sorted by the cells' numbers in the file."""
@@ -65,13 +114,32 @@ class FieldWriter:
         return np.concatenate([p[1] for p in parts])[order]
 
     def _nodal(self, part: Any, array: np.ndarray) -> np.ndarray:
-        """Values at the nodes of each owned cell, shape (cells, nodes), basix order."""
+        """Values of a field at the grid's nodes of each owned cell, in basix's order.
+
+        Parameters
+        ----------
+        part
+            A displacement component or the potential.
+        array
+            Local values of the mixed space.
+
+        Returns
+        -------
+        ndarray of shape (cells, nodes)
+        """
         table = part.space.dofmap.list[: self.owned_cells]
-        return array[part.dofs[table]]
+        degree = _degree(part)
+        if degree > 2:  # such elements number their nodes in each cell in another way
+            found, grid = dolfinx.fem.Function(part.space), dolfinx.fem.Function(self._nodes)
+            found.x.array[:] = array[part.dofs]
+            grid.interpolate(found)
+            return grid.x.array[self._nodes.dofmap.list[: self.owned_cells]]
+        values = array[part.dofs[table]]
+        return values if degree == self.degree else values @ _quadratic_from_linear(self.kind).T
 
     def _build_grid(self) -> Grid | None:
         problem = self.problem
-        space = self.parts[0].space
+        space = self._nodes
         table = space.dofmap.list[: self.owned_cells]
         imap = space.dofmap.index_map
         local = np.arange(imap.size_local + imap.num_ghosts, dtype=np.int32)
@@ -93,8 +161,69 @@ class FieldWriter:
         self._connectivity = rank[inverse].reshape(numbers.shape)
         points = np.empty((len(first), 3))
         points[self._connectivity.ravel()] = coordinates.reshape(-1, 3)
-        order = QUADRATIC[self.kind].vtk_order
-        return Grid(points, self._connectivity[:, order], self.kind, regions)
+        order = BY_DEGREE[self.degree][self.kind].vtk_order
+        return Grid(points, self._connectivity[:, order], self.kind, regions, self.degree)
+
+    def _build_surfaces(self, names: tuple[str, ...]) -> dict[str, SurfaceGrid]:
+        """The grid of each surface on rank 0.  Collective."""
+        device, comm = self.problem.scene.device, self.problem.comm
+        numbers = self.gather(self.original) if names else None
+        found = {}
+        for name in names:
+            sides = comm.gather(self._sides(device.facets_of(name)), root=0)
+            if sides is None or self.grid is None or numbers is None:
+                continue
+            pairs = np.concatenate(sides)
+            pairs[:, 0] = np.searchsorted(numbers, pairs[:, 0])
+            found[name] = surface_grid(self.grid, self._connectivity, pairs)
+        return found
+
+    def _sides(self, facets: np.ndarray) -> np.ndarray:
+        """Each side of some facets that lies in an owned cell.
+
+        Returns
+        -------
+        ndarray of shape (n, 2)
+            Number of the cell in the mesh file, and of the facet within the cell.
+        """
+        topology, dim = self.problem.mesh.topology, self.problem.mesh.topology.dim
+        to_cells = topology.connectivity(dim - 1, dim)
+        to_facets = topology.connectivity(dim, dim - 1)
+        pairs = [
+            (self.original[cell], int(np.flatnonzero(to_facets.links(cell) == facet)[0]))
+            for facet in facets
+            for cell in to_cells.links(facet)
+            if cell < self.owned_cells
+        ]
+        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+    def surface_fields(
+        self, nodes: Fields | None, cells: Fields | None
+    ) -> dict[str, tuple[Fields, Fields]]:
+        """Fields on each surface's grid, taken from those of the whole device.
+
+        Parameters
+        ----------
+        nodes, cells
+            What `node_fields` and `cell_fields` gave, on rank 0.
+
+        Returns
+        -------
+        dict
+            For each surface the values at its nodes, and of each of its facets those of the cell
+            behind it.  Of two cells it is the one that comes first in the mesh file.  Empty on all
+            ranks but 0.
+        """
+        if nodes is None or cells is None:
+            return {}
+
+        def part(fields: Mapping[str, np.ndarray], rows: np.ndarray) -> Fields:
+            return {name: values[rows] for name, values in fields.items()}
+
+        return {
+            name: (part(nodes, grid.nodes), part(cells, grid.parents))
+            for name, grid in self.surface_grids.items()
+        }
 
     def _prepare_cell_expressions(self) -> None:
         problem = self.problem
@@ -143,14 +272,9 @@ class FieldWriter:
         return fields
 
     def _potential(self) -> np.ndarray | None:
-        """Potential at the nodes of each cell, interpolated if it is of first degree."""
+        """Potential at the grid's nodes of each cell."""
         part = self.problem.potential
-        if part is None:
-            return None
-        values = self._nodal(part, self.problem.w.x.array)
-        if values.shape[1] != QUADRATIC[self.kind].nodes:
-            values = values @ _quadratic_from_linear(self.kind).T
-        return self.gather(values)
+        return None if part is None else self.gather(self._nodal(part, self.problem.w.x.array))
 
     def cell_fields(self) -> dict[str, np.ndarray] | None:
         """J, true field (V/m), Cauchy stress and pressure (Pa): values at the cells' middles.
@@ -215,6 +339,11 @@ class FieldWriter:
 
 
 _VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def _degree(part: Component) -> int:
+    """Polynomial degree of a scalar part's element."""
+    return int(part.space.ufl_element().basix_element.degree)
 
 
 def _quadratic_from_linear(kind: str) -> np.ndarray:

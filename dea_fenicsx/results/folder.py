@@ -2,6 +2,7 @@
 
     fields.xdmf     one grid for each step that holds every field; ParaView opens this
     fields.h5       its numbers (while the run lasts: one small file a step in parts/)
+    fields_X.xdmf   the same on the surface X, where the writer of fields has surfaces
     history.csv     a row for each accepted step
     summary.json    settings, versions, sizes, final observables
     checkpoint.npz  the last accepted state, to resume from
@@ -20,7 +21,9 @@ import csv
 import json
 import os
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -29,11 +32,17 @@ from mpi4py import MPI
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results import checkpoint, hdf5, provenance, xdmf
 from dea_fenicsx.results.columns import check_added
-from dea_fenicsx.results.fields import Grid
+from dea_fenicsx.results.fields import Fields, Grid
 from dea_fenicsx.results.history import History
 from dea_fenicsx.results.plain_text import json_value, number_text
 from dea_fenicsx.results.reading import read_history, read_summary
 from dea_fenicsx.results.shared_folder import SharedFolder
+from dea_fenicsx.results.surface_names import (
+    SURFACES,
+    surface_document,
+    surface_group,
+    surface_of,
+)
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import free_name, replace_file
 
@@ -65,6 +74,7 @@ class Folder(SharedFolder):
         super().__init__(path, comm)
         self.origin: dict[str, Any] = {}
         self._summary: bytes | None = None
+        self._surfaces: tuple[str, ...] = ()
 
     def start(self) -> None:
         """Make room for a new run: an earlier run's files move into a folder previous...
@@ -75,6 +85,7 @@ class Folder(SharedFolder):
 
         def action() -> None:
             found = [n for n in RUN_FILES if os.path.lexists(self.path / n)]
+            found += sorted(file.name for file in self.path.glob("fields_*.xdmf"))
             if found:
                 old = free_name(self.path / "previous")
                 old.mkdir()
@@ -122,15 +133,27 @@ class Folder(SharedFolder):
 
     # ------------------------------------------------------------------ writing
 
-    def write_grid(self, grid: Grid | None) -> None:
-        """Write the undeformed grid (rank 0)."""
+    def write_grid(
+        self, grid: Grid | None, surfaces: Mapping[str, Grid] = MappingProxyType({})
+    ) -> None:
+        """Write the undeformed grid, and those of surfaces by their names (rank 0).
+
+        Surfaces that a run had before it was resumed without them keep their grids.
+        """
         if self.comm.rank != 0:
             return
         assert grid is not None
         (self.path / "parts").mkdir(exist_ok=True)
 
-        put = hdf5.image(lambda h5: hdf5.put_grid(h5, grid))
-        replace_file(self.path / "parts" / "grid.h5", put)
+        def put(h5: Any) -> None:
+            hdf5.put_grid(h5, grid)
+            for name, surface in surfaces.items():
+                hdf5.put_grid(h5.create_group(surface_group(name)), surface)
+            earlier = self._where(self.path / "parts" / "grid.h5", "grid/", False)
+            groups = hdf5.carry_over(h5, *earlier, SURFACES)
+            self._surfaces = tuple(surface_of(group) for group in groups)
+
+        replace_file(self.path / "parts" / "grid.h5", hdf5.image(put))
 
     def write_step(
         self,
@@ -140,19 +163,21 @@ class Folder(SharedFolder):
         nodes: dict[str, np.ndarray] | None,
         cells: dict[str, np.ndarray] | None,
         state: np.ndarray | None,
+        surfaces: Mapping[str, tuple[Fields, Fields]] = MappingProxyType({}),
     ) -> None:
         """Write an accepted step: fields first, the checkpoint that vouches for them last.
 
         Without anything told there is no checkpoint, and a run is resumed from the step before.
+        `surfaces` has the fields at nodes and of cells for each surface.
         """
         if self.comm.rank != 0:
             return
 
         def put_fields(h5: Any) -> None:
             assert nodes is not None and cells is not None
-            for group, fields in (("node", nodes), ("cell", cells)):
-                for name, values in fields.items():
-                    h5[f"{group}/{name}"] = values
+            hdf5.put_fields(h5, nodes, cells)
+            for name, (on_nodes, on_cells) in surfaces.items():
+                hdf5.put_fields(h5.create_group(surface_group(name)), on_nodes, on_cells)
 
         if nodes is not None:
             replace_file(self._part(step), hdf5.image(put_fields))
@@ -228,24 +253,34 @@ class Folder(SharedFolder):
         """
         if self.comm.rank != 0:
             return
+        self._write_document("fields.xdmf", "device", "", history, whole)
+        for name in self._surfaces:
+            group = f"{surface_group(name)}/"
+            self._write_document(surface_document(name), name, group, history, whole)
+
+    def _write_document(
+        self, file_name: str, name: str, group: str, history: list[dict[str, Any]], whole: bool
+    ) -> None:
+        """Write the document of the device or of a surface, whose data lie in a group."""
         grids = []
         for row in history:
             step = int(row["step"])
             file, prefix = self._where(self._part(step), f"step_{step:05d}/", whole)
             if file.exists():
-                grids.append(self._grid_xml(step, float(row["time"]), file, prefix, whole))
-        text = xdmf.document("".join(grids))
-        replace_file(self.path / "fields.xdmf", lambda target: target.write_text(text, "utf-8"))
+                place = (file, prefix + group)
+                grids.append(self._grid_xml(step, float(row["time"]), place, group, whole))
+        text = xdmf.document("".join(grids), name)
+        replace_file(self.path / file_name, lambda target: target.write_text(text, "utf-8"))
 
     def _where(self, part: Path, group: str, whole: bool) -> tuple[Path, str]:
         """File and group in it that hold a part of the results."""
         return (part, "") if part.exists() and not whole else (self.path / "fields.h5", group)
 
-    def _grid_xml(self, step: int, time: float, file: Path, prefix: str, whole: bool) -> str:
-        mesh, mesh_prefix = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
-        return xdmf.grid_xml(
-            f"step {step}", time, (mesh, mesh_prefix), (file, prefix), self.path
-        )
+    def _grid_xml(
+        self, step: int, time: float, fields: tuple[Path, str], group: str, whole: bool
+    ) -> str:
+        mesh, prefix = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
+        return xdmf.grid_xml(f"step {step}", time, (mesh, prefix + group), fields, self.path)
 
     def write_mode(
         self,

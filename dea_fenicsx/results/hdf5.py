@@ -12,7 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from dea_fenicsx.results.fields import Grid
+from dea_fenicsx.results.grids import Grid
 
 
 def image(put: Callable[[Any], None]) -> Callable[[Path], None]:
@@ -40,6 +40,40 @@ def put_grid(h5: Any, grid: Grid) -> None:
     h5["cells"] = grid.cells
     h5["regions"] = grid.regions.astype(np.int64)
     h5.attrs["cell"] = grid.kind
+    if grid.degree != 2:  # 2 where nothing is said
+        h5.attrs["degree"] = grid.degree
+
+
+def put_fields(h5: Any, nodes: Mapping[str, np.ndarray], cells: Mapping[str, np.ndarray]) -> None:
+    """Write fields at the nodes and of the cells of a grid."""
+    for group, fields in (("node", nodes), ("cell", cells)):
+        for name, values in fields.items():
+            h5[f"{group}/{name}"] = values
+
+
+def carry_over(h5: Any, file: Path, prefix: str, name: str) -> list[str]:
+    """Copy what a group of another file has and this one has not.
+
+    Parameters
+    ----------
+    h5
+        The file to write.
+    file, prefix
+        The other file, which need not be there, and the group in it that stands for `h5`.
+    name
+        Name of the group.
+
+    Returns
+    -------
+    list of str
+        What the group holds now.
+    """
+    if file.is_file():
+        with h5py.File(file, locking=False) as other:
+            for key, value in other.get(f"{prefix}{name}", {}).items():
+                if f"{name}/{key}" not in h5:
+                    other.copy(value, h5.require_group(name), key)
+    return list(h5.get(name, {}))
 
 
 def join(target: Path, whole: Path, sources: Mapping[str, Path]) -> None:

@@ -15,10 +15,14 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.results.history import Columns, columns_of
+from dea_fenicsx.results.surface_names import surface_document
 from dea_fenicsx.results.untrusted import read_data, read_xml
-from dea_fenicsx.support.cell_types import BY_XDMF
+from dea_fenicsx.support.cell_types import BY_XDMF, LINES
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean, listed
+
+FIELDS = "fields.xdmf"
+"""The document of a run's fields on the whole device."""
 
 
 def read_history(folder: str | os.PathLike) -> Columns:
@@ -106,11 +110,11 @@ class Frame:
     time: float
 
 
-def _grids(folder: Path) -> list[ET.Element]:
-    """The steps in fields.xdmf."""
-    file = folder / "fields.xdmf"
+def _grids(folder: Path, name: str = FIELDS) -> list[ET.Element]:
+    """The steps in fields.xdmf, or in another document of a run."""
+    file = folder / name
     if not file.is_file():
-        raise InputError(f"There is no fields.xdmf in {folder}; give the folder of a run.")
+        raise InputError(f"There is no {name} in {folder}; give the folder of a run.")
     grids = read_xml(file).findall("./Domain/Grid/Grid")
     for grid in grids:
         attributes = grid.findall("Attribute")
@@ -129,12 +133,12 @@ def _time(file: Path, grid: ET.Element) -> float:
         raise InputError(f"{file} is damaged: the time of a step is no number.") from error
 
 
-def _grid(folder: Path, step: int) -> ET.Element:
-    """One of the steps in fields.xdmf."""
-    grids = _grids(folder)
+def _grid(folder: Path, step: int, name: str = FIELDS) -> ET.Element:
+    """One of the steps in fields.xdmf, or in another document of a run."""
+    grids = _grids(folder, name)
     if not -len(grids) <= step < len(grids):
         raise InputError(
-            f"Step {step} is not in {folder / 'fields.xdmf'}; it holds steps 0 to "
+            f"Step {step} is not in {folder / name}; it holds steps 0 to "
             f"{len(grids) - 1} (-1 is the last one)."
         )
     return grids[step]
@@ -161,7 +165,9 @@ def field_names(folder: str | os.PathLike) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def read_frame(folder: str | os.PathLike, step: int = -1) -> Frame:
+def read_frame(
+    folder: str | os.PathLike, step: int = -1, surface: str | None = None
+) -> Frame:
     """Read a step of a run from fields.xdmf and the HDF5 files it names, without VTK's readers.
 
     Parameters
@@ -170,6 +176,8 @@ def read_frame(folder: str | os.PathLike, step: int = -1) -> Frame:
         The run's folder; the run may still be going on.
     step
         Which of the steps on disk, from 0; negative ones count from the last.
+    surface
+        A surface that the run has written for itself; None for the whole device.
 
     Raises
     ------
@@ -179,8 +187,8 @@ def read_frame(folder: str | os.PathLike, step: int = -1) -> Frame:
     import pyvista
 
     folder = Path(folder)
-    file = folder / "fields.xdmf"
-    xml = _grid(folder, step)
+    file = folder / (FIELDS if surface is None else surface_document(surface))
+    xml = _grid(folder, step, file.name)
 
     def data(element: ET.Element | None) -> np.ndarray:
         place = "" if element is None else element.findtext("DataItem") or ""
@@ -204,7 +212,9 @@ def read_frame(folder: str | os.PathLike, step: int = -1) -> Frame:
                 f"{'node' if nodal else 'cell'}."
             )
         (grid.point_data if nodal else grid.cell_data)[name] = values
-    return Frame(grid, cell.flat, _time(file, xml))
+    # the surface of a device in space lies in no plane, that of a flat one consists of lines
+    flat = cell.flat and (surface is None or kind in LINES)
+    return Frame(grid, flat, _time(file, xml))
 
 
 def _check_grid(file: Path, cells: np.ndarray, points: np.ndarray, nodes: int) -> None:

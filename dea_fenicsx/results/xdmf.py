@@ -11,16 +11,16 @@ from xml.sax.saxutils import escape, quoteattr
 
 import h5py
 
-from dea_fenicsx.support.cell_types import QUADRATIC
+from dea_fenicsx.support.cell_types import BY_DEGREE
 
 _KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
 
 
-def document(grids: str) -> str:
-    """An XDMF document that holds a temporal collection of grids."""
+def document(grids: str, name: str = "device") -> str:
+    """An XDMF document that holds a temporal collection of grids, under a name."""
     return (
         '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n <Domain>\n'
-        '  <Grid Name="device" GridType="Collection" CollectionType="Temporal">\n'
+        f'  <Grid Name={quoteattr(name)} GridType="Collection" CollectionType="Temporal">\n'
         + grids
         + "  </Grid>\n </Domain>\n</Xdmf>\n"
     )
@@ -49,12 +49,14 @@ def grid_xml(
         where = h5[mesh_prefix] if mesh_prefix else h5
         n_cells, per_cell = where["cells"].shape
         n_points = where["points"].shape[0]
-        kind = QUADRATIC[str(where.attrs["cell"])].xdmf
+        kind = BY_DEGREE[int(where.attrs.get("degree", 2))][str(where.attrs["cell"])].xdmf
+    # XDMF does not know how many nodes a polyline has
+    size = f' NodesPerElement="{per_cell}"' if kind == "Polyline" else ""
     source = f"{mesh_file.relative_to(root).as_posix()}:/{mesh_prefix}"
     lines = [
         f'   <Grid Name="{name}" GridType="Uniform">',
         f'    <Time Value="{time:.12g}"/>',
-        f'    <Topology TopologyType="{kind}" NumberOfElements="{n_cells}">',
+        f'    <Topology TopologyType="{kind}"{size} NumberOfElements="{n_cells}">',
         _item((n_cells, per_cell), "Int", f"{source}cells"),
         "    </Topology>",
         '    <Geometry GeometryType="XYZ">',

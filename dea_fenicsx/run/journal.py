@@ -15,7 +15,7 @@ from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.items import Ramp, Trace
 from dea_fenicsx.results import columns
-from dea_fenicsx.results.fields import FieldWriter
+from dea_fenicsx.results.fields import FieldWriter, step_time
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
 from dea_fenicsx.run.step_checks import Checked, check_step
@@ -130,7 +130,7 @@ class Journal:
         cursor = step.cursor
         row: dict[str, Any] = {
             "step": cursor.step,
-            "time": cursor.ramp + cursor.position,
+            "time": step_time(step.state, cursor.ramp + cursor.position),
             "ramp": step.label,
             "event": step.event,
         }
@@ -191,9 +191,12 @@ class Journal:
         nodes, state = self.writer.node_fields(), self.writer.gather_state()
         shape = self.writer.vector(step.mode) if step.mode is not None else None
         folder, grid = self.folder, self.writer.grid
+        surfaces = self.writer.surface_fields(nodes, cells)
 
         def write() -> None:
-            folder.write_step(step.cursor.step, told, self.history, nodes, cells, state)
+            folder.write_step(
+                step.cursor.step, told, self.history, nodes, cells, state, surfaces
+            )
             if shape is not None:
                 folder.write_mode(step.cursor.step, grid, nodes, shape)
 

@@ -218,7 +218,7 @@ class _Session:
                 folder.start()
             folder.keep_origin()
             self.progress.log = folder.path / "run.log"
-            folder.write(lambda: folder.write_grid(writer.grid))
+            folder.write(lambda: folder.write_grid(writer.grid, writer.surface_grids))
         self.progress.say(
             f"{self.scene.device.source or 'device'}: {journal.solver.problem.unknowns} unknowns, "
             f"{self.comm.size} rank{'s' * (self.comm.size > 1)}"

@@ -24,8 +24,8 @@ SIMPLICES = (TRIANGLE, TET)
 
 
 @dataclass(frozen=True)
-class QuadraticCell:
-    """A cell of second order in which results are written.
+class WrittenCell:
+    """A cell of first or second order in which results are written.
 
     Attributes
     ----------
@@ -47,18 +47,35 @@ class QuadraticCell:
 
 
 QUADRATIC = {
-    TRIANGLE: QuadraticCell("Triangle_6", 22, True, (0, 1, 2, 5, 3, 4)),
-    QUAD: QuadraticCell("Quadrilateral_9", 28, True, (0, 1, 3, 2, 4, 6, 7, 5, 8)),
-    TET: QuadraticCell("Tetrahedron_10", 24, False, (0, 1, 2, 3, 9, 6, 8, 7, 5, 4)),
-    HEX: QuadraticCell("Hexahedron_27", 29, False, (
+    TRIANGLE: WrittenCell("Triangle_6", 22, True, (0, 1, 2, 5, 3, 4)),
+    QUAD: WrittenCell("Quadrilateral_9", 28, True, (0, 1, 3, 2, 4, 6, 7, 5, 8)),
+    TET: WrittenCell("Tetrahedron_10", 24, False, (0, 1, 2, 3, 9, 6, 8, 7, 5, 4)),
+    HEX: WrittenCell("Hexahedron_27", 29, False, (
         0, 1, 3, 2, 4, 5, 7, 6, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 15, 14, 22, 23, 21, 24, 20,
         25, 26,
     )),
 }  # fmt: skip
 """The cell of second order of each shape that a device may have."""
 
-BY_XDMF = {cell.xdmf: cell for cell in QUADRATIC.values()}
-"""The same by XDMF's names."""
+LINEAR = {
+    TRIANGLE: WrittenCell("Triangle", 5, True, (0, 1, 2)),
+    QUAD: WrittenCell("Quadrilateral", 9, True, (0, 1, 3, 2)),
+    TET: WrittenCell("Tetrahedron", 10, False, (0, 1, 2, 3)),
+    HEX: WrittenCell("Hexahedron", 12, False, (0, 1, 3, 2, 4, 5, 7, 6)),
+}
+"""The same of first order."""
+
+BY_DEGREE = {
+    1: {LINE: WrittenCell("Polyline", 3, True, (0, 1)), **LINEAR},
+    2: {LINE: WrittenCell("Edge_3", 21, True, (0, 1, 2)), **QUADRATIC},
+}
+"""Both by their degree, with the lines that bound a device in the plane."""
+
+LINES = tuple(cells[LINE].xdmf for cells in BY_DEGREE.values())
+"""XDMF's names of lines."""
+
+BY_XDMF = {cell.xdmf: cell for cells in BY_DEGREE.values() for cell in cells.values()}
+"""All of them by XDMF's names."""
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ class Augmentation(EnergyTerm):
     """
 
     name = "augmentation"
+    stored_as = "elastic"
 
     def __init__(self, factor: float) -> None:
         self.factor = float(factor)

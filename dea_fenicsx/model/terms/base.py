@@ -16,6 +16,11 @@ class EnergyTerm(ABC):
     ----------
     name
         Its name.
+    stored_as
+        The kind of stored energy that it is part of, such as ``"elastic"``; its own name where it
+        is empty.  `Energy` adds up the terms of a kind.
+    stored_sign
+        1 where the energy that is stored is the term itself, -1 where it is minus the term.
     symmetric
         Whether its tangent is symmetric; that of an energy always is.
     couples_cells
@@ -25,6 +30,8 @@ class EnergyTerm(ABC):
     """
 
     name: ClassVar[str]
+    stored_as: ClassVar[str] = ""
+    stored_sign: ClassVar[int] = 1
     symmetric: ClassVar[bool] = True
     couples_cells: ClassVar[bool] = False
     history: ClassVar[tuple[str, ...]] = ()

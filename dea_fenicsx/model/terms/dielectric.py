@@ -15,6 +15,8 @@ class Dielectric(EnergyTerm):
     """- 1/2 eps J |F^-T E|^2, where E = - Grad phi; the true field is F^-T E."""
 
     name = "dielectric"
+    stored_as = "electric"
+    stored_sign = -1  # at given voltages the term is minus the energy of the field
 
     def lives_on(self, kernel: Kernel) -> bool:
         return kernel.eps is not None

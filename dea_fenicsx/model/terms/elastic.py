@@ -17,6 +17,7 @@ class Elasticity(EnergyTerm):
     """
 
     name = "elastic"
+    stored_as = "elastic"
 
     def density(self, at: MaterialPoint) -> Any:
         elastic = at.kernel.elastic

@@ -1,0 +1,148 @@
+"""Energies of a device: elastic, electric, any other term's, and the work of its loads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from dea_fenicsx.measure.observables import Measurement, group_names
+from dea_fenicsx.model.kernels import measure
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.terms import EnergyTerm
+from dea_fenicsx.scene.condition import declared
+from dea_fenicsx.scene.declarations import GlobalForce, SurfaceWork
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.compat import dolfinx
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.validation import known
+
+LOADS = "loads"
+"""The name of the work of loads, which is no energy of a region."""
+
+
+@dataclass(frozen=True)
+class Energy:
+    """An energy in J: of the elastic body, of the electric field, of one term, or work of loads.
+
+    In plane strain it is that of the kinematics' depth, in axisymmetry that of the full circle, in
+    a helical cell that of one period over one full turn.
+
+    Parameters
+    ----------
+    what
+        ``"elastic"``
+            The strain energy int W(F) dX, with what the volume's change stores: kappa/2 (J - 1)^2
+            in a region with a bulk modulus kappa, and the augmentation of the elements, which is 0
+            in the exact state.  A pre-stretch counts as strain.
+        ``"electric"``
+            The energy of the electric field, 1/2 int eps J |F^-T E|^2 dX.  It is positive, 1/2 C
+            V^2 of a capacitor.  The energy whose minimum is the equilibrium at given voltages has
+            the other sign here: it contains minus this energy, for it counts the batteries, too.
+        ``"loads"``
+            The work of the present loads on the present displacement, int t . u dA for a dead
+            traction t: minus the loads' potential energy.  It is the work done so far by loads
+            that are there from the beginning.  Of a load that grows with the displacement half of
+            it has been done.  Axial forces and torques are counted, charges and voltages are not.
+        The name of a term
+            The energy of that term of the problem, see `model.terms`.
+    regions
+        A region or several, each counted once; None takes all.  Not for ``"loads"``.
+
+    Raises
+    ------
+    InputError
+        When it is bound: for an energy or a region that there is not, and for the work of loads
+        that follow the deformation, since it depends on the path.
+
+    Notes
+    -----
+    At given voltages V with charges Q and dead loads of factor f, whose work at f = 1 is A,
+
+        d(elastic - electric - loads) = - sum Q dV - A df,
+
+    exactly in the discrete problem, up to the tolerance of Newton's method; equally
+    d(elastic + electric) = sum V dQ + f dA.  A prescribed displacement or pre-stretch that changes
+    does work, too.
+    """
+
+    what: str
+    regions: str | tuple[str, ...] | None = None
+    unit = "J"
+
+    def bind(self, problem: Problem) -> Measurement:
+        if self.what == LOADS:
+            return self._bind_loads(problem)
+        terms = self._terms(problem)
+        device = problem.scene.device
+        names = list(device.regions) if self.regions is None else group_names(self.regions)
+        for name in names:
+            known(name, problem.scene.materials, "region", "the scene")
+        chosen = np.concatenate([device.cells_of(name) for name in names])
+        cells = [np.intersect1d(kernel.cells, chosen) for kernel in problem.kernels]
+        dx = measure(device, cells, problem.scene.elements.quadrature_degree)
+        weight = problem.scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
+        energy = sum(
+            term.stored_sign * term.density(point) * weight * dx(k)
+            for k, point in enumerate(problem.states)
+            for term in terms
+            if term.lives_on(problem.kernels[k])
+        )
+        return _integral(problem, energy)
+
+    def _terms(self, problem: Problem) -> list[EnergyTerm]:
+        """The problem's terms that are part of this energy."""
+        energies = [t for t in problem.forms.terms if isinstance(t, EnergyTerm)]
+        terms = [t for t in energies if any(map(t.lives_on, problem.kernels))]
+        found = [t for t in terms if (t.stored_as or t.name) == self.what]
+        found = found or [t for t in terms if t.name == self.what]
+        if not found:
+            names = [name for t in terms for name in (t.stored_as, t.name) if name]
+            known(self.what, dict.fromkeys([*names, LOADS]), "energy", "the problem")
+        return found
+
+    def _bind_loads(self, problem: Problem) -> Measurement:
+        """The work of dead loads, and of forces and torques on global unknowns."""
+        scene = problem.scene
+        if self.regions is not None:
+            raise InputError(
+                'Energy("loads") has no regions, for loads act on surfaces; leave regions= out.'
+            )
+        for load, work in declared(scene.loads, scene, SurfaceWork):
+            if work.follows:
+                raise InputError(
+                    f"The work of {type(load).__name__} on {work.surface!r} depends on the path, "
+                    'since the load follows the deformation; Energy("loads") is for dead loads.'
+                )
+        on_surfaces: Measurement = lambda: 0.0  # noqa: E731
+        if problem.loads.work != 0:
+            # the virtual work of dead loads is linear, so it gives the work on w itself
+            on_surfaces = _integral(problem, ufl.action(problem.loads.work, problem.w))
+        period = scene.kinematics.period(scene.device) if scene.kinematics.global_unknowns else 0.0
+        forces = [told for _, told in declared(scene.loads, scene, GlobalForce)]
+        places = [scene.kinematics.global_unknowns.index(told.unknown) for told in forces]
+
+        def value() -> float:
+            total = on_surfaces()
+            if forces:
+                moved = problem.space.global_values(problem.scales.length) * period
+                for told, k in zip(forces, places, strict=True):
+                    total += problem.factors[told.ramp] * told.amount * float(moved[k])
+            return total
+
+        return value
+
+
+def _integral(problem: Problem, form: Any) -> Measurement:
+    """How to measure a dimensionless energy in the present state, in J.  Collective."""
+    compiled = compat.compile_form(form)
+    unit = problem.scales.stress * problem.scales.volume
+
+    def value() -> float:
+        mine = float(np.real(dolfinx.fem.assemble_scalar(compiled)))
+        return problem.comm.allreduce(mine, op=MPI.SUM) * unit
+
+    return value

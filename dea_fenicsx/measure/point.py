@@ -1,0 +1,210 @@
+"""What a field is at one point of the undeformed device."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import ufl
+
+from dea_fenicsx.measure.observables import Measurement
+from dea_fenicsx.mesh.point_search import Place, place_of
+from dea_fenicsx.model.components import Component
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.compat import dolfinx
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
+from dea_fenicsx.support.units import in_si
+from dea_fenicsx.support.validation import is_finite, known, one_of
+
+Quantity = Literal["displacement", "potential", "pressure", "stretch", "stress", "field"]
+"""What can be measured at a point."""
+
+UNITS = {
+    "displacement": "m", "potential": "V", "pressure": "Pa", "stretch": "", "stress": "Pa",
+    "field": "V_per_m",
+}  # fmt: skip
+
+NUMBER_OF_AXES = {"displacement": 1, "potential": 0, "pressure": 0, "stretch": 1, "stress": 2,
+                  "field": 1}  # fmt: skip
+"""How many axes name a component."""
+
+NEARLY = 1e-6
+"""Distance from the cells that counts as rounding, as a share of the device's largest extent."""
+
+
+@dataclass(frozen=True)
+@in_si(point="m")
+class AtPoint:
+    """A field at a point of the undeformed device: the same material point at all loads.
+
+    Parameters
+    ----------
+    point
+        Undeformed position in m, one coordinate for each of the mesh's: (x, y, z) in space, (x, y)
+        in plane strain, (r, z) in axisymmetry and in a helical cell.
+    what
+        ``"displacement"``
+            A component of the displacement in m, along `axis`.
+        ``"potential"``
+            The electric potential in V, in dielectrics and electrodes.
+        ``"pressure"``
+            Minus a third of the trace of the Cauchy stress in Pa, as in the fields of a run.
+        ``"stretch"``
+            The length of a material fibre along `axis`, over its undeformed length: |F e|.
+        ``"stress"``
+            A component of the Cauchy stress in Pa, electrostatic part included; `axis` names two
+            axes, such as "xx" or "xz".
+        ``"field"``
+            A component of the true electric field in V/m, in dielectrics.
+    axis
+        The axis or axes.  Stresses, stretches and fields have three axes in all kinematics: x, y,
+        z, or r, t, z with t along the hoop.
+    region
+        A region whose cells alone are looked at.  It matters at a boundary between two regions,
+        where stresses and fields jump.
+
+    Raises
+    ------
+    InputError
+        When it is bound, if the point lies outside of the mesh or of the region.
+
+    Notes
+    -----
+    A point that several cells share belongs to the one that comes first in the mesh file, so that
+    the value is the same on any number of ranks.
+    """
+
+    point: tuple[float, ...]
+    what: Quantity
+    axis: str | None = None
+    region: str | None = None
+
+    @property
+    def unit(self) -> str:
+        """The unit of the quantity."""
+        return UNITS.get(self.what, "")
+
+    def bind(self, problem: Problem) -> Measurement:
+        indices = self._check(problem)
+        cells, where = self._cells(problem)
+        place = place_of(problem.scene.device, np.array(self.point, dtype=float), cells)
+        if place is None:
+            raise InputError(f"{self._told()} has no value: the scene has no {where}.")
+        if place.distance > NEARLY * problem.scene.device.length:
+            raise InputError(
+                f"{self._told()} is at a point {place.distance:.3g} m outside of the {where}; give "
+                "an undeformed position in metres inside of it."
+            )
+        if self.what in ("displacement", "potential"):
+            return self._nodal(problem, place, indices)
+        return self._derived(problem, place, indices)
+
+    def _told(self) -> str:
+        """The observable in words, for messages."""
+        along = f" along {self.axis}" if self.axis else ""
+        return f"The {self.what}{along} at {shown(self.point)}"
+
+    def _check(self, problem: Problem) -> list[int]:
+        """Check all but the place; returns the numbers of the axes."""
+        one_of(self.what, get_args(Quantity), "What AtPoint measures")
+        kinematics = problem.scene.kinematics
+        names = tuple(kinematics.coordinates)
+        point = self.point
+        if not isinstance(point, tuple | list | np.ndarray) or len(point) != len(names) or not all(
+            map(is_finite, point)
+        ):
+            raise InputError(
+                f"The point of AtPoint is {shown(point)}, but must be {len(names)} finite "
+                f"coordinates in m: {', '.join(names)}."
+            )
+        if self.region is not None:
+            known(self.region, problem.scene.materials, "region", "the scene")
+        if self.what in ("potential", "field") and problem.potential is None:
+            raise InputError(f"{self._told()} has no value: the scene has no electrodes.")
+        axes = kinematics.axes
+        if self.what != "displacement":
+            axes = "rtz" if kinematics.axis_of_rotation else "xyz"
+        count = NUMBER_OF_AXES[self.what]
+        given = self.axis or ""
+        if len(given) != count or any(a not in axes for a in given):
+            due = {0: "left out", 1: f"one of {', '.join(axes)}",
+                   2: f"two of {', '.join(axes)}, such as '{axes[0]}{axes[-1]}'"}  # fmt: skip
+            raise InputError(
+                f"The axis of AtPoint is {shown(self.axis)}, but for the {self.what} must be "
+                f"{due[count]}."
+            )
+        return [axes.index(a) for a in given]
+
+    def _cells(self, problem: Problem) -> tuple[np.ndarray, str]:
+        """The owned cells that come into question, and what they are in words."""
+        scene = problem.scene
+        device = scene.device
+        alive = dict.fromkeys(n for k in problem.kernels if k.eps is not None for n in k.regions)
+        names, where = list(scene.materials), "mesh"
+        if self.what in ("potential", "field"):
+            held = [name for e in scene.electrodes for name in e.names if name in device.regions]
+            names = [*alive, *(held if self.what == "potential" else [])]
+            where = "dielectrics" + (" and electrodes" if self.what == "potential" else "")
+        if self.region is not None:
+            where = f"region {self.region!r}" + (f" of {where}" if where != "mesh" else "")
+            names = [name for name in names if name == self.region]
+        found = [device.cells_of(name) for name in dict.fromkeys(names)]
+        cells = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *found]))
+        return cells[cells < device.owned_cells()], where
+
+    def _nodal(self, problem: Problem, place: Place, axes: list[int]) -> Measurement:
+        """A component of the displacement, or the potential, from the values at a cell's nodes."""
+        part: Component | None = problem.potential
+        unit = problem.scales.potential
+        if axes:
+            part, unit = problem.displacement[axes[0]], problem.scales.length
+        assert part is not None
+        alone = dolfinx.fem.Function(part.space)  # made on all ranks, used on one
+        nodes = part.space.dofmap.cell_dofs(place.cell) if place.cell >= 0 else []
+        point = np.zeros(3)
+        point[: len(self.point)] = np.array(self.point, dtype=float) / problem.scales.length
+
+        def evaluate() -> float:
+            alone.x.array[nodes] = problem.w.x.array[part.dofs[nodes]]
+            return float(alone.eval(point, np.array([place.cell], dtype=np.int32))[0]) * unit
+
+        return _from_owner(problem, place, evaluate)
+
+    def _derived(self, problem: Problem, place: Place, axes: list[int]) -> Measurement:
+        """A value that follows from gradients and a material."""
+        mine = [k for k, kernel in enumerate(problem.kernels) if place.cell in kernel.cells]
+        k = problem.comm.bcast(mine[0] if mine else -1, root=place.rank)
+        at, unit = problem.states[k], problem.scales.stress
+        if self.what == "stretch":
+            tensor, unit = at.F, 1.0
+        elif self.what == "field":
+            tensor, unit = at.true_field, problem.scales.field
+        else:
+            tensor = problem.states[k].cauchy_stress
+        entries = [tensor[i] for i in np.ndindex(tensor.ufl_shape)]
+        found = compat.expression(ufl.as_vector(entries), place.reference[None, :])
+        cell = np.array([place.cell], dtype=np.int32)
+
+        def evaluate() -> float:
+            values = found(problem.mesh, cell).reshape(tensor.ufl_shape)
+            if self.what == "stretch":
+                return float(np.linalg.norm(values[:, axes[0]]))
+            if self.what == "pressure":
+                return -float(np.trace(values)) / 3 * unit
+            return float(values[tuple(axes)]) * unit
+
+        return _from_owner(problem, place, evaluate)
+
+
+def _from_owner(problem: Problem, place: Place, evaluate: Callable[[], float]) -> Measurement:
+    """A measurement that one rank makes and tells the others.  Collective."""
+
+    def value() -> float:
+        mine = evaluate() if problem.comm.rank == place.rank else 0.0
+        return float(problem.comm.bcast(mine, root=place.rank))
+
+    return value

@@ -1,0 +1,166 @@
+"""Which cell holds a point, the same one on any number of ranks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.cell_types import SIMPLICES
+
+INSIDE = 1e-9
+"""How far a reference coordinate may lie outside of the reference cell by rounding."""
+
+NEAR = 64
+"""Number of cells of a rank, nearest by their boxes, whose distance from a point is computed."""
+
+LATTICE = 6
+"""Intervals of the lattice of points in a cell from which the nearest one is taken."""
+
+ZOOMS = 30
+"""How often the lattice shrinks, each time to a third of its size, about the nearest point."""
+
+STEPS = 30
+"""Newton iterations for the reference coordinates of a point in a curved cell."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a point lies in a mesh; the same on all ranks, but for the cell.
+
+    Attributes
+    ----------
+    rank
+        The rank that owns the cell.
+    cell
+        The cell's local number on that rank; -1 on all others.
+    reference
+        The reference coordinates in the cell, shape (dim,).
+    distance
+        Distance in m between the point and the cell; 0 if the cell holds it.
+    """
+
+    rank: int
+    cell: int
+    reference: np.ndarray
+    distance: float
+
+
+def place_of(device: Device, point: np.ndarray, cells: np.ndarray) -> Place | None:
+    """The cell that holds a point, or else the nearest one.  Collective.
+
+    Of several cells at the same distance it is the one that comes first in the mesh file, whatever
+    the number of ranks.
+
+    Parameters
+    ----------
+    device
+        The device.
+    point
+        Coordinates of the undeformed mesh in m, shape (dim,).
+    cells
+        The owned cells of this rank that come into question.
+
+    Returns
+    -------
+    Place or None
+        None if no rank has such cells.
+    """
+    mine = _nearest_of_rank(device, np.asarray(point, dtype=float) / device.length, cells)
+    everyone = device.comm.allgather(mine)
+    known = [(found[:2], rank) for rank, found in enumerate(everyone) if found is not None]
+    if not known:
+        return None
+    _, rank = min(known)
+    distance, _, cell, reference = everyone[rank]
+    here = cell if rank == device.comm.rank else -1
+    return Place(rank, here, np.array(reference), distance * device.length)
+
+
+def _nearest_of_rank(
+    device: Device, point: np.ndarray, cells: np.ndarray
+) -> tuple[float, int, int, list[float]] | None:
+    """Distance, number in the file, local number and reference coordinates of the best cell."""
+    if len(cells) == 0:
+        return None
+    mesh = device.mesh
+    shape = _Shape(mesh)
+    nodes = mesh.geometry.x[:, : len(point)][compat.geometry_dofmap(mesh)[cells]]
+    low, high = nodes.min(axis=1), nodes.max(axis=1)
+    # an edge of a curved cell may bulge beyond its nodes, by less than half of the cell's size
+    bulge = 0.5 * (high - low) if shape.is_curved else 0.0
+    gap = np.maximum(0, np.maximum(low - bulge - point, point - high - bulge))
+    gaps = np.linalg.norm(gap, axis=1)
+    numbers = np.asarray(mesh.topology.original_cell_index)[cells]
+    order = np.lexsort((numbers, gaps))
+    # all cells whose box holds the point, which may be many about a node, and some of the others
+    order = order[: max(NEAR, int(np.count_nonzero(gaps <= INSIDE)))]
+    best = None
+    for k in order:
+        if best is not None and gaps[k] > best[0] + INSIDE:
+            continue
+        X = shape.reference_coordinates(nodes[k], point)
+        distance = 0.0
+        if X is None:
+            X, distance = shape.nearest(nodes[k], point)
+        found = (distance, int(numbers[k]), int(cells[k]), [float(c) for c in X])
+        best = found if best is None else min(best, found)
+    return best
+
+
+class _Shape:
+    """The map from the reference cell of a mesh to its cells."""
+
+    def __init__(self, mesh: Any) -> None:
+        self._element = compat.coordinate_element(mesh)
+        self.is_curved = self._element.degree > 1
+        self._simplex = mesh.topology.cell_name() in SIMPLICES
+        dim = mesh.topology.dim
+        axis = np.linspace(0, 1, LATTICE + 1)
+        self._lattice = np.stack(np.meshgrid(*[axis] * dim, indexing="ij"), -1).reshape(-1, dim)
+
+    def _put(self, X: np.ndarray) -> np.ndarray:
+        """Points moved into the reference cell, shape (n, dim)."""
+        X = np.clip(X, 0, 1)
+        return X / np.maximum(1, X.sum(axis=1))[:, None] if self._simplex else X
+
+    def reference_coordinates(self, nodes: np.ndarray, point: np.ndarray) -> np.ndarray | None:
+        """Reference coordinates of a point by Newton's method; None if the cell has it not."""
+        X = np.full(len(point), 1 / (len(point) + 1) if self._simplex else 0.5)
+        for _ in range(STEPS):
+            table = self._element.tabulate(1, X[None, :])[:, 0, :, 0]
+            jacobian = (table[1:] @ nodes).T
+            try:
+                step = np.linalg.solve(jacobian, point - table[0] @ nodes)
+            except np.linalg.LinAlgError:
+                return None
+            X = X + step
+            if not np.all(np.abs(X) < 10):
+                return None
+            if np.max(np.abs(step)) < 1e-13:
+                break
+        else:
+            # near the end rounding may keep the steps above the bound
+            if np.max(np.abs(step)) > INSIDE:
+                return None
+        inside = self._put(X[None, :])[0]
+        return inside if np.max(np.abs(inside - X)) <= INSIDE else None
+
+    def nearest(self, nodes: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, float]:
+        """Reference coordinates of the cell's point that is nearest to a point, and the distance.
+
+        The nearest point of a lattice, which then shrinks about it.
+        """
+        best, size = np.full(len(point), 0.5), 1.0
+        distance = np.inf
+        for _ in range(ZOOMS):
+            X = self._put(best + size * (self._lattice - 0.5))
+            x = self._element.tabulate(0, X)[0, :, :, 0] @ nodes
+            apart = np.linalg.norm(x - point, axis=1)
+            k = int(np.argmin(apart))
+            best, distance = X[k], float(apart[k])
+            size *= 0.4
+        return best, distance
