@@ -248,7 +248,7 @@ def test_checkpoints_made_up(stopped, whole):
     told, _ = checkpoint.read(stopped / "checkpoint.npz")
     record = HEIGHT | {"s": Stop(-1)}
     known = columns.names(whole.problem.scene, record, [], True)
-    arguments = (whole.problem.scene, [dea.Ramp(steps=4)], known)
+    arguments = (whole.problem.scene, [dea.Ramp(steps=4)], known, ["u", "p", "phi"])
     assert checkpoint.cursor_of(told, *arguments).step == 2
     for what, change in MADE_UP.items():
         other = json.loads(json.dumps(told))

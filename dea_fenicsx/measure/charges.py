@@ -184,7 +184,7 @@ def _flux(problem: Problem, cells: list[np.ndarray], a: Any, b: Any) -> Any:
     scene, helix = problem.scene, problem.forms.motion
     kinematics = scene.kinematics
     x = ufl.SpatialCoordinate(problem.mesh)
-    u = ufl.split(problem.w)[0]
+    u = problem.space.symbolic(Role.MOTION, problem.w)
     cof, J = cofactor(ufl.Identity(3) + kinematics.displacement_gradient(u, x, helix))
     first, second = (ufl.dot(cof, kinematics.gradient(f, x, helix)) for f in (a, b))
     density = ufl.dot(first, second) / J * kinematics.weight(x)

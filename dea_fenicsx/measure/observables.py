@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.measure.charges import ElectrodeCharge, potential_of_unit_load
 from dea_fenicsx.mesh.device import Device, one_sided
+from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.scene.electrodes import Conducting
@@ -139,7 +140,7 @@ class Area:
             raise InputError("Area is not measured in helical cells or generalised plane strain.")
         ds = measure(device, [facets], 4, "ds")(0)
         x = ufl.SpatialCoordinate(problem.mesh)
-        u = ufl.split(problem.w)[0]
+        u = problem.space.symbolic(Role.MOTION, problem.w)
         F = ufl.Identity(3) + kin.displacement_gradient(u, x)
         area = ufl.dot(cofactor(F)[0], kin.embed(ufl.FacetNormal(problem.mesh)))
         form = compat.compile_form(ufl.sqrt(ufl.dot(area, area)) * kin.weight(x) * ds)
@@ -354,7 +355,7 @@ def _surface_mean(
     along = kinematics.coordinates.find(axis)  # -1 where the mesh does not go
     if projected:
         weight = weight * ufl.FacetNormal(problem.mesh)[along]
-    v = ufl.split(ufl.TestFunction(problem.W))[0]
+    v = problem.space.symbolic(Role.MOTION, ufl.TestFunction(problem.W))
 
     def total(integrand: Any) -> float:
         mine = dolfinx.fem.assemble_scalar(compat.compile_form(integrand * ds))

@@ -20,6 +20,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.mesh.device import one_sided
+from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.support import compat
@@ -143,7 +144,7 @@ def _rotation(problem: Problem, where: str) -> Callable[[], np.ndarray]:
         return k[0] + sum(k[i + 1] * x[i] for i in range(dim))
 
     area_form = compat.compile_form(linear(c) * linear(d) * ds)
-    v = ufl.split(ufl.TestFunction(problem.W))[0]
+    v = problem.space.symbolic(Role.MOTION, ufl.TestFunction(problem.W))
     work_form = compat.compile_form(linear(c) * ufl.dot(e, v) * ds)
 
     def moment(p: np.ndarray, q: np.ndarray) -> float:

@@ -9,11 +9,12 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.fields import Role, pressure_kind
+from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import (
     Constraints,
     apply_electrodes,
     apply_overall,
+    apply_regions,
     apply_supports,
 )
 from dea_fenicsx.model.orientation_springs import Turning
@@ -71,12 +72,14 @@ class Conditions:
         apply_supports(scene, motion, values)
         apply_overall(scene, space.parts.get("global", {}), values)
         check_rigid(scene, motion, values.fixed, values.released if values.turns else None)
+        apply_regions(scene, space.fields, space.parts, values)
+        space.at_rest[values.fixed] = 0.0
         self.electrode_dofs: dict[str, np.ndarray] = {}
         if potential is not None:
             self.electrode_dofs = apply_electrodes(scene, potential, scales.potential, values)
         for ramp in scene.ramps:
             values.base.setdefault(ramp, np.zeros(space.size))
-        self.pairs = self._tie_ends(scene, motion, potential)
+        self.pairs = self._tie_ends(scene, motion)
         self.groups: list[Group] = [
             *floating_groups(scene, scales.charge, self.electrode_dofs, space.rows),
             *global_groups(scene, scales, space.parts.get("global", {}), values, space.rows),
@@ -92,18 +95,18 @@ class Conditions:
         if self.groups or self.pairs is not None:
             self.expansion = expansion(self.free, self.groups, self.pairs, space.rows)
 
-    def _tie_ends(
-        self, scene: Scene, motion: Sequence[Component], potential: Component | None
-    ) -> Pairs | None:
-        """Tie the upper end of a periodic cell to the lower one, fixed values included."""
+    def _tie_ends(self, scene: Scene, motion: Sequence[Component]) -> Pairs | None:
+        """Tie the upper end of a periodic cell to the lower one, fixed values included.
+
+        All fields that are continuous are tied, the displacement first.
+        """
         ends, space = scene.kinematics.periodic_ends, self._space
         if ends is None:
             return None
         parts = list(motion)
-        if pressure_kind(scene) == "continuous":
-            parts += space.of(Role.MULTIPLIER)
-        if potential is not None:
-            parts.append(potential)
+        for field in space.fields:
+            if field.role is not Role.MOTION and field.is_continuous:
+                parts += space.parts[field.name].values()
         pairs = Pairs.between(scene.device, ends, parts, space.rows)
         pairs.share_fixed(self.fixed_values, space.W)
         for label, dofs in self.electrode_dofs.items():

@@ -60,7 +60,12 @@ class Field:
         For an internal field the residual that counts as 1, dimensionless.
     mass
         Mass per volume that keeps an undetermined mode of the field from making a factor singular,
-        for a material; None where the field does not live in it.  See `Tangent.matrix`.
+        for a material; None for a field without such modes.  See `Tangent.matrix`.
+    regions
+        Names of the regions in which the field lives; None for all.  Elsewhere its degrees of
+        freedom are fixed at 0.
+    at_rest
+        Its value in the undeformed body without loads, dimensionless.
     """
 
     name: str
@@ -70,7 +75,18 @@ class Field:
     negative: bool = False
     odd: bool = False
     residual_scale: float = 1.0
-    mass: Callable[[Material, Scales], float | None] | None = None
+    mass: Callable[[Material, Scales], float] | None = None
+    regions: tuple[str, ...] | None = None
+    at_rest: float = 0.0
+
+    def lives_in(self, region: str) -> bool:
+        """Whether the field lives in a region."""
+        return self.regions is None or region in self.regions
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether neighbouring cells share degrees of freedom."""
+        return not self.element.discontinuous
 
 
 def declared_fields(scene: Scene) -> list[Field]:
@@ -85,9 +101,13 @@ def declared_fields(scene: Scene) -> list[Field]:
     ]
     if scene.has_potential:
         element = basix.ufl.element("Lagrange", cell, scene.elements.potential_degree)
+        dielectric = tuple(name for name, m in scene.materials.items() if m.is_dielectric)
         found.append(
-            Field("phi", element, Role.POTENTIAL, negative=True, odd=True, mass=_permittivity)
-        )
+            Field(
+                "phi", element, Role.POTENTIAL, negative=True, odd=True, mass=_permittivity,
+                regions=dielectric,
+            )
+        )  # fmt: skip
     names = kinematics.overall
     if names:
         shape = (len(names),) if len(names) > 1 else None
@@ -115,11 +135,9 @@ def _pressure_element(scene: Scene, cell: str) -> Any:
     return basix.ufl.element("Lagrange", cell, 1)
 
 
-def _softness(material: Material, scales: Scales) -> float | None:
+def _softness(material: Material, scales: Scales) -> float:
     return scales.stress / material.elastic.shear_modulus()
 
 
-def _permittivity(material: Material, scales: Scales) -> float | None:
-    if not material.is_dielectric:
-        return None
+def _permittivity(material: Material, scales: Scales) -> float:
     return material.dielectric.permittivity() / scales.permittivity

@@ -15,6 +15,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.dead_loads import split_turns
+from dea_fenicsx.model.fields import Field
 from dea_fenicsx.model.free_body import Pin, pins, released
 from dea_fenicsx.model.prescribed_motion import check_agreement, prescriptions
 from dea_fenicsx.model.rigid_motions import FreePart
@@ -28,6 +29,7 @@ from dea_fenicsx.scene.declarations import (
 from dea_fenicsx.scene.electrodes import Conducting
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.validation import known
 
 
 class Constraints:
@@ -116,10 +118,34 @@ def apply_overall(
         constraints.fix(parts[told.unknown.name].dofs, value, told.ramp)
 
 
+def apply_regions(
+    scene: Scene, fields: Sequence[Field], parts: Mapping[str, Mapping[str, Component]],
+    constraints: Constraints,
+) -> None:  # fmt: skip
+    """Fix each field at 0 outside of the regions in which it lives.  Collective.
+
+    Raises
+    ------
+    InputError
+        If a field is to live in a region that the device does not have.
+    """
+    device = scene.device
+    for field in fields:
+        if field.regions is None:
+            continue
+        for name in field.regions:
+            known(name, device.regions, f"region of the field {field.name!r}")
+        cells = [np.empty(0, np.int32), *(device.cells_of(name) for name in field.regions)]
+        for part in parts[field.name].values():
+            alive = np.zeros(len(part.dofs), dtype=bool)
+            alive[part.on(device.dim, np.concatenate(cells))] = True
+            constraints.fix(part.dofs[~alive])
+
+
 def apply_electrodes(
     scene: Scene, potential: Component, volt: float, constraints: Constraints
 ) -> dict[str, np.ndarray]:
-    """Fix the potential on electrodes and wherever no field lives.
+    """Fix the potential on electrodes.
 
     Parameters
     ----------
@@ -139,11 +165,6 @@ def apply_electrodes(
         If electrodes of different potentials touch.
     """
     device = scene.device
-    dielectric = [device.cells_of(n) for n, m in scene.materials.items() if m.is_dielectric]
-    alive = np.zeros(len(potential.dofs), dtype=bool)
-    alive[potential.on(device.dim, np.concatenate(dielectric))] = True
-    constraints.fix(potential.dofs[~alive])
-
     # which electrode came last to each node, and the potential in V that it gives there
     owner = np.full(len(potential.dofs), -1)
     values = np.zeros(len(potential.dofs))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import basix
@@ -15,7 +15,7 @@ from dea_fenicsx.model.loads import Loads
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.probe import Prober
 from dea_fenicsx.model.scales import Scales
-from dea_fenicsx.model.terms import EnergyTerm, terms_of
+from dea_fenicsx.model.terms import EnergyTerm, Term, WorkTerm, terms_of
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.kinematics import GlobalMotion
 from dea_fenicsx.scene.scene import Scene
@@ -34,7 +34,7 @@ class Forms:
     Attributes
     ----------
     terms
-        The terms of the energy.
+        The terms of the energy and of the virtual work.
     kernels, points
         Regions that share one integral, and for each the fields at a point, symbolic.
     motion
@@ -58,8 +58,8 @@ class Forms:
         degree = scene.elements.quadrature_degree
         self._space, self._kinematics = space, kinematics
         self._lead = dolfinx.fem.Constant(mesh, kinematics.lead(scales.length))
-        self.terms: list[EnergyTerm] = terms_of(scene)
-        self.kernels: list[Kernel] = kernels(scene, scales)
+        self.terms: list[Term] = terms_of(scene)
+        self.kernels: list[Kernel] = kernels(scene, scales, space.fields)
         fields, self.motion = self._split(space.w)
         self.points = [self._point(scene, k, scales, fields) for k in self.kernels]
         weight = kinematics.weight(ufl.SpatialCoordinate(mesh))
@@ -74,6 +74,8 @@ class Forms:
         virtual, virtual_motion = self._split(test)
         self.loads = Loads(scene, scales.stress, fields["u"], virtual["u"], virtual_motion)
         self.residual = ufl.derivative(energy, space.w, test) - self.loads.work
+        for k, work in self._works(space.w, test):
+            self.residual += integral(k, work)
         for k, point in enumerate(self.points):
             for ramp, rate in point.rates.items():
                 work = -ufl.derivative(integral(k, rate), space.w, test)
@@ -94,12 +96,39 @@ class Forms:
     ) -> MaterialPoint:
         """The fields of a kernel, with the sum of all terms that live there."""
         point = MaterialPoint(scene, kernel, scales, fields, self.motion)
-        densities = [t.density(point) for t in self.terms if t.lives_on(kernel)]
+        energies = (term for term in self.terms if isinstance(term, EnergyTerm))
+        densities = [term.density(point) for term in energies if term.lives_on(kernel)]
         total = densities[0]
         for density in densities[1:]:
             total = total + density
         point.close(total)
         return point
+
+    def _works(self, w: Any, test: Any) -> Iterator[tuple[int, Any]]:
+        """Virtual work per undeformed volume that is no variation of an energy, by kernel."""
+
+        def virtual(expression: Any) -> Any:
+            return ufl.derivative(expression, w, test)
+
+        for k, (kernel, point) in enumerate(zip(self.kernels, self.points, strict=True)):
+            for term in self.terms:
+                if isinstance(term, WorkTerm) and term.lives_on(kernel):
+                    yield k, term.work(point, virtual)
+
+    @property
+    def unsymmetric(self) -> list[str]:
+        """Names of the terms and surface loads whose tangent is not symmetric."""
+        terms = [term.name for term in self.terms if not term.symmetric]
+        return [*terms, *self.loads.unsymmetric]
+
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether the tangent is symmetric, or is taken as such.
+
+        A follower pressure has no potential where its surface has a free edge; the part of its
+        tangent that is not symmetric is left out of the factor, not of the tangent itself.
+        """
+        return not self.unsymmetric
 
     def _measure_cells(self, scene: Scene, integral: Callable[[int, Any], Any]) -> None:
         device = scene.device

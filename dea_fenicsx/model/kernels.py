@@ -1,14 +1,14 @@
 """Regions that share one integral, with their constants as cell-wise coefficients.
 
-Regions whose energies have the same shape (same elastic model, dielectric or not, incompressible or
-not) share one integral.  Their constants are coefficients that are constant in each cell, so that a
+Regions whose energies have the same shape (same elastic model, same fields, incompressible or not)
+share one integral.  Their constants are coefficients that are constant in each cell, so that a
 change of a material constant never recompiles anything.
 """
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any
@@ -18,6 +18,7 @@ import ufl
 
 from dea_fenicsx.materials import Elastic
 from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.model.fields import Field, Role
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.scene.condition import declared
 from dea_fenicsx.scene.declarations import InitialStretch
@@ -42,6 +43,8 @@ class Kernel:
         Names of the regions.
     cells
         Their cells that this rank owns.
+    fields
+        Names of the fields that live there.
     """
 
     elastic: Elastic
@@ -50,6 +53,7 @@ class Kernel:
     prestretch: dict[str, tuple[Any, list[Any]]]
     regions: tuple[str, ...]
     cells: np.ndarray
+    fields: tuple[str, ...] = ()
 
     @property
     def is_incompressible(self) -> bool:
@@ -57,7 +61,7 @@ class Kernel:
         return self.kappa is None
 
 
-def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
+def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) -> list[Kernel]:
     """Group the regions of a scene by the shape of their energy."""
     device = scene.device
     groups: dict[tuple, list[str]] = {}
@@ -65,10 +69,10 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
     factors = {item.ramp: dolfinx.fem.Constant(device.mesh, 0.0) for item in prestretches}
     for name in sorted(scene.materials, key=lambda n: device.regions[n]):
         m = scene.materials[name]
-        field_lives = m.is_dielectric and scene.has_potential
+        alive = tuple(field.name for field in fields_of_problem if field.lives_in(name))
         stretched = any(name in item.regions for item in prestretches)
         groups.setdefault(
-            (type(m.elastic), _shape(m.elastic), field_lives, m.bulk_modulus is None, stretched), []
+            (type(m.elastic), _shape(m.elastic), alive, m.bulk_modulus is None, stretched), []
         ).append(name)
     constant = dolfinx.fem.functionspace(device.mesh, ("DG", 0))
     owned = device.owned_cells()
@@ -80,13 +84,15 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
 
     made = []
+    charged = {field.name for field in fields_of_problem if field.role is Role.POTENTIAL}
+
     def log_stretch(ramp: str, axis: int, name: str) -> float:
         return sum(
             float(np.log(item.stretches[axis])) for item in prestretches
             if item.ramp == ramp and name in item.regions
         )  # fmt: skip
 
-    for (_, _, field_lives, incompressible, stretched), names in groups.items():
+    for (_, _, alive, incompressible, stretched), names in groups.items():
         cells = {n: device.cells_of(n) for n in names}
 
         def cellwise(value: Callable[[str], float], cells: Any = cells) -> Any:
@@ -100,7 +106,7 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
         made.append(
             Kernel(
                 elastic=_bind({n: scene.materials[n].elastic for n in names}, cellwise),
-                eps=cellwise(permittivity) if field_lives else None,
+                eps=cellwise(permittivity) if charged & set(alive) else None,
                 kappa=None if incompressible else cellwise(bulk_modulus),
                 prestretch={
                     ramp: (factors[ramp],
@@ -109,6 +115,7 @@ def kernels(scene: Scene, scales: Scales) -> list[Kernel]:
                 },
                 regions=tuple(names),
                 cells=together[together < owned],
+                fields=alive,
             )
         )
     return made

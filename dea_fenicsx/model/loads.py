@@ -47,6 +47,8 @@ class Loads:
         Ramps of loads whose direction follows the deformation.
     changing
         Ramps whose unit work depends on the state: those, and pre-stretches.
+    unsymmetric
+        What loads whose tangent is not symmetric are called.
     """
 
     def __init__(
@@ -62,6 +64,7 @@ class Loads:
         self.unit_work: dict[str, Any] = {}
         self.following: set[str] = set()
         self.changing: set[str] = set()
+        self.unsymmetric: list[str] = []
         self.work: Any = 0
         if not loads:
             return
@@ -79,6 +82,8 @@ class Loads:
             if load.follows:
                 self.following.add(load.ramp)
                 self.changing.add(load.ramp)
+            if not load.symmetric:
+                self.unsymmetric.append(f"{type(load).__name__} on {load.surface!r}")
             self.unit_work[load.ramp] = self.unit_work.get(load.ramp, 0) + unit_work
             self.work += self.factors[load.ramp] * unit_work
 
@@ -120,6 +125,11 @@ class Surface:
     def virtual_in_space(self) -> Any:
         """Virtual displacement as a 3-vector."""
         return self._kinematics.embed(self.virtual)
+
+    @property
+    def displacement(self) -> Any:
+        """Displacement in units of the device's length, in the components of u."""
+        return self._u
 
     @property
     def normal(self) -> Any:

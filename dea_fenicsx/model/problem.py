@@ -86,7 +86,7 @@ class Problem:
             scene, self.scales, self.displacement, self.conditions.fixed_values,
             list(self.forms.loads.unit_work), self.forms.load_vector,
         )  # fmt: skip
-        self.commit(self.anchored(self.state))
+        self.commit(self.anchored(self.state.with_values(self.space.at_rest.copy())))
 
     def _name_parts(self) -> None:
         """Short names for what is asked for most."""

@@ -38,6 +38,8 @@ class Unknowns:
         Number of local degrees of freedom of `W` that this rank owns, and of all local ones.
     rows
         The owned ones by their number over all ranks.
+    at_rest
+        All local values in the undeformed body without loads.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -51,6 +53,10 @@ class Unknowns:
         assert self.W.dofmap.index_map_bs == 1
         self.owned = index_map.size_local
         self.size = index_map.size_local + index_map.num_ghosts
+        self.at_rest = np.zeros(self.size)
+        for field in self.fields:
+            for part in self.parts[field.name].values():
+                self.at_rest[part.dofs] = field.at_rest
         self.rows = Rows(self.owned, index_map.local_range[0], scene.device.comm)
 
     def _components(self, number: int, field: Field) -> dict[str, Component]:
@@ -84,6 +90,11 @@ class Unknowns:
         parts = [p for f in fields for p in self.parts[f.name].values()]
         dofs = np.concatenate([part.dofs for part in parts])
         return np.sort(dofs[dofs < self.owned])
+
+    def symbolic(self, role: Role, function: Any) -> Any:
+        """The first field of a role in a mixed function or in its test function, symbolic."""
+        name = next(field.name for field in self.fields if field.role is role)
+        return self.split(function)[name]
 
     def split(self, function: Any) -> dict[str, Any]:
         """The fields of a mixed function or of its test function, symbolic, by name."""

@@ -11,12 +11,12 @@ with the scene.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 import json
 import math
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import IO, Any
 
@@ -127,8 +127,9 @@ def _head(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype]:
 
 
 def cursor_of(
-    told: Mapping[str, Any], scene: Scene, path: Sequence[Any], columns: Sequence[str]
-) -> Cursor:
+    told: Mapping[str, Any], scene: Scene, path: Sequence[Any], columns: Sequence[str],
+    fields: Sequence[str],
+) -> Cursor:  # fmt: skip
     """The cursor of a checkpoint, once all that it tells agrees with itself and with the path.
 
     Parameters
@@ -139,6 +140,8 @@ def cursor_of(
         Those of this run, which the fingerprint has been compared with.
     columns
         Names of the columns of this run's history.
+    fields
+        Names of the fields of this run's problem.
 
     Raises
     ------
@@ -152,7 +155,7 @@ def cursor_of(
     assert isinstance(rows, list)
     _check_start(cursor, factors, rows, scene)
     _check_place(cursor, factors, rows, scene, path)
-    _check_rest(told)
+    _check_rest(told, fields)
     return cursor
 
 
@@ -166,7 +169,7 @@ def _load(found: Any, scene: Scene) -> dict[str, float]:
 
 
 def _cursor(found: Any, scene: Scene, path: Sequence[Any]) -> Cursor:
-    names = [field.name for field in fields(Cursor)]
+    names = [field.name for field in dataclasses.fields(Cursor)]
     if not isinstance(found, dict) or set(found) != set(names):
         raise Unusable("its place on the path is missing or not of this version")
     cursor = Cursor(**found)
@@ -257,10 +260,10 @@ def _reached(item: Trace, row: Mapping[str, Any]) -> bool:
     return found is not None and abs(found - value) <= 1e-4 * max(abs(value), abs(found))
 
 
-def _check_rest(told: Mapping[str, Any]) -> None:
+def _check_rest(told: Mapping[str, Any], fields: Sequence[str]) -> None:
     sizes, failures, seconds = (told.get(k) for k in ("references", "failures", "wall_s"))
     if not isinstance(sizes, dict) or not all(
-        key in ("u", "p", "phi") and is_number(size) and 0 <= size < math.inf
+        key in fields and is_number(size) and 0 <= size < math.inf
         for key, size in sizes.items()
     ):
         raise Unusable("its references of the residual are not usable")

@@ -79,7 +79,9 @@ def carry_on(
     agree(difference(fingerprint, told.get("fingerprint")))
     cursor, factors, why = Cursor(), problem.factors, None
     try:
-        cursor = cursor_of(told, problem.scene, path, columns)
+        cursor = cursor_of(
+            told, problem.scene, path, columns, [field.name for field in problem.space.fields]
+        )
         factors = problem.factors | told["factors"]
     except Unusable as error:
         why = f"its checkpoint is damaged, for {error}"

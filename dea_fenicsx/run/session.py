@@ -224,6 +224,11 @@ class _Session:
             f"{self.comm.size} rank{'s' * (self.comm.size > 1)}"
             + (f", resumed after step {cursor.step}" if cursor else "")
         )
+        if names := journal.solver.problem.forms.unsymmetric:
+            self.progress.say(
+                f"The tangent of {', '.join(names)} is not symmetric, so that it is factorised as "
+                "L U and its negative eigenvalues are not counted."
+            )
         if without_field(self.scene.electrodes):
             self.progress.say("All electrodes are at one potential, so there is no field.")
 

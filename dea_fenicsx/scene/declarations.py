@@ -133,6 +133,8 @@ class SurfaceFields(Protocol):
         Virtual displacement, in the components of u.
     virtual_in_space
         The same as a 3-vector.
+    displacement
+        Displacement in units of the device's length, in the components of u.
     normal
         Undeformed unit normal, in the components of u.
     deformed_area
@@ -143,6 +145,8 @@ class SurfaceFields(Protocol):
     def virtual(self) -> Any: ...
     @property
     def virtual_in_space(self) -> Any: ...
+    @property
+    def displacement(self) -> Any: ...
     @property
     def normal(self) -> Any: ...
     @property
@@ -167,12 +171,15 @@ class SurfaceWork(Declaration):
         Whether it matters from which side the surface is seen, see `on`.
     follows
         Whether the work depends on the deformation.
+    symmetric
+        Whether its tangent is symmetric, or may be taken as such in a factor.
     """
 
     surface: str
     ramp: str
     one_side: ClassVar[bool] = False
     follows: ClassVar[bool] = False
+    symmetric: ClassVar[bool] = True
 
     def density(self, at: SurfaceFields) -> Any:
         """Virtual work per undeformed area at ramp factor 1, dimensionless."""

@@ -12,6 +12,7 @@ Only the preconditioner knows of it: the equations and their solution are the sa
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import basix
@@ -20,6 +21,7 @@ import ufl
 from mpi4py import MPI
 from scipy import sparse
 
+from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
@@ -32,6 +34,7 @@ class Factor(Protocol):
     """What preconditions: it reads x and writes y, both PETSc vectors of the free unknowns."""
 
     def apply(self, _: Any, x: Any, y: Any) -> None: ...
+    def apply_transposed(self, _: Any, x: Any, y: Any) -> None: ...
 
 
 class Corotation:
@@ -61,7 +64,7 @@ class Corotation:
         if not self._possible:
             return
         space = parts[0].space
-        u = ufl.split(problem.w)[0]
+        u = problem.space.symbolic(Role.MOTION, problem.w)
         cell = getattr(basix.CellType, problem.mesh.topology.cell_name())
         middle = basix.geometry(cell).mean(axis=0, keepdims=True)
         self._gradient = compat.expression(ufl.grad(u), middle)
@@ -97,14 +100,23 @@ class Corotation:
     def apply(self, context: Any, x: Any, y: Any) -> None:
         """What PETSc calls to precondition."""
         assert self.factor
+        self._turned(self.factor.apply, x, y)
+
+    def applyTranspose(self, _: Any, x: Any, y: Any) -> None:
+        """What PETSc calls to precondition the transpose of the tangent."""
+        assert self.factor
+        self._turned(self.factor.apply_transposed, x, y)
+
+    def _turned(self, action: Callable[[Any, Any, Any], None], x: Any, y: Any) -> None:
+        """The action of a factor, turned by the rotation since it was made."""
         if self._turn is None:
-            self.factor.apply(context, x, y)
+            action(None, x, y)
             return
         back = x.duplicate()
         values = x.array_r.copy()
         values[self._rows] = np.einsum("nji,nj->ni", self._turn, values[self._rows])
         back.array[:] = values
-        self.factor.apply(context, back, y)
+        action(None, back, y)
         back.destroy()
         out = y.array
         out[self._rows] = np.einsum("nij,nj->ni", self._turn, out[self._rows])

@@ -1,8 +1,9 @@
 """What preconditions the linear solves: a kept factor of the whole tangent.
 
-`WholeFactor` is L D L^T of the whole tangent.  It is exact where it was made, and its pivots' signs
-are the tangent's inertia.  In single precision it costs half and serves as well to precondition,
-but its pivots tell nothing.  See `split_factor` for large problems in space.
+`WholeFactor` is L D L^T of the whole tangent, or L U where the tangent is not symmetric.  It is
+exact where it was made, and the signs of the pivots of L D L^T are the tangent's inertia.  In
+single precision it costs half and serves as well to precondition, but its pivots tell nothing.
+See `split_factor` for large problems in space.
 """
 
 from __future__ import annotations
@@ -43,18 +44,20 @@ A factorisation computes, an iteration reads: 20 operations a nanosecond, and 16
 
 @dataclass
 class Mumps:
-    """A symmetric factorisation by MUMPS.
+    """A factorisation by MUMPS: L D L^T, or L U of a matrix that is not symmetric.
 
     Parameters
     ----------
     matrix
-        The matrix, symmetric; `make` uses it up unless it is kept.
+        The matrix; `make` uses it up unless it is kept.
     icntl, cntl
         MUMPS's own controls, by number.
     single
         Whether to keep the factor in single precision, if this PETSc can.
     keep
         Whether the matrix is kept, to get other entries: the next `make` spares the analysis.
+    symmetric
+        Whether the matrix is symmetric.
     """
 
     matrix: Any
@@ -62,13 +65,14 @@ class Mumps:
     cntl: dict[int, float]
     single: bool = False
     keep: bool = False
+    symmetric: bool = True
     pc: Any = None
 
     def make(self) -> bool:
         """Factorise; False if MUMPS fails however much room it gets."""
         info = self._fill() if self.pc else TOO_LITTLE_ROOM[0]
         if info in TOO_LITTLE_ROOM:
-            self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+            self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, self.symmetric)
             for margin in WORKSPACE:
                 self.release()
                 self._set_up(margin)
@@ -94,7 +98,7 @@ class Mumps:
     def _set_up(self, margin: int) -> None:
         self.pc = pc = PETSc.PC().create(self.matrix.getComm())
         pc.setOperators(self.matrix)
-        pc.setType("cholesky")
+        pc.setType("cholesky" if self.symmetric else "lu")
         pc.setFactorSolverType("mumps")
         compat.set_precision(pc, self.single)
         pc.setFactorSetUpSolverType()
@@ -116,7 +120,7 @@ class Mumps:
 
     @property
     def negative(self) -> int:
-        """Number of negative pivots."""
+        """Number of negative pivots of L D L^T."""
         return self.pc.getFactorMatrix().getMumpsInfog(12)
 
     @property
@@ -135,6 +139,8 @@ class Mumps:
 
 class WholeFactor:
     """L D L^T of the whole tangent, which tells its inertia unless in single precision.
+
+    It is L U where the tangent is not symmetric; its pivots tell nothing of the eigenvalues.
 
     Parameters
     ----------
@@ -161,13 +167,16 @@ class WholeFactor:
             order = ordering(problem.unknowns, problem.scene.kinematics.dim)
             # 24: null pivots are detected, which makes the inertia right
             icntl = {24: 1, 7: order}
-            self._factor = Mumps(tangent, icntl, {}, self.single, self._keep)
+            symmetric = problem.forms.is_symmetric
+            self._factor = Mumps(tangent, icntl, {}, self.single, self._keep, symmetric)
         return self._factor.make()
 
     @property
-    def excess(self) -> int:
-        """Negative pivots beyond those of a stable state."""
+    def excess(self) -> int | None:
+        """Negative pivots beyond those of a stable state; None of an L U."""
         assert self._factor
+        if not self._factor.symmetric:
+            return None
         return self._factor.negative - self.problem.roles.expected_negative_pivots
 
     @property
@@ -180,6 +189,14 @@ class WholeFactor:
         """What PETSc calls to precondition."""
         assert self._factor
         self._factor.pc.apply(x, y)
+
+    def apply_transposed(self, _: Any, x: Any, y: Any) -> None:
+        """The same for the transpose of the tangent."""
+        assert self._factor
+        if self._factor.symmetric:
+            self._factor.pc.apply(x, y)
+        else:
+            self._factor.pc.applyTranspose(x, y)
 
     def make_room(self) -> None:
         """Let a large factor go before the next one's matrix is assembled."""

@@ -18,7 +18,8 @@ from dea_fenicsx.solvers.corotation import Corotation
 from dea_fenicsx.solvers.factors import WholeFactor
 from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.solvers.outcome import Counters, Inertia, Outcome
-from dea_fenicsx.solvers.split_factor import BLOCKS, SplitFactor
+from dea_fenicsx.solvers.refinement import Solution, solve_to
+from dea_fenicsx.solvers.split_factor import SPLIT_ROLES, SplitFactor
 from dea_fenicsx.solvers.tangent import MASS, Tangent
 from dea_fenicsx.support.compat import PETSc
 from dea_fenicsx.support.errors import InputError
@@ -103,17 +104,22 @@ class LinearSolver:
         """
         problem = self.problem
         small = problem.unknowns <= CHEAP_COUNT[problem.mesh.topology.dim]
-        return small and self._preferred is self._whole
+        return small and self._preferred is self._whole and problem.forms.is_symmetric
 
     def _splits(self) -> bool:
         """Whether the kept factor is a split one."""
         problem, choice = self.problem, self.options.factor
         discontinuous = problem.pressure_kind == "discontinuous"
-        possible = discontinuous and problem.roles.has <= set(BLOCKS)
+        symmetric = problem.forms.is_symmetric
+        possible = discontinuous and symmetric and problem.roles.has <= SPLIT_ROLES
         if choice == "split" and not possible:
+            why = (
+                "a discontinuous pressure, but it is continuous here" if not discontinuous
+                else "a symmetric tangent, but it is not symmetric here" if not symmetric
+                else "displacement, pressure, potential and internal fields, but there are others"
+            )
             raise InputError(
-                'NewtonOptions(factor="split") needs a discontinuous pressure, but it is '
-                'continuous here; take factor="whole".'
+                f'NewtonOptions(factor="split") needs {why}; take factor="whole".'
             )
         large = problem.scene.kinematics.dim == 3 and problem.unknowns >= LARGE
         return choice == "split" or (choice == "auto" and possible and large)
@@ -124,9 +130,12 @@ class LinearSolver:
         return WholeFactor(self.problem, True) if choice == "single" or large else self._whole
 
     def linear_solve(
-        self, rhs: np.ndarray, rtol: float, patient: bool = False
+        self, rhs: np.ndarray, rtol: float, patient: bool = False, transposed: bool = False
     ) -> np.ndarray | None:
-        """Solve for the increment; renew the factor where the old one no longer serves."""
+        """Solve for the increment; renew the factor where the old one no longer serves.
+
+        With `transposed` the transpose of the tangent is solved with.
+        """
         fresh = False
         stale = self._stale and not (patient and self._corotation.factor)
         if stale or not self.options.keep_factor:
@@ -134,7 +143,7 @@ class LinearSolver:
                 return None
             fresh = True
         for _ in range(3):
-            solution, iterations = self._krylov(rhs, rtol)
+            solution, iterations = self._krylov(rhs, rtol, transposed)
             if solution is not None:
                 self._judge_factor(iterations, rtol)
                 return solution
@@ -195,13 +204,17 @@ class LinearSolver:
     def refresh_inertia(self, last: bool = False) -> None:
         """Factorise the tangent at the problem's present state, to know its inertia.
 
-        Where the kept factor is a split one, a cheaper count may prove that the state is stable.
+        A tangent that is not symmetric has none, and is not factorised.  Where the kept factor is a
+        split one, a cheaper count may prove that the state is stable.
 
         Parameters
         ----------
         last
             The kept factor is not needed any more, and makes room.
         """
+        if not self.problem.forms.is_symmetric:
+            self.inertia = Inertia()
+            return
         if last:
             self._factor.make_room()
             self._corotation.factor = None
@@ -222,11 +235,42 @@ class LinearSolver:
         self.counters.factor_s += time.perf_counter() - start
         return found == 0
 
+    def solve_transposed(self, rhs: np.ndarray, rtol: float = 1e-10) -> Solution | None:
+        """Solve with the transpose of the tangent at the problem's present state.  Collective.
+
+        Parameters
+        ----------
+        rhs
+            Right-hand side in the free unknowns (owned).
+        rtol
+            Wanted size of the residual, relative to the right-hand side.
+
+        Returns
+        -------
+        Solution or None
+            What was found, with the residual that it has; None if nothing was.
+        """
+        tangent = self.tangent
+        transposed = not tangent.is_symmetric
+
+        def solve(rest: np.ndarray, share: float) -> np.ndarray | None:
+            return self.linear_solve(rest, share, transposed=transposed)
+
+        return solve_to(rhs, rtol, solve, tangent.times_transposed, self.problem.comm)
+
+    def ready_factor(self) -> bool:
+        """Make a factor if there is none that serves; False if MUMPS fails.  Collective."""
+        if self._stale or self._corotation.factor is None:
+            return self._factorise(self._preferred)
+        return True
+
     def forget_factor(self) -> None:
         """Make a new factor at the next solve: the kept one belongs to a state far off."""
         self._stale = True
 
-    def _krylov(self, rhs: np.ndarray, rtol: float) -> tuple[np.ndarray | None, int]:
+    def _krylov(
+        self, rhs: np.ndarray, rtol: float, transposed: bool = False
+    ) -> tuple[np.ndarray | None, int]:
         """GMRES on the tangent with the kept factor; None if it does not converge."""
         self.notify("solving")
         start = time.perf_counter()
@@ -235,7 +279,7 @@ class LinearSolver:
         ksp.setTolerances(rtol=rtol, atol=0.0, max_it=2 * self.options.krylov_limit)
         x, b = self.tangent.operator.createVecs()
         b.array[:] = rhs
-        ksp.solve(b, x)
+        (ksp.solveTranspose if transposed else ksp.solve)(b, x)
         iterations = ksp.getIterationNumber()
         self.counters.krylov += iterations
         solution = x.array_r.copy() if ksp.getConvergedReason() > 0 else None

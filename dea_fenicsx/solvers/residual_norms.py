@@ -185,7 +185,7 @@ class References:
             moduli[on] = np.maximum(moduli[on], value)
         here, sizes = problem.state, []
         for pressure in (np.full(len(moduli), SMALL), ROUNDING * moduli):
-            values = np.zeros(problem.size)
+            values = problem.space.at_rest.copy()
             values[part.dofs] = pressure
             with problem.at(here.with_values(values)):
                 problem.w.x.scatter_forward()

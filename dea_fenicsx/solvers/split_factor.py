@@ -6,13 +6,13 @@
     T = | B   -C    0  |          p, pressure, discontinuous
         | G    0   -K  |          phi, potential
 
-In incompressible regions C = 0.  The preconditioner puts a compressibility M/(KAPPA mu) in its
-place, with which p goes cell by cell; then phi and u are solved in turn, each by a factor of its
-own: S = A + B^T C^-1 B for u, K for phi.  What that leaves out is the coupling G^T K^-1 G in S and
-1/KAPPA of the pressure, and GMRES on the true tangent makes up for both in a few iterations.  The
-factor of S has a third of the entries of the whole one, needs no pivoting, and bears compression:
-its blocks far from the diagonal are kept at low rank (Amestoy et al. 2019), and where PETSc can,
-all of it in single precision.
+In incompressible regions C = 0.  Internal fields belong to the block of u.  The preconditioner
+puts a compressibility M/(KAPPA mu) in the place of C, with which p goes cell by cell; then phi and
+u are solved in turn, each by a factor of its own: S = A + B^T C^-1 B for u, K for phi.  What that
+leaves out is the coupling G^T K^-1 G in S and 1/KAPPA of the pressure; GMRES on the true tangent
+makes up for both in a few iterations.  The factor of S has a third of the entries of the whole one,
+needs no pivoting, and bears compression: its blocks far from the diagonal are kept at low rank
+(Amestoy et al. 2019), and where PETSc can, all of it in single precision.
 """
 
 from __future__ import annotations
@@ -51,6 +51,9 @@ LOW_RANK_FROM = 60_000
 U, P, PHI = BLOCKS = (Role.MOTION, Role.MULTIPLIER, Role.POTENTIAL)
 """The blocks of the tangent."""
 
+SPLIT_ROLES = frozenset({*BLOCKS, Role.INTERNAL})
+"""Roles of the fields that a split factor can take."""
+
 
 class SplitFactor:
     """Factors of the displacement's and the potential's block, with the pressure condensed.
@@ -67,6 +70,11 @@ class SplitFactor:
         self._blocks: dict[str, Any] = {}
         self._offset = problem.comm.exscan(len(problem.free)) or 0
         self._on = {role: problem.roles.free(role) for role in BLOCKS if problem.space.of(role)}
+        inner = problem.roles.free(Role.INTERNAL)
+        self._on[U] = np.sort(np.concatenate([self._on[U], inner]).astype(np.int64))
+        self._negative_in = {
+            role: _negative_unknowns(problem, role) for role in (U, PHI, Role.INTERNAL)
+        }
         self._rows = {name: self._index_set(on) for name, on in self._on.items()}
         self._vectors: dict[Role, tuple[Any, Any]] = {}
         self._cells, self._softness = _pressure_cells(problem)
@@ -129,7 +137,7 @@ class SplitFactor:
         # a body that is held at points has eigenvalues far below its cells', not to be lost
         factor = _definite(matrix, 0.1 * LOW_RANK, single=False)
         made = factor.make()
-        expected = self.problem.roles.count(PHI) if PHI in names else 0
+        expected = sum(self._negative_in[role] for role in (*names, Role.INTERNAL))
         found = factor.negative - expected if made else None
         factor.release()
         return found
@@ -193,6 +201,10 @@ class SplitFactor:
             self._factors[PHI].pc.apply(rphi, phi)
             out[on[PHI]] = phi.array_r
 
+    def apply_transposed(self, context: Any, x: Any, y: Any) -> None:
+        """The same, for it is made only of symmetric tangents."""
+        self.apply(context, x, y)
+
     def make_room(self) -> None:
         """Let the factors go before the next one's matrix is assembled."""
         self.release()
@@ -206,6 +218,15 @@ class SplitFactor:
         for block in self._blocks.values():
             block.destroy()
         self._factors, self._blocks, self._vectors = {}, {}, {}
+
+
+def _negative_unknowns(problem: Problem, role: Role) -> int:
+    """Negative eigenvalues of a stable state's tangent that belong to a role's fields."""
+    groups = problem.space.groups().items()
+    return sum(
+        problem.roles.counts[name] for name, fields in groups
+        if fields[0].role is role and fields[0].negative
+    )  # fmt: skip
 
 
 def _condensed(block: Any, from_p: Any, inverse: Any, to_p: Any) -> Any:

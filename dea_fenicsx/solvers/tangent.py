@@ -48,6 +48,11 @@ class _Product:
         assert tangent
         y.array[:] = tangent.times(x.array_r)
 
+    def multTranspose(self, _: Any, x: Any, y: Any) -> None:
+        tangent = self.tangent()
+        assert tangent
+        y.array[:] = tangent.times_transposed(x.array_r)
+
 
 class Tangent:
     """The tangent of a problem at its present state.
@@ -80,6 +85,7 @@ class Tangent:
             (n, n), context=_Product(weakref.ref(self)), comm=problem.comm
         )
         self.operator.setUp()
+        self._transposed: tuple[Any, Any] | None = None
         self._loads: dict[str, np.ndarray] = {}
         self._masses = scalar_masses(problem)
         self._kept: tuple[Any, Any] = None, None
@@ -92,7 +98,31 @@ class Tangent:
     def times(self, direction: np.ndarray) -> np.ndarray:
         """Product with a vector of the free unknowns; both owned.  Collective."""
         self.problem.spread(direction, self._along)
-        product = self.problem.restrict(self._along_times())
+        return self._with_springs(self._along_times(), direction)
+
+    def times_transposed(self, direction: np.ndarray) -> np.ndarray:
+        """Product of the transpose with a vector of the free unknowns; both owned.  Collective."""
+        if self.is_symmetric:
+            return self.times(direction)
+        if self._transposed is None:
+            problem = self.problem
+            trial = ufl.TrialFunction(problem.W)
+            adjoint = ufl.adjoint(ufl.derivative(problem.forms.residual, problem.w, trial))
+            form = compat.compile_form(ufl.action(adjoint, self._along))
+            self._transposed = form, compat.create_vector(form)
+        self.problem.spread(direction, self._along)
+        form, product = self._transposed
+        return self._with_springs(assembled(product, form), direction)
+
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether it is symmetric to rounding, free edges under a follower pressure included."""
+        forms = self.problem.forms
+        return forms.is_symmetric and not forms.loads.following
+
+    def _with_springs(self, product: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """A product at all owned unknowns in the free rows, with that of the springs."""
+        product = self.problem.restrict(product)
         springs = self.problem.springs
         stiffness = self.problem.turning.stiffness(springs, self.problem.factors)
         product[springs.rows] += stiffness * direction[springs.rows]
@@ -187,9 +217,9 @@ def scalar_masses(problem: Problem) -> np.ndarray:
     lumped = dolfinx.fem.Function(problem.W)
     for field in problem.space.fields:
         for name, material in problem.parameters.materials.items():
-            weight = field.mass(material, problem.scales) if field.mass else None
-            if weight is None:
+            if field.mass is None or not field.lives_in(name):
                 continue
+            weight = field.mass(material, problem.scales)
             cells = device.cells_of(name)
             cells = cells[cells < device.owned_cells()]
             for part in problem.space.parts[field.name].values():

@@ -30,6 +30,7 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
+from dea_fenicsx.support.errors import MachineError
 from dea_fenicsx.support.form_cache import cache_dir, compiling
 
 __all__ = ["PETSc", "collapse", "compile_form", "coordinate_element", "create_vector", "dolfinx",
@@ -102,6 +103,24 @@ def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any, Any]
     partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
     mesh, cells, facets = gmshio.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner)
     return mesh, cells, facets
+
+
+def slepc() -> Any:
+    """SLEPc, which few runs need: it is imported at the first call.  Collective.
+
+    Raises
+    ------
+    MachineError
+        If it is not installed.
+    """
+    try:
+        from slepc4py import SLEPc
+    except ImportError as error:
+        raise MachineError(
+            "Eigenvalues are found by slepc4py, which is not installed; on Debian it is the "
+            "package python3-slepc4py, and the wheel dolfinx-solver-real brings it along."
+        ) from error
+    return SLEPc
 
 
 class _StripVariables(MultiFunction):

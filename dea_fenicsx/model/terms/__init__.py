@@ -1,4 +1,4 @@
-"""Terms of the energy: each a class in a file of its own.
+"""Terms of the energy and of the virtual work: each a class in a file of its own.
 
 A term says on which kernels it lives, whether its tangent is symmetric, whether it couples unknowns
 of different cells, and which history it keeps.  `terms_of` is the list of those of a scene; the
@@ -6,15 +6,15 @@ virtual work of loads on surfaces is in `scene.declarations` and `model.loads`.
 """
 
 from dea_fenicsx.model.terms.augmentation import Augmentation
-from dea_fenicsx.model.terms.base import EnergyTerm
+from dea_fenicsx.model.terms.base import EnergyTerm, Term, WorkTerm
 from dea_fenicsx.model.terms.dielectric import Dielectric
 from dea_fenicsx.model.terms.elastic import Elasticity
 from dea_fenicsx.model.terms.incompressibility import Volume
 from dea_fenicsx.scene.scene import Scene
 
-__all__ = ["EnergyTerm", "terms_of"]
+__all__ = ["EnergyTerm", "Term", "WorkTerm", "terms_of"]
 
 
-def terms_of(scene: Scene) -> list[EnergyTerm]:
-    """The terms of a scene's energy, in the order in which they are added up."""
+def terms_of(scene: Scene) -> list[Term]:
+    """The terms of a scene, in the order in which they are added up."""
     return [Elasticity(), Volume(), Augmentation(scene.elements.augmentation), Dielectric()]

@@ -1,16 +1,17 @@
-"""What every term of the energy is."""
+"""What every term of the energy or of the virtual work is."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 from dea_fenicsx.model.kernels import Kernel
 from dea_fenicsx.model.material_point import MaterialPoint
 
 
-class EnergyTerm(ABC):
-    """A term of the energy per undeformed volume.
+class Term(ABC):
+    """A term of the energy or of the virtual work, per undeformed volume.
 
     Attributes
     ----------
@@ -22,11 +23,13 @@ class EnergyTerm(ABC):
     stored_sign
         1 where the energy that is stored is the term itself, -1 where it is minus the term.
     symmetric
-        Whether its tangent is symmetric; that of an energy always is.
+        Whether its tangent is symmetric.
     couples_cells
         Whether it couples unknowns that share no cell, so that the tangent's pattern changes.
     history
         Names of what it keeps from one accepted state to the next.
+    fields
+        Names of fields that it needs: it acts only where all of them live.
     """
 
     name: ClassVar[str]
@@ -35,11 +38,36 @@ class EnergyTerm(ABC):
     symmetric: ClassVar[bool] = True
     couples_cells: ClassVar[bool] = False
     history: ClassVar[tuple[str, ...]] = ()
+    fields: ClassVar[tuple[str, ...]] = ()
 
     def lives_on(self, kernel: Kernel) -> bool:
         """Whether it acts on the regions of a kernel."""
-        return True
+        return set(self.fields) <= set(kernel.fields)
+
+
+class EnergyTerm(Term):
+    """A term of the energy; its tangent is symmetric."""
 
     @abstractmethod
     def density(self, at: MaterialPoint) -> Any:
         """Energy per undeformed volume, dimensionless, symbolic."""
+
+
+Variation = Callable[[Any], Any]
+"""Gives the variation of an expression in the fields: ``virtual(at.F)`` is that of F."""
+
+
+class WorkTerm(Term):
+    """A term of the virtual work that is no variation of an energy.
+
+    It adds to the variation of the energy.  So a stress P gives P : virtual(F), and a body force b
+    per undeformed volume, which acts from outside, gives -b . virtual(u).  Reactions contain it;
+    the written Cauchy stress is that of the energy alone.  It may not depend on the factor of a
+    pre-stretch.
+    """
+
+    symmetric: ClassVar[bool] = False
+
+    @abstractmethod
+    def work(self, at: MaterialPoint, virtual: Variation) -> Any:
+        """Virtual work per undeformed volume, dimensionless, symbolic, linear in the variation."""

@@ -6,7 +6,6 @@ from typing import Any
 
 import ufl
 
-from dea_fenicsx.model.kernels import Kernel
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.terms.base import EnergyTerm
 
@@ -15,11 +14,9 @@ class Dielectric(EnergyTerm):
     """- 1/2 eps J |F^-T E|^2, where E = - Grad phi; the true field is F^-T E."""
 
     name = "dielectric"
+    fields = ("phi",)
     stored_as = "electric"
     stored_sign = -1  # at given voltages the term is minus the energy of the field
-
-    def lives_on(self, kernel: Kernel) -> bool:
-        return kernel.eps is not None
 
     def density(self, at: MaterialPoint) -> Any:
         pulled, eps = at.cofactor_field, at.kernel.eps
