@@ -20,7 +20,7 @@ A ramp's factor multiplies each value; where the ramp is None, the value is 0 at
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
@@ -30,6 +30,14 @@ import ufl
 
 class Declaration:
     """Base of all declarations."""
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        """How much is driven at ramp factor 1: the numbers of each quantity, in SI units.
+
+        A run that starts from a state of another one finds by them at which factor a ramp drives
+        as much as it did there.  Nothing where the amount is no number.
+        """
+        return {}
 
 
 @dataclass(frozen=True)
@@ -60,6 +68,11 @@ class FixedDisplacement(Declaration):
     about: float | None = None
     ramp: str | None = None
 
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        if self.growth is not None:
+            return {"stretch beyond 1": (self.growth,)}
+        return {} if callable(self.metres) else {"metres": (self.metres,)}
+
 
 @dataclass(frozen=True)
 class HeldRigidMotions(Declaration):
@@ -76,6 +89,10 @@ class InitialStretch(Declaration):
     regions: tuple[str, ...]
     stretches: tuple[float, float, float]
     ramp: str
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        """Logarithms, since the ramp's factor is the power of each stretch."""
+        return {"logarithms of stretches": tuple(float(np.log(s)) for s in self.stretches)}
 
 
 class GlobalUnknown(NamedTuple):
@@ -111,6 +128,9 @@ class FixedGlobal(Declaration):
     value: float
     ramp: str
 
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        return {self.unknown.name: (self.value,)}
+
 
 @dataclass(frozen=True)
 class GlobalForce(Declaration):
@@ -119,6 +139,9 @@ class GlobalForce(Declaration):
     unknown: GlobalUnknown
     amount: float
     ramp: str
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        return {f"force on the {self.unknown.name}": (self.amount,)}
 
 
 # --------------------------------------------------------------------- loads on surfaces
@@ -198,6 +221,9 @@ class DeadTraction(SurfaceWork):
 
     pascal: tuple[float, ...]
 
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        return {"pascal": self.pascal}
+
     def density(self, at: SurfaceFields) -> Any:
         return ufl.dot(at.stress(self.pascal), at.virtual)
 
@@ -213,6 +239,9 @@ class _Pressure(SurfaceWork):
     pascal: float
     on: str | None = None
     one_side = True
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        return {"pascal": (self.pascal,)}
 
     @property
     def pressed_region(self) -> str | None:
