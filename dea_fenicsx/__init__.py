@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         Potential,
         Reaction,
     )
+    from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.mesh.device import Device, read_gmsh
     from dea_fenicsx.path.items import Ramp, Trace
@@ -86,6 +87,7 @@ if TYPE_CHECKING:
         Stretch,
         Twist,
     )
+    from dea_fenicsx.scene.rigid import Moment, Rigid, Turn
     from dea_fenicsx.scene.scene import Scene
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
     from dea_fenicsx.solvers.options import NewtonOptions
@@ -104,6 +106,7 @@ _HOME = {
     "scene.elements": ("Discretisation",),
     "scene.loads": ("AxialForce", "DeadLoad", "DeadPressure", "FollowerPressure", "Torque"),
     "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),
+    "scene.rigid": ("Moment", "Rigid", "Turn"),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
     "support.errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
@@ -127,6 +130,7 @@ _HOME = {
         "OverallContraction", "OverallForce", "OverallStretch", "OverallTorque", "OverallTwist",
     ),
     "results.reading": ("read_history", "read_summary"),
+    "measure.rigid_part": ("PartRotation",),
     "measure.rotation": ("BendingAngle", "Rotation"),
     "results.folder": ("Run",),
     "run.session": ("solve",),

@@ -61,6 +61,10 @@ class Problem:
         The pressure, and the potential or None.
     free, fixed
         Owned local degrees of freedom that are unknowns, and that are fixed, sorted.
+    rigid
+        The rigid parts.
+    shown
+        Grows whenever the problem goes to another state.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -94,14 +98,27 @@ class Problem:
         self.potential = space.single(Role.POTENTIAL)
         self.pressure_kind = pressure_kind(self.scene)
         self.free, self.fixed = conditions.free, conditions.fixed
-        self.expansion = conditions.expansion
+        self.rigid = conditions.rigid
         self.unknowns, self.roles = conditions.unknowns, conditions.roles
         self.turning, self.loads = conditions.turning, forms.loads
         self.kernels, self.states = forms.kernels, forms.points
         self._step = dolfinx.fem.Function(self.W)
         self._b: Any = None
-        if self.expansion is not None:
-            self._few, self._all = self.expansion.createVecs()
+        self.shown, self._expanded = 0, 0
+        if conditions.expansion is not None:
+            self._few, self._all = conditions.expansion.createVecs()
+
+    @property
+    def expansion(self) -> Any:
+        """PETSc matrix from the free unknowns to all owned ones, or None.  Collective.
+
+        It is the derivative of what follows other unknowns, in the present state.
+        """
+        found = self.conditions.expansion
+        if self.rigid and self._expanded != self.shown:
+            self.rigid.fill(found, self.w.x.array)
+            self._expanded = self.shown
+        return found
 
     @property
     def overall(self) -> dict[str, Component]:
@@ -131,12 +148,18 @@ class Problem:
 
     def show(self, state: State) -> None:
         """Go to a state, for a search inside of `at`, which comes back."""
-        self.w.x.array[:] = state.values
+        self._place(state.values)
         self.factors = state.factors
         self._history = state.history
         self.springs = self.turning.springs_of(state)
         for ramp, constant in self.loads.factors.items():
             constant.value = state.factors[ramp]
+
+    def _place(self, values: np.ndarray) -> None:
+        """Go to some values of the unknowns; the nodes of rigid parts follow theirs."""
+        self.w.x.array[:] = values
+        self.rigid.place(self.w.x.array)
+        self.shown += 1
 
     def under(self, state: State, factors: Mapping[str, float]) -> State:
         """The unknowns of a state under another load, fixed values left as they are.  Collective.
@@ -154,6 +177,7 @@ class Problem:
         values = state.values.copy()
         fixed = self.conditions.fixed_values.fixed
         values[fixed] = self.conditions.fixed_values.values(state.factors)[fixed]
+        self.rigid.place(values)
         return state.with_values(values)
 
     def anchored(self, state: State) -> State:
@@ -166,12 +190,14 @@ class Problem:
     def add_free(self, increment: np.ndarray) -> None:
         """Add an increment to the free unknowns (owned) and update what follows them."""
         self.spread(increment, self._step)
-        self.w.x.array[:] += self._step.x.array
+        self._place(self.w.x.array + self._step.x.array)
 
     def moved(self, state: State, increment: np.ndarray) -> State:
         """The state with an increment of the free unknowns (owned).  Collective."""
         self.spread(increment, self._step)
-        return state.with_values(state.values + self._step.x.array)
+        values = state.values + self._step.x.array
+        self.rigid.place(values)
+        return state.with_values(values)
 
     def spread(self, values: np.ndarray, into: Any) -> None:
         """Lay out free unknowns (owned) and what follows them; fixed ones become 0.  Collective."""

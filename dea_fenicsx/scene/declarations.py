@@ -1,7 +1,7 @@
 """What a condition means for a problem, in a small vocabulary that scene and model share.
 
 A condition of the scene (a support, a prescribed motion, a load, an electrode) returns a list of
-these declarations; the model reads them and knows no condition.  There are eight:
+these declarations; the model reads them and knows no condition:
 
 =====================  =========================================================================
 `FixedDisplacement`    displacement of a facet group along one axis
@@ -11,6 +11,9 @@ these declarations; the model reads them and knows no condition.  There are eigh
 `GlobalForce`          what does work on such an unknown
 `SurfaceWork`          virtual work of a load on a facet group: `DeadTraction`, `DeadNormalPressure`
                        and `FollowingPressure`
+`RigidSurface`         nodes of a facet group that move as one body
+`RigidAngle`           angle by which such a body is turned
+`RigidMoment`          moment on such a body
 `FixedPotential`       potential of an electrode
 `FloatingPotential`    one unknown potential for an electrode of given charge
 =====================  =========================================================================
@@ -142,6 +145,46 @@ class GlobalForce(Declaration):
 
     def amounts(self) -> Mapping[str, tuple[float, ...]]:
         return {f"force on the {self.unknown.name}": (self.amount,)}
+
+
+# ------------------------------------------------------------------------- rigid parts
+
+
+@dataclass(frozen=True)
+class RigidSurface(Declaration):
+    """The nodes of a facet group move as one body, along none of the axes that are held."""
+
+    surface: str
+    held: str = ""
+
+    @property
+    def field(self) -> str:
+        """Name of the field of its unknowns."""
+        return f"rigid {self.surface}"
+
+
+@dataclass(frozen=True)
+class RigidAngle(Declaration):
+    """Angle in rad, at ramp factor 1, by which a rigid surface is turned; it has no limit."""
+
+    surface: str
+    radians: float
+    ramp: str
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        return {"radians": (self.radians,)}
+
+
+@dataclass(frozen=True)
+class RigidMoment(Declaration):
+    """Moment in N m on a rigid surface at ramp factor 1."""
+
+    surface: str
+    newton_metres: float
+    ramp: str
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        return {"newton metres": (self.newton_metres,)}
 
 
 # --------------------------------------------------------------------- loads on surfaces
