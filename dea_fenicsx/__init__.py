@@ -50,6 +50,7 @@ if TYPE_CHECKING:
         Reaction,
     )
     from dea_fenicsx.measure.point import AtPoint
+    from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.mesh.device import Device, read_gmsh
     from dea_fenicsx.path.items import Ramp, Trace
@@ -88,6 +89,7 @@ if TYPE_CHECKING:
         Stretch,
         Twist,
     )
+    from dea_fenicsx.scene.rigid import Moment, Rigid, Turn
     from dea_fenicsx.scene.scene import Scene
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
     from dea_fenicsx.solvers.options import NewtonOptions
@@ -106,6 +108,7 @@ _HOME = {
     "scene.elements": ("Discretisation",),
     "scene.loads": ("AxialForce", "DeadLoad", "DeadPressure", "FollowerPressure", "Torque"),
     "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),
+    "scene.rigid": ("Moment", "Rigid", "Turn"),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
     "support.errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
@@ -131,6 +134,7 @@ _HOME = {
     "results.reading": ("read_history", "read_summary"),
     "measure.energy": ("Energy",),
     "measure.point": ("AtPoint",),
+    "measure.rigid_part": ("PartRotation",),
     "measure.rotation": ("BendingAngle", "Rotation"),
     "results.folder": ("Run",),
     "run.session": ("solve",),

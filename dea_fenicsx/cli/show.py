@@ -144,8 +144,14 @@ def summary(folder: Path, history: dict[str, np.ndarray]) -> str:
     columns = [n for n in columns if history[n].dtype.kind == "f"]
     status = clean(told.get("status", "no summary.json"), 60)
     steps = len(next(iter(history.values()))) - 1
-    head = f"{clean(folder, LONGEST_PATH)}: {status}, {steps} steps after the undeformed state"
-    lines = [head]
+    start = told.get("start")
+    begun = "its start" if isinstance(start, dict) else "the undeformed state"
+    lines = [f"{clean(folder, LONGEST_PATH)}: {status}, {steps} steps after {begun}"]
+    if isinstance(start, dict):
+        where = start.get("folder") or "a run without a folder"
+        step = start.get("step")
+        told_step = f"step {step} of " if isinstance(step, int) else ""
+        lines.append(f"  started from {told_step}{clean(where, LONGEST_PATH)}")
     if told.get("message"):
         lines.append(f"  {clean(told['message'], 1000)}")
     with suppress(KeyError, TypeError, ValueError, OverflowError):

@@ -19,11 +19,13 @@ from dea_fenicsx.model.fixed_values import (
 )
 from dea_fenicsx.model.orientation_springs import Turning
 from dea_fenicsx.model.rigid_motions import check_rigid
+from dea_fenicsx.model.rigid_parts import RigidParts
 from dea_fenicsx.model.roles import Roles
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.tied_unknowns import (
     Group,
     Pairs,
+    columns,
     expansion,
     floating_groups,
     followers,
@@ -49,6 +51,8 @@ class Conditions:
         Degrees of freedom of each electrode, by its label: all owned ones, and ghosts.
     pairs
         What ties the two ends of a helical cell, or None.
+    rigid
+        The rigid parts, whose nodes follow a translation and an angle.
     groups
         Degrees of freedom that share a value, with what works on them.
     free, fixed
@@ -57,7 +61,7 @@ class Conditions:
         The unknowns by the role of their fields.
     expansion
         PETSc matrix from the free unknowns to all owned degrees of freedom where some follow
-        others, or None.
+        others, or None.  With rigid parts it is that of the undeformed state at first.
     turning
         What keeps a free body's orientation where no dead load gives it one.
     unknowns
@@ -71,7 +75,9 @@ class Conditions:
         values = self.fixed_values = Constraints(space.size)
         apply_supports(scene, motion, values)
         apply_overall(scene, space.parts.get("global", {}), values)
-        check_rigid(scene, motion, values.fixed, values.released if values.turns else None)
+        self.rigid = RigidParts(scene, motion, space.parts, space.rows)
+        given = self.rigid.fix(scene, values)
+        check_rigid(scene, motion, values.fixed | given, values.released if values.turns else None)
         apply_regions(scene, space.fields, space.parts, values)
         space.at_rest[values.fixed] = 0.0
         self.electrode_dofs: dict[str, np.ndarray] = {}
@@ -83,17 +89,25 @@ class Conditions:
         self.groups: list[Group] = [
             *floating_groups(scene, scales.charge, self.electrode_dofs, space.rows),
             *global_groups(scene, scales, space.parts.get("global", {}), values, space.rows),
+            *self.rigid.groups(scene, scales, values),
         ]
         fixed = values.fixed[: space.owned]
-        follower = followers(self.groups, self.pairs, fixed)
+        follower = followers(self.groups, self.pairs, fixed) | self.rigid.followers(space.owned)
         self.free = np.flatnonzero(~fixed & ~follower).astype(np.int32)
         self.fixed = np.flatnonzero(fixed).astype(np.int32)
         self.turning = Turning(scene, motion, values, self.free)
         self.roles = Roles(space, self.free, comm)
         self.unknowns: int = comm.allreduce(len(self.free), op=MPI.SUM)
         self.expansion: Any = None
-        if self.groups or self.pairs is not None:
-            self.expansion = expansion(self.free, self.groups, self.pairs, space.rows)
+        if self.groups or self.pairs is not None or self.rigid:
+            self.expansion = self._expansion(space)
+
+    def _expansion(self, space: Unknowns) -> Any:
+        ties = self.free, self.groups, self.pairs, space.rows
+        if not self.rigid:
+            return expansion(*ties)
+        self.rigid.number(columns(*ties))
+        return expansion(*ties, lambda P: self.rigid.fill(P, np.zeros(space.size)))
 
     def _tie_ends(self, scene: Scene, motion: Sequence[Component]) -> Pairs | None:
         """Tie the upper end of a periodic cell to the lower one, fixed values included.

@@ -16,6 +16,8 @@ import basix.ufl
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.scales import Scales
+from dea_fenicsx.scene.condition import declared
+from dea_fenicsx.scene.declarations import RigidSurface
 from dea_fenicsx.scene.scene import SIMPLICES, Scene
 
 
@@ -114,6 +116,10 @@ def declared_fields(scene: Scene) -> list[Field]:
         found.append(
             Field("global", basix.ufl.element("DG", cell, 0, shape=shape), Role.GLOBAL, names)
         )
+    for _, part in declared(scene.supports, scene, RigidSurface):
+        names = (*axes, "angle")
+        element = basix.ufl.element("DG", cell, 0, shape=(len(names),))
+        found.append(Field(part.field, element, Role.GLOBAL, names))
     return found
 
 

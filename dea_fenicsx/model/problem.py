@@ -63,6 +63,10 @@ class Problem:
         Owned local degrees of freedom that are unknowns, and that are fixed, sorted.
     handed_out
         Whether a script may hold it, so that no other run may use it.
+    rigid
+        The rigid parts.
+    shown
+        Grows whenever the problem goes to another state.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -86,7 +90,8 @@ class Problem:
             scene, self.scales, self.displacement, self.conditions.fixed_values,
             list(self.forms.loads.unit_work), self.forms.load_vector,
         )  # fmt: skip
-        self.commit(self.anchored(self.state.with_values(self.space.at_rest.copy())))
+        self._rest = self.anchored(self.state.with_values(self.space.at_rest.copy()))
+        self.commit(self._rest)
 
     def _name_parts(self) -> None:
         """Short names for what is asked for most."""
@@ -97,14 +102,27 @@ class Problem:
         self.potential = space.single(Role.POTENTIAL)
         self.pressure_kind = pressure_kind(self.scene)
         self.free, self.fixed = conditions.free, conditions.fixed
-        self.expansion = conditions.expansion
+        self.rigid = conditions.rigid
         self.unknowns, self.roles = conditions.unknowns, conditions.roles
         self.turning, self.loads = conditions.turning, forms.loads
         self.kernels, self.states = forms.kernels, forms.points
         self._step = dolfinx.fem.Function(self.W)
         self._b: Any = None
-        if self.expansion is not None:
-            self._few, self._all = self.expansion.createVecs()
+        self.shown, self._expanded = 0, 0
+        if conditions.expansion is not None:
+            self._few, self._all = conditions.expansion.createVecs()
+
+    @property
+    def expansion(self) -> Any:
+        """PETSc matrix from the free unknowns to all owned ones, or None.  Collective.
+
+        It is the derivative of what follows other unknowns, in the present state.
+        """
+        found = self.conditions.expansion
+        if self.rigid and self._expanded != self.shown:
+            self.rigid.fill(found, self.w.x.array)
+            self._expanded = self.shown
+        return found
 
     @property
     def overall(self) -> dict[str, Component]:
@@ -134,12 +152,18 @@ class Problem:
 
     def show(self, state: State) -> None:
         """Go to a state, for a search inside of `at`, which comes back."""
-        self.w.x.array[:] = state.values
+        self._place(state.values)
         self.factors = state.factors
         self._history = state.history
         self.springs = self.turning.springs_of(state)
         for ramp, constant in self.loads.factors.items():
             constant.value = state.factors[ramp]
+
+    def _place(self, values: np.ndarray) -> None:
+        """Go to some values of the unknowns; the nodes of rigid parts follow theirs."""
+        self.w.x.array[:] = values
+        self.rigid.place(self.w.x.array)
+        self.shown += 1
 
     def under(self, state: State, factors: Mapping[str, float]) -> State:
         """The unknowns of a state under another load, fixed values left as they are.  Collective.
@@ -157,6 +181,7 @@ class Problem:
         values = state.values.copy()
         fixed = self.conditions.fixed_values.fixed
         values[fixed] = self.conditions.fixed_values.values(state.factors)[fixed]
+        self.rigid.place(values)
         return state.with_values(values)
 
     def anchored(self, state: State) -> State:
@@ -169,20 +194,20 @@ class Problem:
     def add_free(self, increment: np.ndarray) -> None:
         """Add an increment to the free unknowns (owned) and update what follows them."""
         self.spread(increment, self._step)
-        self.w.x.array[:] += self._step.x.array
+        self._place(self.w.x.array + self._step.x.array)
 
     def reuse(self, scene: Scene) -> None:
-        """Take the constants of a scene that differs by them alone, and go back to rest."""
+        """Take the constants of a scene that differs by them alone, and go back to the start."""
         self.parameters.take(scene.materials)
         self.scene = scene
-        zero = dict.fromkeys(scene.ramps, 0.0)
-        rest = State(np.zeros(self.size), self.factors | zero)
-        self.commit(self.anchored(rest))
+        self.commit(self._rest)
 
     def moved(self, state: State, increment: np.ndarray) -> State:
         """The state with an increment of the free unknowns (owned).  Collective."""
         self.spread(increment, self._step)
-        return state.with_values(state.values + self._step.x.array)
+        values = state.values + self._step.x.array
+        self.rigid.place(values)
+        return state.with_values(values)
 
     def spread(self, values: np.ndarray, into: Any) -> None:
         """Lay out free unknowns (owned) and what follows them; fixed ones become 0.  Collective."""

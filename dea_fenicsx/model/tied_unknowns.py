@@ -6,7 +6,7 @@ periodic end are compared, and those by the rank that owns the node.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -246,10 +246,10 @@ def followers(groups: list[Group], pairs: Pairs | None, fixed: np.ndarray) -> np
     return found
 
 
-def expansion(
+def columns(
     free: np.ndarray, groups: list[Group], pairs: Pairs | None, rows: Rows
-) -> PETSc.Mat:
-    """Matrix from the free unknowns to all owned degrees of freedom; rows of fixed ones are 0."""
+) -> np.ndarray:
+    """Number over all ranks of the free unknown that each owned one follows; -1 for fixed ones."""
     offset = rows.comm.exscan(len(free)) or 0
     column = np.full(rows.owned, -1, dtype=np.int64)
     column[free] = offset + np.arange(len(free))
@@ -261,9 +261,26 @@ def expansion(
         here, local = rows.mine(pairs.slaves)
         open_ = column[local] < 0
         column[local[open_]] = theirs[here][open_]
-    P = PETSc.Mat().createAIJ(((rows.owned, None), (len(free), None)), nnz=(1, 1), comm=rows.comm)
+    return column
+
+
+def expansion(
+    free: np.ndarray, groups: list[Group], pairs: Pairs | None, rows: Rows,
+    enter: Callable[[PETSc.Mat], None] = PETSc.Mat.assemble,
+) -> PETSc.Mat:  # fmt: skip
+    """Matrix from the free unknowns to all owned degrees of freedom; rows of fixed ones are 0.
+
+    Parameters
+    ----------
+    free, groups, pairs, rows
+        The free unknowns, and what follows them alike.
+    enter
+        Enters at most two more numbers a row, and assembles the matrix.
+    """
+    column = columns(free, groups, pairs, rows)
+    P = PETSc.Mat().createAIJ(((rows.owned, None), (len(free), None)), nnz=(2, 2), comm=rows.comm)
     first = P.getOwnershipRange()[0]
     for row in np.flatnonzero(column >= 0):
         P.setValue(first + int(row), int(column[row]), 1.0)
-    P.assemble()
+    enter(P)
     return P

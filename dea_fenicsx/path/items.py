@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from dea_fenicsx.scene.scene import Scene
@@ -93,8 +93,21 @@ class Trace:
         return self.what
 
 
-def check_path(scene: Scene, path: Sequence[Ramp | Trace]) -> None:
-    """Raise InputError if the path does not fit the scene."""
+def check_path(
+    scene: Scene,
+    path: Sequence[Ramp | Trace],
+    start: Mapping[str, float | None] | None = None,
+) -> None:
+    """Raise InputError if the path does not fit the scene.
+
+    Parameters
+    ----------
+    scene, path
+        The scene, and the items of the path.
+    start
+        Factor of each ramp where the path begins, None where it is not known; all are 0 unless
+        given.
+    """
     for item in path:
         if not isinstance(item, Ramp | Trace):
             raise InputError(f"The path holds {shown(item)}, but needs Ramp(...) or Trace(...).")
@@ -106,7 +119,7 @@ def check_path(scene: Scene, path: Sequence[Ramp | Trace]) -> None:
             "Nothing in the scene can be ramped; give an Electrode a voltage, or add a Stretch or "
             "a load."
         )
-    reached: dict[str, float | None] = dict.fromkeys(scene.ramps, 0.0)
+    reached = dict.fromkeys(scene.ramps, 0.0) | dict(start or {})
     for item in path:
         for name in item.names(scene):
             known(name, scene.ramps, "ramp in the scene")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dea_fenicsx.model.state import State
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import Ramp, Trace, check_path
@@ -36,6 +37,8 @@ class Walk:
     gap
         How far the present state is from the value at which an item of the path ends; None if
         it ends at none.
+    origin
+        The equilibrium in which the path begins, at any load; None for the undeformed state.
     """
 
     solver: NewtonSolver
@@ -43,9 +46,10 @@ class Walk:
     sentinel: Sentinel | None = None
     log: Callable[[str], None] = lambda line: None
     gap: Callable[[int], float | None] = lambda item: None
+    origin: State | None = None
 
     def follow(self, resume: Cursor | None = None) -> Iterator[Step]:
-        """Yield each accepted step, the undeformed state first.
+        """Yield each accepted step, that in which the path begins first.
 
         Parameters
         ----------
@@ -64,14 +68,17 @@ class Walk:
         """
         problem = self.solver.problem
         scene = problem.scene
-        check_path(scene, self.path)
         sentinel = self.sentinel or Sentinel(self.solver)
         if resume is None:
-            zero = dict.fromkeys(scene.ramps, 0.0)
-            cursor = Cursor(start=zero)
-            problem.commit(problem.under(problem.state, zero))
+            origin = self.origin or problem.under(
+                problem.state, dict.fromkeys(scene.ramps, 0.0)
+            )
+            check_path(scene, self.path, origin.factors)
+            cursor = Cursor(start=dict(origin.factors))
+            problem.commit(origin)
             yield Step(cursor, self.path[0].label(scene), problem.state)
         else:
+            check_path(scene, self.path, dict.fromkeys(scene.ramps))
             cursor = resume
         sentinel.start()
         while cursor.ramp < len(self.path):

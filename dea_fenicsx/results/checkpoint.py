@@ -1,7 +1,8 @@
 """The checkpoint: a state, and where on the path it lies; trusted only as far as it can be checked.
 
     state    values of all unknowns in each cell, shape (cells, unknowns of a cell)
-    told     JSON: cursor, history, fingerprint, references, failures, seconds
+    told     JSON: cursor, history, fingerprint, references, failures, seconds; for another run
+             that starts from it, what its fields and ramps are; where it started itself
     digest   SHA-256 of both
 
 A file may have been damaged or made up.  So its sizes are compared with those of the file before
@@ -37,6 +38,9 @@ FORMAT = 2
 
 CLOSE = 1e-9
 SAME_TIME = 1e-12
+
+MOST_LOADS = 10_000
+"""Most loads that a checkpoint may name where its run started."""
 
 
 class Unusable(Exception):
@@ -269,5 +273,16 @@ def _check_rest(told: Mapping[str, Any], fields: Sequence[str]) -> None:
         raise Unusable("its references of the residual are not usable")
     if not isinstance(failures, list) or not all(isinstance(f, dict) for f in failures):
         raise Unusable("its list of failures is not usable")
+    if not _is_start(told.get("start")):
+        raise Unusable("it does not say where it started")
     if not is_number(seconds) or not 0 <= float(seconds or 0) < math.inf:
         raise Unusable("its time is not usable")
+
+
+def _is_start(found: Any) -> bool:
+    """Whether a value can be what a summary says of where a run started."""
+    return found is None or (
+        isinstance(found, dict)
+        and len(found) <= MOST_LOADS
+        and all(value is None or isinstance(value, str | int | float) for value in found.values())
+    )

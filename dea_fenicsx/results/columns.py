@@ -21,9 +21,10 @@ WORK = (
 )  # fmt: skip
 
 SUMMARY = (
-    "status", "message", "stable", "events", "failures", "count_changes", "steps", "unknowns",
-    "unknowns_by_field", "cells", "mesh_quality", "volume_m3", "ranks", "peak_memory_GB",
-    "assembly_s", "factor_s", "krylov_s", "settings", "versions", "origin", "command",
+    "status", "message", "stable", "events", "failures", "count_changes", "start", "steps",
+    "unknowns", "unknowns_by_field", "cells", "mesh_quality", "volume_m3", "ranks",
+    "peak_memory_GB", "assembly_s", "factor_s", "krylov_s", "settings", "versions", "origin",
+    "command",
 )  # fmt: skip
 """What summary.json says beside the last values of the columns."""
 

@@ -80,7 +80,7 @@ def fingerprint(
     """
     scene = problem.scene
     facts = {
-        "mesh": _mesh(problem, grid),
+        "mesh": mesh_facts(problem, grid),
         "materials": {k: described(m) for k, m in scene.materials.items()},
         **{
             what: [described(item) for item in getattr(scene, what)]
@@ -114,7 +114,7 @@ def _definition(observable: Any) -> Any:
     return {"type": type(observable).__qualname__} | texts
 
 
-def _mesh(problem: Problem, grid: Grid | None) -> dict[str, Any]:
+def mesh_facts(problem: Problem, grid: Grid | None) -> dict[str, Any]:
     """Size, shape, cells and names of a mesh, the same on any number of ranks.  Collective."""
     device, comm = problem.scene.device, problem.comm
     facts: dict[str, Any] = {}
@@ -162,6 +162,11 @@ def _surface(problem: Problem, name: str) -> list[float]:
     total = problem.comm.allreduce(sums, op=MPI.SUM)
     count = total[0] or 1.0
     return [float(total[0]), *(total[1:] / count).tolist()]
+
+
+def same_mesh(mine: Mapping[str, Any], theirs: Any) -> bool:
+    """Whether two meshes agree in what `mesh_facts` says of them, as JSON has kept it or not."""
+    return _same(json.loads(json.dumps(mine)), theirs, CLOSE)
 
 
 def difference(mine: Mapping[str, Any], theirs: Any) -> str | None:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypedDict
 
 import numpy as np
 
+from dea_fenicsx.measure.failures import Failure
+from dea_fenicsx.model.state import State
 from dea_fenicsx.path.items import Ramp, Trace, check_path
+from dea_fenicsx.results.folder import Run
+from dea_fenicsx.run.starting import Start
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.support.errors import InputError
@@ -17,46 +22,144 @@ from dea_fenicsx.support.type_checks import check_declared, shown
 STABILITY = ("last", "every", "never")
 
 
-def check_arguments(
-    scene: Any, path: Any, record: Any, out: Any, resume: Any, quiet: Any, stability: Any,
-    failures: Any, options: Any, settings: Any,
-) -> None:  # fmt: skip
+class SolveOptions(TypedDict, total=False):
+    """Keywords of `solve`.
+
+    Attributes
+    ----------
+    resume
+        Carry on from the last step in `out`, if there is one.
+    start
+        Begin in a state of another run with the same mesh and the same fields, instead of in the
+        undeformed one: a run's results folder, whose last accepted state is taken (none of an
+        event); a `Run`; or a `State` of this very scene.  Its path, loads, supports and material
+        constants may be others.
+        A ramp that both have begins where it drives as much as it did there (volts stay volts); a
+        new one begins at 0; one that the scene lacks must be at 0 there.  With other constants,
+        loads or supports the state is first brought to equilibrium at that load.  The first step
+        of the history is this state.  With `resume`, what `out` holds goes first.
+    quiet
+        Print nothing; ``run.log`` in `out` is written all the same.
+    verbose
+        Print each Newton iteration, too; None does as the command line's ``--verbose`` says.
+    stability
+        When to factorise the tangent of an accepted state to count its negative eigenvalues:
+        at the ``"last"`` step (in small models at all steps, which costs little), at ``"every"``
+        step, or ``"never"`` on purpose.  With ``"every"`` a change between two steps is located:
+        a bifurcation gets a step of its own, and its null vector a file in ``modes/``.
+    failures
+        What to watch: `ElectricalBreakdown`, `LossOfTension`, `StretchLimit`.  The first state at
+        which one occurs gets a step of its own and an entry in the summary; the path goes on.
+        None watches breakdown where a dielectric has a breakdown field.
+    options
+        Settings of Newton's method.
+    settings
+        The script's own settings, to be kept in summary.json.
+    """
+
+    resume: bool
+    start: Start | None
+    quiet: bool
+    verbose: bool | None
+    stability: str
+    failures: Sequence[Failure] | None
+    options: NewtonOptions | None
+    settings: Mapping[str, Any] | None
+
+
+DEFAULTS: SolveOptions = {
+    "resume": False, "start": None, "quiet": False, "verbose": None, "stability": "last",
+    "failures": None, "options": None, "settings": None,
+}  # fmt: skip
+"""What holds for the keywords that are left out."""
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """All that `solve` is given; see there."""
+
+    scene: Scene
+    path: Any
+    record: Any
+    out: str | os.PathLike | None
+    resume: bool
+    start: Start | None
+    quiet: bool
+    verbose: bool | None
+    stability: str
+    failures: Sequence[Failure] | None
+    options: NewtonOptions | None
+    settings: Mapping[str, Any] | None
+
+    @property
+    def items(self) -> list[Ramp | Trace]:
+        """The items of the path."""
+        return [self.path] if isinstance(self.path, Ramp | Trace) else list(self.path)
+
+    def compared(self) -> dict[str, Any]:
+        """What all ranks must be given alike."""
+        start = self.start
+        if isinstance(start, Run | State):
+            start = type(start).__name__
+        return {
+            "path": self.items, "record": self.record, "out": self.out, "resume": self.resume,
+            "start": start, "stability": self.stability, "failures": self.failures,
+            "options": self.options,
+        }  # fmt: skip
+
+
+def check_arguments(given: Arguments) -> None:
     """Raise InputError, with one sentence, for arguments that are of no use to `solve`."""
     for value, kind, what in (
-        (scene, Scene, "a Scene"),
-        (path, Ramp | Trace | list | tuple, "a Ramp, a Trace or a list of them"),
-        (record, Mapping | None, "a dictionary of observables by name"),
-        (out, str | os.PathLike | None, "a path, or None to write nothing"),
-        (resume, bool | np.bool_, "resume=True or False"),
-        (quiet, bool | np.bool_, "quiet=True or False"),
-        (failures, list | tuple | None, "a list of failures to watch"),
-        (options, NewtonOptions | None, "NewtonOptions(...)"),
-        (settings, Mapping | None, "a dictionary"),
-    ):
+        (given.scene, Scene, "a Scene"),
+        (given.path, Ramp | Trace | list | tuple, "a Ramp, a Trace or a list of them"),
+        (given.record, Mapping | None, "a dictionary of observables by name"),
+        (given.out, str | os.PathLike | None, "a path, or None to write nothing"),
+        (given.resume, bool | np.bool_, "resume=True or False"),
+        (given.start, str | os.PathLike | Run | State | None,
+         "start= the folder of a run, a Run or a State"),
+        (given.quiet, bool | np.bool_, "quiet=True or False"),
+        (given.failures, list | tuple | None, "a list of failures to watch"),
+        (given.options, NewtonOptions | None, "NewtonOptions(...)"),
+        (given.settings, Mapping | None, "a dictionary"),
+    ):  # fmt: skip
         if not isinstance(value, kind):
             raise InputError(f"solve is given {shown(value)}, but needs {what}.")
-    if out == "":
-        raise InputError("The results folder has an empty name; give a path, or None for none.")
-    items = [path] if isinstance(path, Ramp | Trace) else path
-    check_path(scene, items)
-    if stability not in STABILITY:
+    for name, where in (("The results folder", given.out), ("The folder to start from",
+                                                            given.start)):  # fmt: skip
+        if isinstance(where, str) and not where:
+            raise InputError(f"{name} has an empty name; give a path, or None for none.")
+    # where a run begins that starts from another one is known when that one has been read
+    begun = None if given.start is None else dict.fromkeys(given.scene.ramps)
+    items = given.items
+    check_path(given.scene, items, begun)
+    if given.stability not in STABILITY:
         raise InputError(
-            f"stability is {shown(stability)}, but must be one of {', '.join(STABILITY)}."
+            f"stability is {shown(given.stability)}, but must be one of {', '.join(STABILITY)}."
         )
-    if any(getattr(item, "switch", 0.0) for item in items) and stability != "every":
+    if any(getattr(item, "switch", 0.0) for item in items) and given.stability != "every":
         raise InputError(
-            f'A trace with switch=... needs stability="every", but stability is {stability!r}.'
+            'A trace with switch=... needs stability="every", but stability is '
+            f"{given.stability!r}."
         )
-    if options is not None:
-        options.check()
-    for failure in failures or ():
+    if given.options is not None:
+        given.options.check()
+    _check_watched(given)
+    _check_recorded(given.record or {})
+
+
+def _check_watched(given: Arguments) -> None:
+    for failure in given.failures or ():
         if isinstance(failure, type) or not hasattr(failure, "check"):
             raise InputError(
                 f"A failure to watch is {shown(failure)}, but must be one such as LossOfTension()."
             )
         check_declared(failure)
-        failure.check(scene)
-    for name, observable in (record or {}).items():
+        failure.check(given.scene)
+
+
+def _check_recorded(record: Mapping[Any, Any]) -> None:
+    for name, observable in record.items():
         if not isinstance(name, str) or not name:
             raise InputError(f"The name of an observable is {shown(name)}, but must be text.")
         if isinstance(observable, type) or not hasattr(observable, "bind"):

@@ -58,6 +58,7 @@ class Closing:
             ],
             "failures": journal.found + self._lost_by_pull_in(lost),
             "count_changes": count_changes(history),
+            "start": journal.start,
             "steps": len(history) - 1 if history else 0,
             **work(solver, history),
             "wall_s": journal.seconds,

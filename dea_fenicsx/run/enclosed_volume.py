@@ -7,7 +7,8 @@ the step; without a word the linear solver would break down.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -37,8 +38,13 @@ A volume is a cubic in the displacements: if it is right at four loads, it is ri
 Loads between the steps count as well, since a step of any size must lead along states that exist.
 """
 
+NOWHERE: Mapping[str, float] = MappingProxyType({})
+"""The factors of an undeformed state, at which every ramp is 0."""
 
-def check_volume(problem: Problem, path: Sequence[Ramp | Trace]) -> None:
+
+def check_volume(
+    problem: Problem, path: Sequence[Ramp | Trace], start: Mapping[str, float] = NOWHERE
+) -> None:
     """Raise InputError if a path prescribes a change of an incompressible volume.  Collective.
 
     Parameters
@@ -47,6 +53,8 @@ def check_volume(problem: Problem, path: Sequence[Ramp | Trace]) -> None:
         The problem; its state is left as it was.
     path
         Ramps and traces, one after another.
+    start
+        Factors at which the path begins; those that are left out are 0.
 
     Raises
     ------
@@ -56,7 +64,9 @@ def check_volume(problem: Problem, path: Sequence[Ramp | Trace]) -> None:
     if not _moves(problem):
         return
     chambers = _closed(problem)
-    _check(problem, [_Chamber(problem, cells) for cells in chambers], path)
+    _check(
+        problem, [_Chamber(problem, cells) for cells in chambers], _loads(problem, path, start)
+    )
 
 
 def _moves(problem: Problem) -> bool:
@@ -66,8 +76,10 @@ def _moves(problem: Problem) -> bool:
     return bool(problem.comm.allreduce(moves, op=MPI.LOR))
 
 
-def _check(problem: Problem, chambers: list[_Chamber], path: Sequence[Ramp | Trace]) -> None:
-    for factors in _loads(problem, path):
+def _check(
+    problem: Problem, chambers: list[_Chamber], loads: Iterable[dict[str, float]]
+) -> None:
+    for factors in loads:
         rest = problem.under(problem.state.with_values(np.zeros(problem.size)), factors)
         with problem.at(problem.imposed(rest)):
             for chamber in chambers:
@@ -86,10 +98,12 @@ def _check_chamber(chamber: _Chamber, factors: Mapping[str, float]) -> None:
         )
 
 
-def _loads(problem: Problem, path: Sequence[Ramp | Trace]) -> Iterator[dict[str, float]]:
+def _loads(
+    problem: Problem, path: Sequence[Ramp | Trace], start: Mapping[str, float]
+) -> Iterator[dict[str, float]]:
     """Ramp factors along the path, one after another."""
     scene = problem.scene
-    factors = dict.fromkeys(scene.ramps, 0.0)
+    factors = dict.fromkeys(scene.ramps, 0.0) | dict(start)
     for item in path:
         if isinstance(item, Trace):
             yield factors | {item.what: factors[item.what] + item.first}

@@ -18,6 +18,7 @@ from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter, step_time
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
+from dea_fenicsx.results.stored_state import about
 from dea_fenicsx.run.step_checks import Checked, check_step
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import MachineError
@@ -52,6 +53,8 @@ class Journal:
         The first occurrence of each failure.
     earlier_s
         Seconds that an earlier run took which this one carries on.
+    start
+        Where the path begins, as the summary tells it; None in the undeformed state.
     """
 
     solver: NewtonSolver
@@ -66,6 +69,7 @@ class Journal:
     history: History = field(default_factory=History)
     found: list[dict[str, Any]] = field(default_factory=list)
     earlier_s: float = 0.0
+    start: dict[str, Any] | None = None
     started: float = field(default_factory=time.perf_counter)
     _counts: tuple[int, int, int] = (0, 0, 0)
     _step_started: float = 0.0
@@ -83,6 +87,11 @@ class Journal:
     def fingerprint(self) -> dict[str, Any]:
         """What this run is.  Collective at its first use."""
         return self.identity()
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """What another run must know of this one's state, to start from it."""
+        return about(self.solver.problem)
 
     def begin(self, cursor: Cursor | None) -> None:
         """Tell that the path begins here."""
@@ -179,6 +188,8 @@ class Journal:
             "factors": dict(step.state.factors),
             "history": self.history,
             "fingerprint": self.fingerprint,
+            "about": self.about,
+            "start": self.start,
             "references": self.solver.references.sizes,
             "failures": self.found,
             "wall_s": row["wall_s"],

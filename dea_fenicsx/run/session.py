@@ -6,13 +6,13 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from dea_fenicsx.measure.failures import Failure, Gauge, default_failures
 from dea_fenicsx.measure.observables import Measurement, Observable
 from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.path.events import Alarm, Sentinel
-from dea_fenicsx.path.items import Ramp, Trace
+from dea_fenicsx.path.items import Ramp, Trace, check_path
 from dea_fenicsx.path.walk import Walk
 from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter
@@ -24,17 +24,17 @@ from dea_fenicsx.results.summary import (
     ending,
     unlocated,
 )  # fmt: skip
-from dea_fenicsx.run.arguments import check_arguments
+from dea_fenicsx.run.arguments import DEFAULTS, Arguments, SolveOptions, check_arguments
 from dea_fenicsx.run.closing import Closing
 from dea_fenicsx.run.enclosed_volume import check_volume
 from dea_fenicsx.run.journal import Journal
 from dea_fenicsx.run.resuming import carry_on
 from dea_fenicsx.run.reuse import keep, solver_for
+from dea_fenicsx.run.starting import Beginning, balanced, beginning
 from dea_fenicsx.scene.electrode_checks import without_field
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.linear import silent
 from dea_fenicsx.solvers.newton import LINEARISING
-from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.support.agreement import bind_alike, check_same
 from dea_fenicsx.support.errors import (
     InputError,
@@ -44,6 +44,7 @@ from dea_fenicsx.support.errors import (
 )  # fmt: skip
 from dea_fenicsx.support.interruption import Interruption
 from dea_fenicsx.support.progress import Progress
+from dea_fenicsx.support.validation import keywords
 
 
 def solve(
@@ -51,14 +52,7 @@ def solve(
     path: Ramp | Trace | Sequence[Ramp | Trace],
     record: Mapping[str, Observable] | None = None,
     out: str | Path | None = None,
-    *,
-    resume: bool = False,
-    quiet: bool = False,
-    verbose: bool | None = None,
-    stability: str = "last",
-    failures: Sequence[Failure] | None = None,
-    options: NewtonOptions | None = None,
-    settings: Mapping[str, Any] | None = None,
+    **options: Unpack[SolveOptions],
 ) -> Run:
     """Bring a scene to equilibrium along a path.
 
@@ -73,25 +67,9 @@ def solve(
     out
         Results folder; None writes nothing.  An earlier run's files in it move to ``previous/``,
         ``previous_2/`` and so on; none is ever deleted.
-    resume
-        Carry on from the last step in `out`, if there is one.
-    quiet
-        Print nothing; ``run.log`` in `out` is written all the same.
-    verbose
-        Print each Newton iteration, too; None does as the command line's ``--verbose`` says.
-    stability
-        When to factorise the tangent of an accepted state to count its negative eigenvalues:
-        at the ``"last"`` step (in small models at all steps, which costs little), at ``"every"``
-        step, or ``"never"`` on purpose.  With ``"every"`` a change between two steps is located:
-        a bifurcation gets a step of its own, and its null vector a file in ``modes/``.
-    failures
-        What to watch: `ElectricalBreakdown`, `LossOfTension`, `StretchLimit`.  The first state at
-        which one occurs gets a step of its own and an entry in the summary; the path goes on.
-        None watches breakdown where a dielectric has a breakdown field.
     options
-        Settings of Newton's method.
-    settings
-        The script's own settings, to be kept in summary.json.
+        ``resume``, ``start``, ``quiet``, ``verbose``, ``stability``, ``failures``, ``options`` and
+        ``settings``: see `SolveOptions`.
 
     Returns
     -------
@@ -101,6 +79,8 @@ def solve(
     ------
     InputError
         Before anything is solved or written.
+    SolverError
+        If a state of another run, given as `start`, leads to no equilibrium of this scene.
     EquilibriumLost, SolverError
         If the path cannot be followed to its end.
     NotReached
@@ -114,42 +94,33 @@ def solve(
         attribute `run` holds it.
     """
     install_hook()
-    check_arguments(
-        scene, path, record, out, resume, quiet, stability, failures, options, settings
+    given = Arguments(
+        scene, path, record, out, **keywords("solve", options, SolveOptions, DEFAULTS)
     )
-    path = [path] if isinstance(path, Ramp | Trace) else list(path)
-    check_same(scene.device.comm, {
-        "path": path, "record": record, "out": out, "resume": resume, "stability": stability,
-        "failures": failures, "options": options,
-    })  # fmt: skip
+    check_arguments(given)
+    check_same(scene.device.comm, given.compared())
+    failures = given.failures
     watched = default_failures(scene) if failures is None else tuple(failures)
     columns.check_names(scene, record or {}, watched)
-    return _Session(scene, path, dict(record or {}), out, resume, quiet, verbose, stability,
-                    watched, options, settings).run()  # fmt: skip
+    return _Session(given, scene, given.items, dict(record or {}), watched).run()
 
 
 @dataclass
 class _Session:
     """The state of one call of `solve`."""
 
+    given: Arguments
     scene: Scene
     path: list[Ramp | Trace]
     record: dict[str, Observable]
-    out: str | Path | None
-    resume: bool
-    quiet: bool
-    verbose: bool | None
-    stability: str
     failures: Sequence[Failure]
-    options: NewtonOptions | None
-    settings: Mapping[str, Any] | None
 
     def run(self) -> Run:
         """Take the results folder for the length of the run."""
         self.started = time.perf_counter()
         self.comm = self.scene.device.comm
-        self.progress = Progress(self.comm.rank == 0, self.quiet, self.verbose)
-        folder = Folder(self.out, self.comm) if self.out is not None else None
+        self.progress = Progress(self.comm.rank == 0, self.given.quiet, self.given.verbose)
+        folder = Folder(self.given.out, self.comm) if self.given.out is not None else None
         if folder is None:
             return self._run(None)
         kept = folder.take()
@@ -165,13 +136,14 @@ class _Session:
 
     def _run(self, folder: Folder | None) -> Run:
         journal = self._prepare(folder)
-        cursor = self._load(journal) if self.resume and folder else None
-        self._open(journal, cursor)
+        cursor = self._load(journal) if self.given.resume and folder else None
+        begin = self._begin(journal) if cursor is None else None
+        self._open(journal, cursor, begin)
         result = Run(journal.history, {}, journal.solver.problem, folder)
-        closing = Closing(journal, result, self.settings or {})
+        closing = Closing(journal, result, self.given.settings or {})
         closing.summarise("running")
         try:
-            self._follow(journal, cursor)
+            self._follow(journal, cursor, begin)
         except PathError as error:
             error.run = result
             if isinstance(error, Interrupted):
@@ -190,27 +162,43 @@ class _Session:
     def _prepare(self, folder: Folder | None) -> Journal:
         """Build the discrete problem, and all that measures and writes its states.  Collective."""
         self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
-        solver = solver_for(self.scene, self.options)
+        solver = solver_for(self.scene, self.given.options)
         problem = solver.problem
-        check_volume(problem, self.path)
+        if self.given.start is None:
+            check_volume(problem, self.path)
         measurements: dict[str, Measurement] = {
             columns.column_of(name, o): columns.numeric(name, bind_alike(problem, name, o))
             for name, o in self.record.items()
         }
         gauges = [Gauge(failure, problem) for failure in self.failures]
         self.ends = ends_of(self.path, columns.of_the_state(problem, gauges, measurements))
-        writer = FieldWriter(problem) if folder else None
+        gathers = folder is not None or self.given.start is not None
+        writer = FieldWriter(problem) if gathers else None
 
         def identity() -> dict[str, Any]:
             assert writer
             return fingerprint(problem, self.path, self.record, self.failures, writer.grid)
 
         return Journal(
-            solver, self.path, self.stability, measurements, gauges,
+            solver, self.path, self.given.stability, measurements, gauges,
             self.progress, folder, writer, identity, started=self.started,
         )  # fmt: skip
 
-    def _open(self, journal: Journal, cursor: Cursor | None) -> None:
+    def _begin(self, journal: Journal) -> Beginning | None:
+        """The state of another run in which the path begins, if one is given.  Collective."""
+        start, problem = self.given.start, journal.solver.problem
+        if start is None:
+            return None
+        assert journal.writer
+        begin = beginning(problem, journal.writer, start)
+        check_path(self.scene, self.path, begin.state.factors)
+        check_volume(problem, self.path, begin.state.factors)
+        journal.start = begin.told
+        return begin
+
+    def _open(
+        self, journal: Journal, cursor: Cursor | None, begin: Beginning | None
+    ) -> None:
         """Make the results folder ready, and tell what is solved.  Collective."""
         folder, writer = journal.folder, journal.writer
         if folder and writer:
@@ -229,18 +217,22 @@ class _Session:
                 f"The tangent of {', '.join(names)} is not symmetric, so that it is factorised as "
                 "L U and its negative eigenvalues are not counted."
             )
+        if begin:
+            self.progress.say(f"The path begins in {begin.place}.")
         if without_field(self.scene.electrodes):
             self.progress.say("All electrodes are at one potential, so there is no field.")
 
-    def _follow(self, journal: Journal, cursor: Cursor | None) -> None:
+    def _follow(
+        self, journal: Journal, cursor: Cursor | None, begin: Beginning | None
+    ) -> None:
         """Follow the path to its end, and keep each accepted step.  Collective."""
         solver = journal.solver
         sentinel = Sentinel(
             solver,
             [Alarm(gauge.failure.name, gauge.margin) for gauge in journal.gauges],
-            stability=self.stability == "every",
+            stability=self.given.stability == "every",
             fired=[row["event"] for row in journal.history],
-            counting=self.stability != "never" and solver.counts_cheaply,
+            counting=self.given.stability != "never" and solver.counts_cheaply,
         )
         journal.begin(cursor)
         interruption = Interruption(self.comm, self.progress.say)
@@ -253,7 +245,8 @@ class _Session:
         try:
             solver.notify = notify
             with interruption:
-                walk = Walk(solver, self.path, sentinel, self.progress.say, self._gap)
+                origin = balanced(solver, begin) if begin else None
+                walk = Walk(solver, self.path, sentinel, self.progress.say, self._gap, origin)
                 for step in walk.follow(cursor):
                     journal.accept(step)
         finally:
@@ -280,8 +273,14 @@ class _Session:
             self.progress.say("There is no earlier run to resume; starting anew.")
             return None
         cursor, told = found
+        if (told.get("start") is None) != (self.given.start is None):
+            begun = "in the undeformed state" if told.get("start") is None else "in another run"
+            raise InputError(
+                f"The run in {journal.folder.path} cannot be resumed: it began {begun}, but this "
+                "one does not; start anew without resume, or in another folder."
+            )
         journal.history, journal.found = History(told["history"]), told["failures"]
-        journal.earlier_s = float(told["wall_s"])
+        journal.earlier_s, journal.start = float(told["wall_s"]), told.get("start")
         return cursor
 
 

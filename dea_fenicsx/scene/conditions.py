@@ -10,11 +10,12 @@ from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode, Ground, Ta
 from dea_fenicsx.scene.elements import Discretisation
 from dea_fenicsx.scene.loads import AxialForce, DeadLoad, DeadPressure, FollowerPressure, Torque
 from dea_fenicsx.scene.prescribed import AxialStretch, Displacement, PreStretch, Stretch, Twist
+from dea_fenicsx.scene.rigid import Moment, Rigid, Turn
 from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
 
 __all__ = [
     "AxialForce", "AxialStretch", "ChargedElectrode", "Clamp", "Condition", "DeadLoad",
     "DeadPressure", "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure",
-    "FreeBody", "Ground", "Load", "PreStretch", "Prescribed", "Stretch", "Support", "Taper",
-    "ThinFilm", "Torque", "Twist",
+    "FreeBody", "Ground", "Load", "Moment", "PreStretch", "Prescribed", "Rigid", "Stretch",
+    "Support", "Taper", "ThinFilm", "Torque", "Turn", "Twist",
 ]  # fmt: skip

@@ -1,7 +1,7 @@
 """What a condition means for a problem, in a small vocabulary that scene and model share.
 
 A condition of the scene (a support, a prescribed motion, a load, an electrode) returns a list of
-these declarations; the model reads them and knows no condition.  There are eight:
+these declarations; the model reads them and knows no condition:
 
 =====================  =========================================================================
 `FixedDisplacement`    displacement of a facet group along one axis
@@ -11,6 +11,9 @@ these declarations; the model reads them and knows no condition.  There are eigh
 `GlobalForce`          what does work on such an unknown
 `SurfaceWork`          virtual work of a load on a facet group: `DeadTraction`, `DeadNormalPressure`
                        and `FollowingPressure`
+`RigidSurface`         nodes of a facet group that move as one body
+`RigidAngle`           angle by which such a body is turned
+`RigidMoment`          moment on such a body
 `FixedPotential`       potential of an electrode
 `FloatingPotential`    one unknown potential for an electrode of given charge
 =====================  =========================================================================
@@ -20,7 +23,7 @@ A ramp's factor multiplies each value; where the ramp is None, the value is 0 at
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
@@ -30,6 +33,14 @@ import ufl
 
 class Declaration:
     """Base of all declarations."""
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        """How much is driven at ramp factor 1: the numbers of each quantity, in SI units.
+
+        A run that starts from a state of another one finds by them at which factor a ramp drives
+        as much as it did there.  Nothing where the amount is no number.
+        """
+        return {}
 
 
 @dataclass(frozen=True)
@@ -60,6 +71,11 @@ class FixedDisplacement(Declaration):
     about: float | None = None
     ramp: str | None = None
 
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        if self.growth is not None:
+            return {"stretch beyond 1": (self.growth,)}
+        return {} if callable(self.metres) else {"metres": (self.metres,)}
+
 
 @dataclass(frozen=True)
 class HeldRigidMotions(Declaration):
@@ -76,6 +92,10 @@ class InitialStretch(Declaration):
     regions: tuple[str, ...]
     stretches: tuple[float, float, float]
     ramp: str
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        """Logarithms, since the ramp's factor is the power of each stretch."""
+        return {"logarithms of stretches": tuple(float(np.log(s)) for s in self.stretches)}
 
 
 class GlobalUnknown(NamedTuple):
@@ -111,6 +131,9 @@ class FixedGlobal(Declaration):
     value: float
     ramp: str
 
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        return {self.unknown.name: (self.value,)}
+
 
 @dataclass(frozen=True)
 class GlobalForce(Declaration):
@@ -119,6 +142,49 @@ class GlobalForce(Declaration):
     unknown: GlobalUnknown
     amount: float
     ramp: str
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        return {f"force on the {self.unknown.name}": (self.amount,)}
+
+
+# ------------------------------------------------------------------------- rigid parts
+
+
+@dataclass(frozen=True)
+class RigidSurface(Declaration):
+    """The nodes of a facet group move as one body, along none of the axes that are held."""
+
+    surface: str
+    held: str = ""
+
+    @property
+    def field(self) -> str:
+        """Name of the field of its unknowns."""
+        return f"rigid {self.surface}"
+
+
+@dataclass(frozen=True)
+class RigidAngle(Declaration):
+    """Angle in rad, at ramp factor 1, by which a rigid surface is turned; it has no limit."""
+
+    surface: str
+    radians: float
+    ramp: str
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        return {"radians": (self.radians,)}
+
+
+@dataclass(frozen=True)
+class RigidMoment(Declaration):
+    """Moment in N m on a rigid surface at ramp factor 1."""
+
+    surface: str
+    newton_metres: float
+    ramp: str
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        return {"newton metres": (self.newton_metres,)}
 
 
 # --------------------------------------------------------------------- loads on surfaces
@@ -205,6 +271,9 @@ class DeadTraction(SurfaceWork):
 
     pascal: tuple[float, ...]
 
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        return {"pascal": self.pascal}
+
     def density(self, at: SurfaceFields) -> Any:
         return ufl.dot(at.stress(self.pascal), at.virtual)
 
@@ -220,6 +289,9 @@ class _Pressure(SurfaceWork):
     pascal: float
     on: str | None = None
     one_side = True
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        return {"pascal": (self.pascal,)}
 
     @property
     def pressed_region(self) -> str | None:

@@ -89,6 +89,7 @@ class Tangent:
         self._loads: dict[str, np.ndarray] = {}
         self._masses = scalar_masses(problem)
         self._kept: tuple[Any, Any] = None, None
+        self._turned: tuple[int, list[tuple[int, float]]] = -1, []
 
     def renew(self) -> None:
         """Take other constants of the problem.  Collective."""
@@ -126,13 +127,28 @@ class Tangent:
         springs = self.problem.springs
         stiffness = self.problem.turning.stiffness(springs, self.problem.factors)
         product[springs.rows] += stiffness * direction[springs.rows]
+        for row, value in self._rigid():
+            product[row] += value * direction[row]
         return product
+
+    def _rigid(self) -> list[tuple[int, float]]:
+        """Rows of the angles of rigid parts, and what their second derivatives add.  Collective."""
+        problem = self.problem
+        if not problem.rigid:
+            return []
+        if self._turned[0] != problem.shown:
+            added = problem.rigid.stiffness(problem.residual(), problem.w.x.array)
+            rows = problem.rigid.rows(problem.conditions.groups, problem.free)
+            pairs = [(int(r), float(v)) for r, v in zip(rows, added, strict=True) if r >= 0]
+            self._turned = problem.shown, pairs
+        return self._turned[1]
 
     def times_fixed(self, change: np.ndarray) -> np.ndarray:
         """Product with a change of the fixed values (owned), in the free rows.  Collective."""
         self._along.x.array[:] = 0.0
         self._along.x.array[self.problem.fixed] = change
         self._along.x.scatter_forward()
+        self.problem.rigid.follow(self._along.x.array, self.problem.w.x.array)
         return self.problem.restrict(self._along_times())
 
     def by_load(self, ramp: str) -> np.ndarray:
@@ -142,7 +158,8 @@ class Tangent:
         are linear themselves.
         """
         problem = self.problem
-        if ramp not in self._loads or ramp in problem.loads.changing:
+        changes = ramp in problem.loads.changing or bool(problem.rigid)
+        if ramp not in self._loads or changes:
             vector = np.zeros(len(problem.free))
             if ramp in problem.loads.unit_work:
                 vector = problem.restrict(problem.forms.load_vector(ramp))
@@ -198,6 +215,11 @@ class Tangent:
             if not counting:
                 stiffness = np.full(len(stiffness), problem.turning.STIFFNESS)
             for row, value in zip(springs.rows, stiffness, strict=True):
+                free.setValue(first + row, first + row, value, addv=True)
+            free.assemble()
+        if problem.rigid:
+            first = free.getOwnershipRange()[0]
+            for row, value in self._rigid():
                 free.setValue(first + row, first + row, value, addv=True)
             free.assemble()
         if problem.unknowns <= SMALL:
