@@ -9,10 +9,10 @@
 In incompressible regions C = 0.  Internal fields belong to the block of u.  The preconditioner
 puts a compressibility M/(KAPPA mu) in the place of C, with which p goes cell by cell; then phi and
 u are solved in turn, each by a factor of its own: S = A + B^T C^-1 B for u, K for phi.  What that
-leaves out is the coupling G^T K^-1 G in S and 1/KAPPA of the pressure; GMRES on the true tangent
-makes up for both in a few iterations.  The factor of S has a third of the entries of the whole one,
-needs no pivoting, and bears compression: its blocks far from the diagonal are kept at low rank
-(Amestoy et al. 2019), and where PETSc can, all of it in single precision.
+leaves out is the coupling G^T K^-1 G in S and 1/KAPPA of the pressure, and GMRES on the true
+tangent makes up for both in a few iterations.  The factor of S has a third of the entries of the
+whole one, needs no pivoting, and bears compression: its blocks far from the diagonal are kept at
+low rank (Amestoy et al. 2019), and where PETSc can, all of it in single precision.
 """
 
 from __future__ import annotations
@@ -222,7 +222,7 @@ class SplitFactor:
 
 def _negative_unknowns(problem: Problem, role: Role) -> int:
     """Negative eigenvalues of a stable state's tangent that belong to a role's fields."""
-    groups = problem.space.groups().items()
+    groups = problem.roles.groups.items()
     return sum(
         problem.roles.counts[name] for name, fields in groups
         if fields[0].role is role and fields[0].negative
