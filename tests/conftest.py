@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
-from dea_fenicsx.solvers import newton
+from dea_fenicsx.solvers import linear
 from dea_fenicsx.solvers.corotation import Corotation
 from dea_fenicsx.support import subprocesses
 
@@ -46,7 +46,7 @@ def pytest_configure(config):
     names = dea.NewtonOptions.__dataclass_fields__
     dea.NewtonOptions.__init__.__defaults__ = tuple(getattr(changed, name) for name in names)
     if engine == "cheap":
-        newton.LARGE = 0
+        linear.UNKNOWNS_FOR_CHEAP_FACTOR = 0
     if engine == "unturned":
         Corotation.update = lambda self: None
 

@@ -28,10 +28,10 @@ class NewtonOptions:
     keep_factor
         False factorises at every Newton iteration (plain Newton).
     factor
-        What is factorised: the ``"whole"`` tangent, the same in ``"single"`` precision, or its
-        displacement and its potential ``"split"``, with the pressure condensed; see `factors`.
-        ``"auto"`` splits large problems in space if it can, and takes single precision for other
-        large ones.
+        The matrix that is factorised: ``"whole"`` for the whole tangent, ``"single"`` for the same
+        in single precision, ``"split"`` for a factor of the displacement block and one of the
+        potential block, with the pressure condensed.  ``"auto"`` chooses ``"split"`` for large
+        problems in space if it is possible, and ``"single"`` for other large problems.
     """
 
     tolerance: float = 1e-10
