@@ -35,8 +35,11 @@ from dea_fenicsx.support.type_checks import check_declared, is_number
 FORMAT = 2
 """Number of the form of what is told; one of another number is not read."""
 
-CLOSE = 1e-9
-SAME_TIME = 1e-12
+NUMBER_TOLERANCE = 1e-9
+"""Largest difference of two positions on the path, or relative one of two load factors."""
+
+TIME_TOLERANCE = 1e-12
+"""Rounding error of the time (number of a ramp plus position in it) in a history."""
 
 
 class Unusable(Exception):
@@ -196,11 +199,12 @@ def _check_rows(rows: Any, columns: Sequence[str], cursor: Cursor) -> None:
                 raise Unusable(f"row {number} of its history holds {clean(value, 40)!r}")
         time = row["time"]
         time = math.nan if time is None else float(time)
-        if row["step"] != number or not before - CLOSE <= time <= math.inf:
+        if row["step"] != number or not before - NUMBER_TOLERANCE <= time <= math.inf:
             raise Unusable(f"row {number} of its history is not the next step")
         before = time
     last = rows[-1]
-    if cursor.step != last["step"] or abs(cursor.ramp + cursor.position - last["time"]) > CLOSE:
+    apart = abs(cursor.ramp + cursor.position - last["time"])
+    if cursor.step != last["step"] or apart > NUMBER_TOLERANCE:
         raise Unusable("its place on the path is not that of the last row of its history")
 
 
@@ -217,13 +221,13 @@ def _check_start(
     cursor: Cursor, factors: Mapping[str, float], rows: list[Any], scene: Scene
 ) -> None:
     """The loads must be those of the last row, and their start those where its item began."""
-    begun = [row for row in rows if row["time"] <= cursor.ramp + SAME_TIME]
+    begun = [row for row in rows if row["time"] <= cursor.ramp + TIME_TOLERANCE]
     pairs = [(factors, _factors(rows[-1], scene))]
     if cursor.ramp + cursor.position > 0:
         pairs.append((cursor.start, _factors(begun[-1], scene)))
     for mine, theirs in pairs:
         for ramp, factor in mine.items():
-            if not abs(factor - theirs[ramp]) <= CLOSE * max(1.0, abs(factor)):
+            if not abs(factor - theirs[ramp]) <= NUMBER_TOLERANCE * max(1.0, abs(factor)):
                 raise Unusable("its load factors are not those of its history")
 
 
@@ -237,14 +241,14 @@ def _check_place(
     """The place on an item of the path must be that of its loads or of its steps."""
     item = path[cursor.ramp]
     if isinstance(item, Trace):
-        taken = sum(row["time"] > cursor.ramp + SAME_TIME for row in rows)
+        taken = sum(row["time"] > cursor.ramp + TIME_TOLERANCE for row in rows)
         ended = cursor.position == 1.0 and _reached(item, rows[-1])
         if not ended and round(cursor.position * item.steps) > taken:
             raise Unusable("its place on the trace is beyond the steps of its history")
         return
     for ramp in item.names(scene):
         here = (1 - cursor.position) * cursor.start[ramp] + cursor.position * item.to
-        if not abs(factors[ramp] - here) <= CLOSE * max(1.0, abs(here)):
+        if not abs(factors[ramp] - here) <= NUMBER_TOLERANCE * max(1.0, abs(here)):
             raise Unusable("its load factors are not those of its place on the path")
 
 

@@ -27,7 +27,8 @@ SUMMARY = (
 )  # fmt: skip
 """What summary.json says beside the last values of the columns."""
 
-LONGEST = 100
+LONGEST_NAME = 100
+"""Largest number of characters of a column's name."""
 
 
 def column_of(name: str, observable: Any) -> str:
@@ -152,9 +153,9 @@ def check_added(values: Mapping[str, Any]) -> None:
 
 def _check_plain(name: str, what: str) -> None:
     """Raise InputError unless a name can stand in CSV, XDMF and a file's name."""
-    good = name.isprintable() and name == name.strip() and 0 < len(name) <= LONGEST
+    good = name.isprintable() and name == name.strip() and 0 < len(name) <= LONGEST_NAME
     if not good or any(c in name for c in '/\\,"') or name[0] in "=+-@.":
         raise InputError(
-            f"{what} is {shown(name)}, but must be a plain word of 1 to {LONGEST} characters "
+            f"{what} is {shown(name)}, but must be a plain word of 1 to {LONGEST_NAME} characters "
             'without / \\ , " and line breaks, and not begin with one of = + - @ and a dot.'
         )

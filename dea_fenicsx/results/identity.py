@@ -19,8 +19,8 @@ from dea_fenicsx.results.fields import Grid
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.type_checks import plain
 
-CLOSE = 1e-9
-"""Differences of coordinates, relative to the device's size, that another number of ranks makes."""
+COORDINATE_TOLERANCE = 1e-9
+"""Coordinates differ by up to this share of the device's size on another number of ranks."""
 
 _DEEPEST = 8
 
@@ -182,7 +182,7 @@ def difference(mine: Mapping[str, Any], theirs: Any) -> str | None:
             told = _other_records(value, other)
             if told:
                 return told
-        elif not _same(value, other, CLOSE if key == "mesh" else 0.0):
+        elif not _same(value, other, COORDINATE_TOLERANCE if key == "mesh" else 0.0):
             return f"its {key} is not this script's"
     return None
 

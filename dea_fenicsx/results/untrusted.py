@@ -19,8 +19,8 @@ from dea_fenicsx.support.files import clean
 LARGEST_XML = 500_000_000
 """Bytes of fields.xdmf beyond which it is no document of this package."""
 
-PACKED = 200
-"""How many times smaller than its numbers a data set may be in its file, if it is compressed."""
+MOST_COMPRESSION = 200
+"""Largest factor by which compression may reduce a data set in its file."""
 
 
 class Foreign(Exception):
@@ -107,7 +107,7 @@ def _numbers(h5py: Any, h5: Any, where: str, size: int) -> np.ndarray:
     if here.dtype.kind not in "fiu":
         raise Foreign("it does not hold numbers")
     packed = here.compression or here.chunks
-    if here.nbytes > (PACKED if packed else 1) * size:
+    if here.nbytes > (MOST_COMPRESSION if packed else 1) * size:
         raise Foreign("it says that it is larger than its file")
     # VTK takes neither half nor quadruple precision, nor another order of bytes
     kind = np.float64 if here.dtype.kind == "f" else np.int64

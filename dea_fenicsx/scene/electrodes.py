@@ -18,14 +18,14 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, known
 
-SPAN = 1e-6
-"""By what share of its thickness a thin film's start and end may lie off its faces."""
+FACE_TOLERANCE = 1e-6
+"""Largest distance of a thin film's start and end from its faces, as a share of its thickness."""
 
-GRID = 1e-9
-"""The same as a share of the device's size: what writing and reading a mesh leaves of a place."""
+FACE_TOLERANCE_OF_DEVICE = 1e-9
+"""The same distance as a share of the device's size, by rounding in a mesh file."""
 
-ASKEW = 0.01
-"""Share of a thin film's faces, seen along its axis, that may lie elsewhere than start and end.
+MOST_FACES_ELSEWHERE = 0.01
+"""Largest share of a thin film's faces, seen along its axis, that lies off its start and end.
 
 A mesh of triangles on a round rim leaves a little.
 """
@@ -147,7 +147,7 @@ class Taper:
     def check_reach(self, label: str, low: float, high: float) -> None:
         """Raise InputError unless it falls somewhere between the electrode's ends."""
         first, last = sorted((self.start, self.end))
-        room = SPAN * (last - first)
+        room = FACE_TOLERANCE * (last - first)
         if low < last - room and high > first + room:
             return
         before = high <= first + room if self.start < self.end else low >= last - room
@@ -288,7 +288,7 @@ class ThinFilm(Electrode):
             )
         axis = kinematics.coordinates.index(self.along)
         low, high = region_extent(device, self.names, axis)
-        room = SPAN * (high - low) + GRID * device.length
+        room = FACE_TOLERANCE * (high - low) + FACE_TOLERANCE_OF_DEVICE * device.length
         planes = np.array(sorted((self.start, self.end)))
         if np.max(np.abs(planes - [low, high])) > room:
             raise InputError(
@@ -303,7 +303,7 @@ class ThinFilm(Electrode):
 
         kinds = {name: scene.materials[name].dielectric.permittivity() for name in self.names}
         off = share_off_planes(device, kinds, axis, on_plane)
-        if off > ASKEW:
+        if off > MOST_FACES_ELSEWHERE:
             raise InputError(
                 f"ThinFilm {label!r} is not one flat film of one permittivity between "
                 f"{self.along} = {planes[0]:g} m and {planes[1]:g} m: {100 * off:.0f} % of its "

@@ -154,7 +154,8 @@ class LinearSolver:
         self._wasted += (rate - self._best_rate) * digits
         self._stale = (
             iterations > self.options.krylov_limit
-            or self._wasted > ASSEMBLY_IN_KRYLOV[self.problem.mesh.topology.dim] + self._factor.worth
+            or self._wasted
+            > ASSEMBLY_IN_KRYLOV[self.problem.mesh.topology.dim] + self._factor.worth
         )
 
     def _factorise(self, factor: WholeFactor | SplitFactor, counting: bool = False) -> bool:

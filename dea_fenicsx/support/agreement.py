@@ -21,8 +21,8 @@ from mpi4py import MPI
 from dea_fenicsx.support import errors
 from dea_fenicsx.support.errors import DeaError, InputError, SolverError
 
-EQUAL = 1e-6
-"""Largest relative difference of an observable between two ranks that counts as rounding."""
+RANK_TOLERANCE = 1e-6
+"""Largest relative difference of an observable between two ranks that may be a rounding error."""
 
 
 class OtherRankFailed(DeaError):
@@ -217,7 +217,7 @@ def _told(value: Any) -> str:
 def _equal(a: float, b: float) -> bool:
     """Whether two values are the same but for rounding; two that are not numbers are."""
     if np.isfinite(a) and np.isfinite(b):
-        return abs(a - b) <= EQUAL * max(abs(a), abs(b))
+        return abs(a - b) <= RANK_TOLERANCE * max(abs(a), abs(b))
     return a == b or bool(np.isnan(a) and np.isnan(b))
 
 

@@ -5,8 +5,8 @@ interface, or nodes that do not fit.  Nothing then holds one to the other, and t
 motion of loose sheets.  Such places are found by their shape alone: an exterior face of a cell lies
 on the exterior face of another one.
 
-A gap that is meant, however thin, is none of these, as long as it is wider than `NEAR` of the faces
-beside it.  Where the surfaces are curved, the faces of the two bodies leave each other by their
+A gap that is meant, however thin, is none of these, if it is wider than `CONTACT_SHARE` of the
+faces beside it.  Where the surfaces are curved, the faces of the two bodies leave each other by their
 bulge, which is estimated and allowed for.
 """
 
@@ -18,17 +18,20 @@ from scipy.spatial import cKDTree
 from dea_fenicsx.mesh.foreign.arrays import Ints, PlainMesh, element_type, point
 from dea_fenicsx.support.errors import InputError
 
-NEAR = 1e-5
-"""Distance of two faces, as a share of the smaller one's size, up to which they touch."""
+CONTACT_SHARE = 1e-5
+"""Two faces touch if their distance is below this share of the size of the smaller one."""
 
-ROUNDING = 2e-7
-"""The same as a share of the mesh's extent: files with seven digits are common."""
+CONTACT_EXTENT = 2e-7
+"""Two faces also touch if their distance is below this share of the extent of the mesh.
 
-OVERLAP = 0.05
-"""Overlap of two faces, as a share of the smaller one's size, from which it is no rounding."""
+Mesh files often have only seven digits.
+"""
 
-SMOOTH = np.cos(np.radians(30))
-"""Cosine of the angle between neighbouring faces up to which it comes from curvature."""
+SMALLEST_OVERLAP = 0.05
+"""Smallest overlap of two faces, as a share of the smaller one's size, that is not rounding."""
+
+CURVATURE_COSINE = np.cos(np.radians(30))
+"""Cosine of the largest angle between neighbouring faces of one curved surface (30 degrees)."""
 
 
 class Exterior:
@@ -46,7 +49,7 @@ class Exterior:
     bulge : how far the true surface may be away from the flat face
     """
 
-    def __init__(self, mesh: PlainMesh, smooth: float = SMOOTH) -> None:
+    def __init__(self, mesh: PlainMesh, smooth: float = CURVATURE_COSINE) -> None:
         self.smooth = smooth
         blocks = mesh.faces()
         keys = [mesh.keys(corners) for _, _, corners in blocks]
@@ -205,7 +208,8 @@ def _coplanar(faces: Exterior, a: Ints, b: Ints, extent: float) -> np.ndarray:
     sides = [np.einsum("pi,pi->p", faces.inside[j] - faces.middle[i], faces.normal[i]) > 0
              for i, j in ((a, b), (b, a))]  # fmt: skip
     parallel = (cosine > 0.9) | ((cosine < -0.9) & sides[0] & sides[1])
-    allowed = NEAR * np.minimum(faces.size[a], faces.size[b]) + ROUNDING * extent
+    smaller = np.minimum(faces.size[a], faces.size[b])
+    allowed = CONTACT_SHARE * smaller + CONTACT_EXTENT * extent
     bulge = faces.bulge[a] + faces.bulge[b]
     normal, origin = faces.normal[b], faces.middle[b]
     middle = np.abs(np.einsum("pi,pi->p", faces.middle[a] - origin, normal))
@@ -242,5 +246,5 @@ def _overlap(faces: Exterior, a: Ints, b: Ints) -> np.ndarray:
                 one.min(axis=1), two.min(axis=1)
             )
             narrow = np.minimum(np.ptp(one, axis=1), np.ptp(two, axis=1))
-            least = np.where(good, np.minimum(least, shared - OVERLAP * narrow), least)
+            least = np.where(good, np.minimum(least, shared - SMALLEST_OVERLAP * narrow), least)
     return least > 0
