@@ -6,8 +6,8 @@ motion of loose sheets.  Such places are found by their shape alone: an exterior
 on the exterior face of another one.
 
 A gap that is meant, however thin, is none of these, if it is wider than `CONTACT_SHARE` of the
-faces beside it.  Where the surfaces are curved, the faces of the two bodies leave each other by their
-bulge, which is estimated and allowed for.
+faces beside it.  Where the surfaces are curved, the faces of the two bodies leave each other by
+their bulge, which is estimated and allowed for.
 """
 
 from __future__ import annotations
