@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.scene.condition import check_global
 from dea_fenicsx.scene.declarations import ELONGATION, TWIST, GlobalUnknown
 
 
@@ -88,4 +89,4 @@ def _bind_action(problem: Problem, observable: object, unknown: GlobalUnknown) -
 
 def _need(problem: Problem, observable: object, unknown: GlobalUnknown) -> None:
     """Raise InputError in a problem without a global unknown."""
-    problem.scene.kinematics.need(unknown, type(observable).__name__)
+    check_global(problem.scene, unknown, observable)

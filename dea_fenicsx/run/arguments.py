@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -13,8 +13,10 @@ from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared, shown
+from dea_fenicsx.support.validation import one_of
 
-STABILITY = ("last", "every", "never")
+Stability = Literal["last", "every", "never"]
+STABILITY: tuple[Stability, ...] = get_args(Stability)
 
 
 def check_arguments(
@@ -39,10 +41,7 @@ def check_arguments(
         raise InputError("The results folder has an empty name; give a path, or None for none.")
     items = [path] if isinstance(path, Ramp | Trace) else path
     check_path(scene, items)
-    if stability not in STABILITY:
-        raise InputError(
-            f"stability is {shown(stability)}, but must be one of {', '.join(STABILITY)}."
-        )
+    one_of(stability, STABILITY, "stability")
     if any(getattr(item, "switch", 0.0) for item in items) and stability != "every":
         raise InputError(
             f'A trace with switch=... needs stability="every", but stability is {stability!r}.'

@@ -19,7 +19,6 @@ from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_motions import components, regions_in
 from dea_fenicsx.path.items import Ramp, Trace
-from dea_fenicsx.scene.kinematics import Helical
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
@@ -217,15 +216,14 @@ def _held_facets(problem: Problem) -> np.ndarray:
     for a, part in enumerate(problem.displacement):
         table, layout = part.space.dofmap.list, part.space.dofmap.dof_layout
         on_axis = np.zeros(len(part.dofs), dtype=bool)
-        if kinematics.axes == "rz" and a == 0:
+        if kinematics.axis_of_rotation and a == 0:
             on_axis = part.space.tabulate_dof_coordinates()[:, 0] < 1e-12
         done = fixed[part.dofs] | on_axis
         for i in range(per_cell):
             nodes = table[:, layout.entity_closure_dofs(tdim - 1, i)]
             held[facets[done[nodes].all(axis=1), i]] = True
-    if isinstance(kinematics, Helical):
-        for name in kinematics.between:
-            held[device.facets_of(name)] = True
+    for name in kinematics.periodic_ends or ():
+        held[device.facets_of(name)] = True
     return held
 
 

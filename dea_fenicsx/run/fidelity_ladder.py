@@ -25,12 +25,11 @@ from dea_fenicsx.path.items import Ramp
 from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.options import NewtonOptions
+from dea_fenicsx.support.cell_types import SIMPLICES
 from dea_fenicsx.support.errors import InputError
 
 Make = Callable[[int], Scene]
 """Makes a scene on the mesh of a level; twice the level halves its cells."""
-
-NAMES = {"quadrilateral": "Q2", "hexahedron": "Q2", "triangle": "P2", "tetrahedron": "P2"}
 
 ERROR_TARGETS = (1e-2, 1e-3, 1e-4)
 """Errors for which the cheapest rung is named."""
@@ -245,6 +244,7 @@ def _solved(
         )  # fmt: skip
         wall = scene.device.comm.allreduce(time.perf_counter() - start, op=MPI.MAX)
     pressure = "P1disc" if run.problem.pressure_kind == "discontinuous" else "P1"
-    element = f"{NAMES[scene.device.mesh.topology.cell_name()]}-{pressure}"
+    cell = scene.device.mesh.topology.cell_name()
+    element = f"{'P2' if cell in SIMPLICES else 'Q2'}-{pressure}"
     value = run[f"quantity_{seen.unit}" if seen.unit else "quantity"]
     return Rung(name, fidelity, element, level, run.summary["unknowns"], wall, value)

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.device import Device, group_size
-from dea_fenicsx.scene.declarations import Declaration
+from dea_fenicsx.scene.declarations import Declaration, GlobalUnknown
 from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import known
@@ -103,6 +103,14 @@ def declared[D: Declaration, C: Condition](
         (item, told) for item in items for told in item.declarations(scene)
         if isinstance(told, kind)
     ]  # fmt: skip
+
+
+def check_global(scene: Setting, unknown: GlobalUnknown, item: object) -> None:
+    """Raise InputError if an item needs a global unknown that the scene's kinematics lacks."""
+    if unknown not in scene.kinematics.global_unknowns:
+        raise InputError(
+            f"{type(item).__name__} is for helical cells; take kinematics={unknown.kinematics}."
+        )
 
 
 def check_axes(item: Any, axes: str, scene: Setting) -> None:

@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
 
+from dea_fenicsx.support.cell_types import SIMPLICES
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import plain_numbers
 from dea_fenicsx.support.validation import one_of
-
-SIMPLICES = ("triangle", "tetrahedron")
-"""Types of cells on which a discontinuous linear pressure is not stable."""
 
 PressureElement = Literal["auto", "discontinuous", "continuous"]
 

@@ -86,11 +86,6 @@ class Kinematics(ABC):
                 f"cells of dimension {device.dim} in {device.mesh.geometry.dim} coordinates."
             )
 
-    def need(self, unknown: GlobalUnknown, what: str) -> None:
-        """Raise InputError if `what` needs a global unknown that this kinematics lacks."""
-        if unknown not in self.global_unknowns:
-            raise InputError(f"{what} is for helical cells; take kinematics={unknown.kinematics}.")
-
     # ------------------------------------------------------------------ fields
 
     @abstractmethod
