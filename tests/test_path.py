@@ -23,7 +23,7 @@ from dea_fenicsx.path.evidence import MOST_NEWTON_WITHOUT_PROOF, Evidence
 from dea_fenicsx.path.predictor import Predictor
 
 MU, EPS_R, T = 50e3, 2.86, 1e-3
-LIMIT = 0.68736 * T * np.sqrt(MU / (EPS_R * EPSILON_0))  # free neo-Hookean film, anchors.md
+LIMIT = 0.68736 * T * np.sqrt(MU / (EPS_R * EPSILON_0))  # phi^2 = lam^-2 - lam^-8
 CUBE = ROOT / "demos" / "cube.py"
 HDEA = ROOT / "demos" / "hdea_two_turn.py"
 

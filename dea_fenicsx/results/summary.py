@@ -132,7 +132,7 @@ def loads_not_passed(
     return found
 
 
-def _stability(history: Sequence[Mapping[str, Any]], is_trace: bool) -> tuple[str, str]:
+def _stability(history: Sequence[Mapping[str, Any]], is_trace: bool) -> tuple[str, str | None]:
     """Status of a completed path, and what its negative eigenvalues say about it.
 
     A trace is followed for the sake of states that are not stable, a ramp is not.
@@ -148,11 +148,11 @@ def _stability(history: Sequence[Mapping[str, Any]], is_trace: bool) -> tuple[st
     return "completed", unlocated(history)
 
 
-def unlocated(history: Sequence[Mapping[str, Any]]) -> str:
-    """A sentence on changes of the number of negative eigenvalues that no event explains, or ""."""
+def unlocated(history: Sequence[Mapping[str, Any]]) -> str | None:
+    """A sentence on changes of the count of negative eigenvalues that no event explains, if any."""
     passed = [change for change in count_changes(history) if not change["located"]]
     if not passed:
-        return ""
+        return None
     first, others = passed[0], len(passed) - 1
     also = f" (and at {others} other place{'s' * (others > 1)})" if others else ""
     return (
