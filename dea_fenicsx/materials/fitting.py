@@ -217,7 +217,7 @@ def fit(model: Any, data: TestData | Sequence[TestData], starts: int = 8) -> Fit
             for c, size in zip(curves, sizes, strict=True)
         ]
         r = np.concatenate(out)
-        # a trial past lock-up is refused by its size; the step is then cut back
+        # A trial beyond lock-up has a huge residual, so the method shortens its step.
         return np.where(np.isfinite(r), r, PENALTY_RESIDUAL)
 
     scale = np.where(x0 == 0, 1.0, np.abs(x0))
@@ -353,7 +353,7 @@ def _doubt_units(curves: list[TestData]) -> None:
 
 
 def _start(model: type, curves: list[TestData]) -> Any:
-    # falling curves can have a negative mean modulus: the size alone makes a start
+    # A falling curve can have a negative mean modulus; the fit starts from its absolute value.
     mu = max(float(np.median(np.abs(_moduli(curves)))), 1e-9)
     I1 = max(float(np.exp(2 * log_stretches(c.test, c.stretch)).sum(axis=0).max()) for c in curves)
     starts: dict[type, tuple[float, ...]] = {

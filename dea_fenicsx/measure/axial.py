@@ -1,4 +1,4 @@
-"""What is measured on a device as a whole: stretch and twist, axial force and torque.
+"""Observables of a device as a whole: stretch and twist, axial force and torque.
 
 A helical cell has all of them; generalised plane strain has stretch and force, along its depth.
 """
@@ -73,7 +73,10 @@ class OverallTorque:
 
 
 def _bind_action(problem: Problem, observable: object, unknown: GlobalUnknown) -> Measurement:
-    """What works on an overall unknown, from its residual, in N (times the length unit)."""
+    """The generalised force on a global unknown, from its residual.
+
+    In N for an elongation; for a twist in N times the unit of length.
+    """
     _need(problem, observable, unknown)
     dofs = problem.overall[unknown.name].dofs
     dofs = dofs[dofs < problem.owned]

@@ -1,4 +1,4 @@
-"""Whether the cells of a mesh can be computed on: none folded, none laid over its neighbour.
+"""Checks that the cells of a mesh are valid: none is folded, none overlaps its neighbour.
 
 A folded cell gives finite numbers and a wrong answer, since integrals take the size of the
 Jacobian's determinant; so it is told before anything is solved.
@@ -131,7 +131,7 @@ def _overlapping(device: Device) -> np.ndarray:
     bad = side[:, 0] * side[:, 1] > 0
     for k in range(2):
         np.add.at(wrong, pair[bad, k], 1.0)
-    # a sound neighbour of an inverted cell has one wrong facet, the inverted cell has several
+    # A valid neighbour of an inverted cell has one wrong facet; the inverted cell has several.
     worst = np.zeros(len(wrong))
     for a, b in ((0, 1), (1, 0)):
         np.maximum.at(worst, pair[bad, a], wrong[pair[bad, b]])

@@ -1,4 +1,4 @@
-"""The checkpoint: a state, and where on the path it lies; trusted only as far as it can be checked.
+"""The checkpoint: a state and its position on the path.  All that it holds is checked when read.
 
     state    values of all unknowns in each cell, shape (cells, unknowns of a cell)
     told     JSON: cursor, history, fingerprint, references, failures, seconds
@@ -33,7 +33,7 @@ from dea_fenicsx.support.files import clean
 from dea_fenicsx.support.type_checks import check_declared, is_number
 
 FORMAT = 2
-"""Number of the form of what is told; one of another number is not read."""
+"""Version of the format of a checkpoint.  A checkpoint of another version is refused."""
 
 NUMBER_TOLERANCE = 1e-9
 """Largest difference of two positions on the path, or relative one of two load factors."""
@@ -43,7 +43,7 @@ TIME_TOLERANCE = 1e-12
 
 
 class Unusable(Exception):
-    """A checkpoint that does not hold together; the message is a clause that says why."""
+    """A checkpoint that contradicts itself.  The message is a clause that says why."""
 
 
 # --------------------------------------------------------------------------------------- the file
@@ -58,7 +58,7 @@ def write(target: Path, state: np.ndarray, told: Mapping[str, Any]) -> None:
 
 
 def digest(state: np.ndarray, text: str) -> str:
-    """What tells whether a checkpoint is as it was written."""
+    """SHA-256 hash of a checkpoint, which shows whether it was changed after it was written."""
     found = hashlib.sha256(text.encode())
     found.update(np.ascontiguousarray(state, dtype=float).tobytes())
     return found.hexdigest()
@@ -78,7 +78,7 @@ def read(file: Path) -> tuple[dict[str, Any], np.ndarray]:
             text = str(_array(archive, "told.npy"))
             sealed = str(_array(archive, "digest.npy")) if _has_digest(archive) else ""
         told = json.loads(text)
-    except Exception as error:  # whatever a damaged file leads to
+    except Exception as error:  # A damaged file may cause any exception.
         raise InputError(
             f"{file} is no checkpoint of this package ({clean(error, 120) or 'damaged'})."
         ) from error
@@ -132,7 +132,7 @@ def _head(file: IO[bytes]) -> tuple[tuple[int, ...], np.dtype]:
 def cursor_of(
     told: Mapping[str, Any], scene: Scene, path: Sequence[Any], columns: Sequence[str]
 ) -> Cursor:
-    """The cursor of a checkpoint, once all that it tells agrees with itself and with the path.
+    """The cursor of a checkpoint, if its contents agree with one another and with the path.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def _cursor(found: Any, scene: Scene, path: Sequence[Any]) -> Cursor:
 
 
 def _check_rows(rows: Any, columns: Sequence[str], cursor: Cursor) -> None:
-    """The history must be rows of this run's columns, a row a step."""
+    """Check that the history has one row for each step, with the columns of this run."""
     if not isinstance(rows, list) or not rows:
         raise Unusable("its history is missing")
     before = 0.0
@@ -220,7 +220,10 @@ def _factors(row: Mapping[str, Any], scene: Scene) -> dict[str, float]:
 def _check_start(
     cursor: Cursor, factors: Mapping[str, float], rows: list[Any], scene: Scene
 ) -> None:
-    """The loads must be those of the last row, and their start those where its item began."""
+    """Check that the loads are those of the last row of the history.
+
+    The loads at the start of the item must be those of the row at which the item began.
+    """
     begun = [row for row in rows if row["time"] <= cursor.ramp + TIME_TOLERANCE]
     pairs = [(factors, _factors(rows[-1], scene))]
     if cursor.ramp + cursor.position > 0:
@@ -238,7 +241,7 @@ def _check_place(
     scene: Scene,
     path: Sequence[Any],
 ) -> None:
-    """The place on an item of the path must be that of its loads or of its steps."""
+    """Check that the position on an item of the path agrees with the loads or the steps."""
     item = path[cursor.ramp]
     if isinstance(item, Trace):
         taken = sum(row["time"] > cursor.ramp + TIME_TOLERANCE for row in rows)

@@ -1,4 +1,4 @@
-"""The columns of a history: those of the package, and which names are left for what is recorded."""
+"""The columns of a history, and a check of the names of recorded observables."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SUMMARY = (
     "unknowns_by_field", "cells", "mesh_quality", "volume_m3", "ranks", "peak_memory_GB",
     "assembly_s", "factor_s", "krylov_s", "settings", "versions", "origin", "command",
 )  # fmt: skip
-"""What summary.json says beside the last values of the columns."""
+"""Entries of summary.json that are not the last values of columns."""
 
 LONGEST_NAME = 100
 """Largest number of characters of a column's name."""
@@ -142,7 +142,7 @@ def check_names(scene: Scene, record: Mapping[str, Any], failures: Iterable[Any]
 
 
 def check_added(values: Mapping[str, Any]) -> None:
-    """Raise InputError if a script's own finding would replace what the package has found."""
+    """Raise InputError if a value that a script adds would replace one of the package."""
     for name in values:
         if name in (*SUMMARY, *WORK, *FIRST):
             raise InputError(

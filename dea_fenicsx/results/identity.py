@@ -1,4 +1,4 @@
-"""What makes a run the same run: its facts, and whether those of an interrupted one agree."""
+"""The fingerprint of a run, by which a resumed run is recognised as the same run."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def _surface(problem: Problem, name: str) -> list[float]:
 
 
 def difference(mine: Mapping[str, Any], theirs: Any) -> str | None:
-    """In which way two fingerprints differ, as a clause with "it" for the earlier run; None if not.
+    """How two fingerprints differ, as a clause with "it" for the earlier run; None if they agree.
 
     Parameters
     ----------

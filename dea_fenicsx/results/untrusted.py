@@ -1,4 +1,4 @@
-"""What a stranger's results folder may hold, and what is read of it: XML and HDF5, as data only.
+"""Safe reading of results folders of unknown origin: XML and HDF5 are read as data only.
 
 A document names the files that hold its numbers.  Only files inside the folder are opened, and
 only data that lie in them: no links to other files, and no more numbers than the file has room for.
@@ -41,7 +41,7 @@ def read_xml(file: Path) -> ET.Element:
         text = file.read_bytes().decode("utf-8")
         if "<!DOCTYPE" in text or "<!ENTITY" in text or "\0" in text:
             raise Foreign("it has a document type or NUL characters")
-        # As text, not as bytes: then no other encoding that it may declare counts.
+        # A text, unlike bytes, is parsed without regard to the encoding that it declares.
         return ET.fromstring(text)
     except OSError as error:
         raise InputError(f"{file} cannot be read ({error.strerror}).") from error

@@ -1,4 +1,7 @@
-"""What all conditions of a scene are: checked against it, and told to the model in declarations."""
+"""The base of all conditions of a scene.
+
+A condition checks itself against the scene and describes itself to the model by declarations.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from dea_fenicsx.support.validation import known
 
 
 class Setting(Protocol):
-    """What a condition may ask of the scene to which it belongs; see `Scene`."""
+    """The part of a scene that a condition may read; see `Scene`."""
 
     @property
     def device(self) -> Device: ...
@@ -64,7 +67,7 @@ class Condition(ABC):
 
     @abstractmethod
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
-        """What it means for a problem."""
+        """The declarations that describe this condition to the model."""
 
 
 class Support(Condition):

@@ -83,7 +83,7 @@ class Conducting(Driven):
         return np.ones(len(X))
 
     def check(self, scene: Setting) -> None:
-        """Names and numbers; what lies beside it is left to `check_place`."""
+        """Check names and numbers.  The place of the electrode is checked by `check_place`."""
         if not self.names:
             raise InputError("An electrode names no group; give where= at least one name.")
         self._check_values(scene)
@@ -98,7 +98,7 @@ class Conducting(Driven):
                 )
 
     def _check_values(self, scene: Setting) -> None:
-        """Numbers and axes, whatever the mesh."""
+        """Check numbers and axes, which do not depend on the mesh."""
 
     def _check_group(self, scene: Setting, name: str) -> None:
         """What a single group must be in order to be this electrode."""
@@ -276,7 +276,7 @@ class ThinFilm(Electrode):
         self._check_reach(scene)
 
     def _check_span(self, scene: Setting) -> None:
-        """The field V/T is right only between the two faces of one flat film."""
+        """Check that the region is one plane film between start and end; else V/T is wrong."""
         device, kinematics, label = scene.device, scene.kinematics, self.label
         finite(self.start, f"The start of ThinFilm {label!r}")
         finite(self.end, f"The end of ThinFilm {label!r}")

@@ -1,4 +1,4 @@
-"""What all ranks must do alike: calls that may fail on one of them, and input that must be equal.
+"""Agreement of all ranks: calls that may fail on one of them, and input that must be equal.
 
 A collective call waits for every rank.  So an error that one rank meets alone, or a script that
 gives each rank another input, would leave the ranks waiting for each other for ever.  The functions
@@ -38,7 +38,7 @@ class OtherRankFailed(DeaError):
 
 
 class RankLeft(DeaError):
-    """Another rank has ended its script without an error, so a collective call never ends."""
+    """Another rank has ended its script without an error, so a collective call cannot end."""
 
     of_another = True
     """The cause lies on another rank, whichever rank tells of it."""
@@ -130,7 +130,7 @@ def _arrives(request: MPI.Request, seconds: float) -> bool:
 
 
 def _from_rank(comm: MPI.Comm, first: int, fault: Exception | None, what: str) -> DeaError:
-    """What the ranks without an error raise for the first one that has met one.  Collective."""
+    """The error of ranks that have none themselves, for the first one that has.  Collective."""
     told = None
     if comm.rank == first:
         kind = type(fault) if isinstance(fault, DeaError) else OtherRankFailed

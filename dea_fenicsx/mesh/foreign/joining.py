@@ -1,13 +1,13 @@
-"""Parts that touch in the drawing, but share no nodes in the mesh, are told.
+"""Finds parts that touch in the drawing, but share no nodes in the mesh.
 
-Two bodies that were drawn on each other and meshed one by one have doubled nodes at their
-interface, or nodes that do not fit.  Nothing then holds one to the other, and the run gives the
-motion of loose sheets.  Such places are found by their shape alone: an exterior face of a cell lies
-on the exterior face of another one.
+If two bodies touch in the drawing and are meshed separately, they have duplicate nodes at their
+interface, or nodes at different places.  Then the two bodies are not connected, and the run gives
+the motion of loose sheets.  Such an interface is found by geometry alone: an exterior face of one
+cell lies on an exterior face of another cell.
 
-A gap that is meant, however thin, is none of these, if it is wider than `CONTACT_SHARE` of the
-faces beside it.  Where the surfaces are curved, the faces of the two bodies leave each other by
-their bulge, which is estimated and allowed for.
+An intended gap may be thin, but it must be wider than `CONTACT_SHARE` of the faces beside it.
+On curved surfaces the flat faces of two touching bodies are some distance apart.  This distance is
+estimated from the curvature and allowed for.
 """
 
 from __future__ import annotations
@@ -215,9 +215,9 @@ def _coplanar(faces: Exterior, a: Ints, b: Ints, extent: float) -> np.ndarray:
     middle = np.abs(np.einsum("pi,pi->p", faces.middle[a] - origin, normal))
     signed = np.einsum("pki,pi->pk", faces.x[a] - origin[:, None], normal)
     near, far = np.abs(signed).min(axis=1), np.abs(signed).max(axis=1)
-    # Two chords of one arc that are turned against each other are equally far apart at both ends,
-    # but they cross.  The middle of each then lies near the other one's plane, which the planes of
-    # two arcs with a gap between them do not do both.
+    # Two crossing chords of one arc have the same distance at both ends.  Then the middle of each
+    # chord lies near the plane of the other one.  This is not so for chords of two different arcs
+    # with a gap between them.
     one_side = (signed > 0).all(axis=1) | (signed < 0).all(axis=1)
     back = np.abs(np.einsum("pi,pi->p", origin - faces.middle[a], faces.normal[a]))
     crossing = ~one_side & (middle <= allowed + bulge / 3) & (back <= allowed + bulge)

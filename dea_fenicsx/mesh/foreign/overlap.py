@@ -1,4 +1,4 @@
-"""Parts that lie in one another without common nodes are told.
+"""Finds parts that lie in one another without common nodes.
 
 Bodies that were drawn over each other and meshed one by one fill the same place twice.  The run
 would count the material there twice, and nothing would hold one body to the other.
