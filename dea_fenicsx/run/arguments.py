@@ -1,4 +1,4 @@
-"""The arguments of `solve`, checked before anything is computed."""
+"""Checks of the arguments of `solve`, before anything is computed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def check_arguments(
     scene: Any, path: Any, record: Any, out: Any, resume: Any, quiet: Any, stability: Any,
     failures: Any, options: Any, settings: Any,
 ) -> None:  # fmt: skip
-    """Raise InputError, with one sentence, for arguments that are of no use to `solve`."""
+    """Raise InputError, with one sentence, for an argument that `solve` cannot use."""
     for value, kind, what in (
         (scene, Scene, "a Scene"),
         (path, Ramp | Trace | list | tuple, "a Ramp, a Trace or a list of them"),

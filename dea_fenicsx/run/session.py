@@ -1,4 +1,4 @@
-"""Run a scene along a path: solve, measure, write, report.  What a user's script calls."""
+"""One run of a scene along a path: solve, measure, write, report.  Scripts call `solve`."""
 
 from __future__ import annotations
 
@@ -80,14 +80,14 @@ def solve(
     verbose
         Print each Newton iteration, too; None does as the command line's ``--verbose`` says.
     stability
-        When to factorise the tangent of an accepted state to count its negative eigenvalues:
-        at the ``"last"`` step (in small models at all steps, which costs little), at ``"every"``
-        step, or ``"never"`` on purpose.  With ``"every"`` a change between two steps is located:
-        a bifurcation gets a step of its own, and its null vector a file in ``modes/``.
+        The steps at which the negative eigenvalues of the tangent are counted, which needs a
+        factorisation: the ``"last"`` one (in small models all steps, where this costs little),
+        ``"every"`` step, or ``"never"``.  With ``"every"`` a change of the count between two steps
+        is located: a bifurcation gets a step of its own, and its null vector a file in ``modes/``.
     failures
-        What to watch: `ElectricalBreakdown`, `LossOfTension`, `StretchLimit`.  The first state at
-        which one occurs gets a step of its own and an entry in the summary; the path goes on.
-        None watches breakdown where a dielectric has a breakdown field.
+        The failures to watch: `ElectricalBreakdown`, `LossOfTension`, `StretchLimit`.  The first
+        state at which one occurs gets a step of its own and an entry in the summary; the path goes
+        on.  With None, breakdown is watched in each dielectric that has a breakdown field.
     options
         Settings of Newton's method.
     settings
@@ -145,7 +145,7 @@ class _Session:
     settings: Mapping[str, Any] | None
 
     def run(self) -> Run:
-        """Take the results folder for the length of the run."""
+        """Lock the results folder while the run lasts."""
         self.started = time.perf_counter()
         self.comm = self.scene.device.comm
         self.progress = Progress(self.comm.rank == 0, self.quiet, self.verbose)
@@ -253,7 +253,7 @@ class _Session:
             solver.notify = silent  # it holds this session, which holds the solver
 
     def _gap(self, item: int) -> float | None:
-        """How far the state is from the value at which an item of the path ends."""
+        """Difference between the present value and that at which an item of the path ends."""
         if item not in self.ends:
             return None
         measure, value = self.ends[item]

@@ -1,4 +1,4 @@
-"""What every term of the energy is."""
+"""The base of all terms of the energy."""
 
 from __future__ import annotations
 
