@@ -50,7 +50,7 @@ class Constraints:
         The displacement components that it holds.
     turns
         The ramps of the dead loads by which it may turn: then its rotations are unknowns, see
-        `turning`.
+        `orientation_springs`.
     """
 
     def __init__(self, size: int) -> None:

@@ -116,13 +116,13 @@ class Conducting(Driven):
 @dataclass(frozen=True)
 @in_si(start="m", end="m")
 class Taper:
-    """A smooth fall from 1 to 0 along a coordinate: (1 + cos(pi t))/2, t from 0 to 1.
+    """A smooth decrease from 1 to 0 along a coordinate: (1 + cos(pi t))/2, with t from 0 to 1.
 
     Parameters
     ----------
     start, end
-        Undeformed coordinates in m between which it falls; it is 1 before and 0 behind.  Some of
-        the electrode must lie between them.
+        Undeformed coordinates in m between which it decreases.  It is 1 before the start and 0
+        behind the end.  A part of the electrode must lie between them.
     along
         ``"x"``, ``"y"``, ``"z"``, or ``"r"``, the distance from the z axis (in an axisymmetric
         section its first coordinate).
@@ -260,7 +260,7 @@ class ThinFilm(Electrode):
     fills_region = True
 
     def profile(self, kinematics: Kinematics, X: np.ndarray) -> np.ndarray:
-        """Through the film it rises from 0 to 1, times the tapers."""
+        """Potential over voltage: it rises from 0 to 1 across the film; tapers multiply it."""
         rise = kinematics.coordinate(self.along, X) - self.start
         return rise / (self.end - self.start) * super().profile(kinematics, X)
 

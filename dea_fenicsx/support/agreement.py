@@ -47,8 +47,8 @@ class RankLeft(DeaError):
 def complete(comm: MPI.Comm, request: MPI.Request) -> None:
     """Wait until all ranks have joined a collective call that was begun.
 
-    A rank that has left after its part of the call leaves it to complete within moments; so a call
-    that does not complete within `errors.GRACE_S` after a rank has left never will.
+    If a rank has ended its script after its part of the call, the call completes within moments.
+    So a call that does not complete within `errors.GRACE_S` after a rank has ended never will.
 
     Parameters
     ----------
