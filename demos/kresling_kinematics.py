@@ -21,6 +21,7 @@ from dea_fenicsx.origami import (
     strokes,
 )
 from dea_fenicsx.origami.picture import draw_pattern, draw_readings, write_folding
+from dea_fenicsx.thesis.errata import PrintedKresling
 
 PLIES = 0.2 * INCH  # m, ten panels of 0.02 in on each other
 
@@ -41,7 +42,7 @@ def parse():
 def readings(args):
     a, b, h, k = args.side, args.edge, args.height, args.stiffness
     return {
-        "printed chords, no twist": Kresling(a, h, k, h, twist="held", chords="printed"),
+        "printed chords, no twist": PrintedKresling(a, h, k, h, twist="held"),
         "right chords, no twist": Kresling(a, h, k, h, twist="held"),
         "rigid edges, from the printed height": Kresling(a, b, k, h),
         "rigid edges, from the flat cell's height": Kresling(a, b, k),

@@ -9,18 +9,20 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.validation import is_finite, is_whole
 
-LONGEST = 1e6
+MOST_METRES = 1e6
 """Lengths in m beyond which no device lies; squares of larger ones may overflow."""
 
-MOST = 100_000
+MOST_CELLS = 100_000
 """Cells along one direction beyond which a count is a slip of the pen."""
 
 
 def length(owner: str, name: str, value: Any, *, zero: bool = False) -> float:
     """A finite positive length in metres (``zero``: not negative)."""
     good = is_number(value) and is_finite(value)
-    if good and value > LONGEST:
-        raise InputError(f"{owner}: {name} is {shown(value)} m; it must be at most {LONGEST:g} m.")
+    if good and value > MOST_METRES:
+        raise InputError(
+            f"{owner}: {name} is {shown(value)} m; it must be at most {MOST_METRES:g} m."
+        )
     if not good or value < 0 or (value == 0 and not zero):
         kind = "zero or a positive length" if zero else "a positive length"
         raise InputError(f"{owner}: {name} is {shown(value)}; it must be {kind} in metres.")
@@ -36,8 +38,8 @@ def number(owner: str, name: str, value: Any) -> float:
 
 def count(owner: str, name: str, value: Any, least: int = 1) -> int:
     """A whole number of at least ``least``."""
-    if isinstance(value, Integral) and int(value) > MOST:
-        raise InputError(f"{owner}: {name} is {shown(value)}; it must be at most {MOST}.")
+    if isinstance(value, Integral) and int(value) > MOST_CELLS:
+        raise InputError(f"{owner}: {name} is {shown(value)}; it must be at most {MOST_CELLS}.")
     if not is_whole(value, least):
         raise InputError(
             f"{owner}: {name} is {shown(value)}; it must be a whole number of at least {least}."

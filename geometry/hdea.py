@@ -17,7 +17,7 @@ from ._helix import helix_mesh
 from ._structured import Floats, Ints, StructuredMesh, joined_ends
 from .base import Geometry
 from .grading import graded
-from .sectors import TOUCH, Sector, angular_ends, checked_sectors
+from .sectors import ANGLE_TOLERANCE_DEG, Sector, angular_ends, checked_sectors
 
 ENDS = ("ramp", "flat")
 
@@ -282,8 +282,9 @@ class HDEA(Geometry):
         """Area in m^2 of a strand's edges towards the elastomer: along cylinders and radii."""
         r1, r2 = self.electrode_radii
         arcs = 2 * math.pi * sector.share * (r1 + r2) * self.turns if self.inset > 0 else 0.0
-        # the two ends of the helix are radial edges only where a cap lies against them
-        cut = 2 * (sector.whole or sector.end > 360 + TOUCH) if self.ends == "flat" else 0
+        # The two ends of the helix are radial edges only if a cap lies against them.
+        capped = sector.whole or sector.end > 360 + ANGLE_TOLERANCE_DEG
+        cut = 2 * capped if self.ends == "flat" else 0
         if sector.whole:
             return (arcs + cut * (r2 - r1)) * self.electrode
         # an edge at the angle 0 lies on the seam once: at the helix's beginning or its end

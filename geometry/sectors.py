@@ -16,7 +16,7 @@ from dea_fenicsx.support.type_checks import shown
 from . import _check
 from ._structured import Floats
 
-TOUCH = 1e-6
+ANGLE_TOLERANCE_DEG = 1e-6
 """Degrees within which two angles are the same."""
 
 
@@ -48,7 +48,7 @@ class Sector:
     @property
     def breaks(self) -> tuple[float, float]:
         """Its edges as angles from 0 to below 360."""
-        return self.start, self.end - 360 if self.end >= 360 - TOUCH else self.end
+        return self.start, self.end - 360 if self.end >= 360 - ANGLE_TOLERANCE_DEG else self.end
 
     def holds(self, angle: Floats) -> np.ndarray:
         """Whether angles, in degrees, lie inside."""
@@ -84,7 +84,7 @@ def checked_sectors(owner: str, sectors: Any) -> tuple[Sector, ...]:
     made = sorted((_sector(owner, *item) for item in items), key=lambda s: s.start)
     for here, there in pairwise([*made, *made[:1]]):
         wraps = 360 if there is made[0] else 0
-        if here.end > there.start + wraps - TOUCH:
+        if here.end > there.start + wraps - ANGLE_TOLERANCE_DEG:
             both = (
                 f"the sectors {here.start:g} to {here.end:g} and {there.start:g} to {there.end:g}"
                 if len(made) > 1
@@ -106,12 +106,12 @@ def _sector(owner: str, name: str, given: Any) -> Sector:
             f"{owner}: a sector is {shown(given)}; it must be a pair of angles in degrees, as "
             "(0, 180)."
         ) from None
-    if not TOUCH < end - start <= 360:
+    if not ANGLE_TOLERANCE_DEG < end - start <= 360:
         raise InputError(
             f"{owner}: a sector goes from {start:g} to {end:g} degrees; it must end at a larger "
             "angle than it starts at, and go round less than once."
         )
-    turns = math.floor((start + TOUCH) / 360)
+    turns = math.floor((start + ANGLE_TOLERANCE_DEG) / 360)
     return Sector(max(start - 360 * turns, 0.0), end - 360 * turns, name)
 
 
@@ -128,7 +128,7 @@ def angular_ends(owner: str, sectors: tuple[Sector, ...], cells: int) -> Floats:
     """
     edges = sorted({0.0, *(angle for s in sectors if not s.whole for angle in s.breaks)})
     # rounding may leave an edge twice, or just beside 0
-    kept = [a for k, a in enumerate(edges) if k == 0 or a - edges[k - 1] > TOUCH]
+    kept = [a for k, a in enumerate(edges) if k == 0 or a - edges[k - 1] > ANGLE_TOLERANCE_DEG]
     ends = np.array([*kept, 360.0])
     sizes = np.diff(ends)
     if len(sizes) > cells:

@@ -46,7 +46,7 @@ def pytest_configure(config):
     names = dea.NewtonOptions.__dataclass_fields__
     dea.NewtonOptions.__init__.__defaults__ = tuple(getattr(changed, name) for name in names)
     if engine == "cheap":
-        linear.LARGE = 0
+        linear.UNKNOWNS_FOR_CHEAP_FACTOR = 0
     if engine == "unturned":
         Corotation.update = lambda self: None
 

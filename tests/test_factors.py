@@ -81,7 +81,7 @@ def test_split_factors_on_any_number_of_ranks(on_ranks):
 def test_the_cheap_count_proves_a_stable_state_and_no_other(share, is_stable):
     """A free film at a given in-plane stretch: unstable beyond 2^(1/3), where its charge is not.
 
-    The states come from their closed form, phi^2 = lam^-2 - lam^-8 (anchors.md).
+    The states come from their closed form, phi^2 = lam^-2 - lam^-8 (a free neo-Hookean film).
     """
     stretch = share * 2 ** (1 / 3)
     volts = 1e-3 * np.sqrt(MU / (EPS_R * EPSILON_0) * (stretch**-2 - stretch**-8))
@@ -116,7 +116,7 @@ def test_the_cheap_count_proves_a_stable_state_and_no_other(share, is_stable):
 def test_the_count_lets_the_potential_follow_where_that_is_needed(monkeypatch):
     """A film of one cell with a given charge is stable beyond pull-in, which u alone cannot tell.
 
-    phi^2 = lam^-2 - lam^-8 (anchors.md); the maximum of phi is at lam = 1.26.
+    A free neo-Hookean film has phi^2 = lam^-2 - lam^-8; the maximum of phi is at lam = 1.26.
     """
     T, A, lam = 1e-3, 1e-6, 1.27
     volts = T * np.sqrt(MU / (EPS_R * EPSILON_0) * (lam**-2 - lam**-8))

@@ -36,8 +36,8 @@ from dea_fenicsx.thesis import errata
 # in inch and lbf: all formulas hold in any consistent units
 A, B, H, K = 2.125, 2.75, 1.65, 17.0
 READINGS = {
-    "printed held": Kresling(A, H, K, H, twist="held", chords="printed"),
-    "printed free": Kresling(A, H, K, H, chords="printed"),
+    "printed held": errata.PrintedKresling(A, H, K, H, twist="held"),
+    "printed free": errata.PrintedKresling(A, H, K, H),
     "right held": Kresling(A, H, K, H, twist="held"),
     "right free, vertical": Kresling(A, H, K, H),
     "right free, 1.65": Kresling(A, B, K, H),
@@ -52,7 +52,7 @@ def energy(s: Kresling, height, twist=None):
     n, R = s.sides, s.radius
     if twist is None and s.twist == "held":
         twist = s.rest_twist
-    if s.chords == "printed":
+    if not s.is_solid:
         phi = np.arcsin(np.sqrt(s.edge**2 - height**2) / R) if twist is None else twist
         c = np.sqrt(height**2 + R**2 * np.sin(phi + np.pi / 2) ** 2)
     else:
@@ -381,7 +381,7 @@ def test_quantities_with_units():
         (lambda: Kresling(2.0, 3.0, twist="fixed"), "must be one of"),
         (lambda: Kresling(2.0, 3.0, height=3.5), "at most the edge"),
         (lambda: Kresling(2.0, 3.0, height=0.1), "does not lean down to 0.1 m"),
-        (lambda: Kresling(2.0, 3.0, chords="printed"), "give a height"),
+        (lambda: errata.PrintedKresling(2.0, 3.0), "give a height"),
         (lambda: FLAT.at([1.0, 2.8]), "between 0 and 2.75 m"),
         (lambda: FLAT.at_twist(2.5), "too short for a twist of 143.2"),
         (lambda: READINGS["right held"].at_twist(0.1), "give heights instead"),
@@ -409,3 +409,16 @@ def test_quantities_with_units():
 def test_bad_input(make, words):
     with pytest.raises(dea.InputError, match=words):
         make()
+
+
+def test_the_old_option_for_the_printed_chords_still_works():
+    """``Kresling(chords="printed")`` is a storey of the errata, with one DeprecationWarning."""
+    new = errata.PrintedKresling(A, H, K, H)
+    with pytest.warns(DeprecationWarning, match="errata") as seen:
+        old = Kresling(A, H, K, H, chords="printed")
+    assert len(seen) == 1 and seen[0].filename == __file__
+    assert type(old) is errata.PrintedKresling and old.lowest == new.lowest
+    heights = np.linspace(old.lowest + 0.02, H - 0.02, 5)
+    assert np.array_equal(old.at(heights).force, new.at(heights).force)
+    with pytest.warns(DeprecationWarning):
+        assert Kresling(A, H, K, H, 4, "held", "printed").twist == "held"

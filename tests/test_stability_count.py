@@ -68,7 +68,7 @@ def count_now(scene, factors=None):
 @pytest.mark.parametrize("mass", [1e-8, 1e-10])
 def test_a_dielectric_without_electrode_does_not_shift_the_count(mass, monkeypatch):
     """0 before the largest voltage, 1 behind it, as where the pads are rubber."""
-    monkeypatch.setattr(linear, "MASS", mass)
+    monkeypatch.setattr(linear, "SCALAR_MASS", mass)
     passive = counts(stack("axisymmetric", RUBBER))
     assert passive == sorted(passive) and set(passive) == {0, 1}
     assert counts(stack("axisymmetric", FILM)) == passive
@@ -117,7 +117,7 @@ def held_block(kinematics, cells, comm=MPI.COMM_SELF):
     ids=["space", "plane", "axisymmetric"],
 )
 def test_a_block_that_is_held_along_all_normals(kinematics, cells, mass, monkeypatch):
-    monkeypatch.setattr(linear, "MASS", mass)
+    monkeypatch.setattr(linear, "SCALAR_MASS", mass)
     run = dea.solve(held_block(kinematics, cells), dea.Ramp(steps=2), quiet=True,
                     stability="every")  # fmt: skip
     assert [row["inertia"] for row in run.history] == [0, 0, 0]

@@ -39,7 +39,10 @@ def events(run):
     [(0.5, 1.4267, 0.5107), (1.0, 1.7463, 0.3586), (2.0, 3.0160, 0.1921)],
 )
 def test_limit_points_under_dead_load(load, stretch, phi):
-    """phi^2 = (lam - lam^-5 - s/mu)/lam^3; the values to four digits are those of anchors.md."""
+    """phi^2 = (lam - lam^-5 - s/mu)/lam^3, from mu (lam^2 - lam^-4) = eps E^2 + lam s.
+
+    `stretch` and `phi` are its maximum to four digits.
+    """
     s = load * MU
     loads = [dea.DeadLoad("x_max", (s, 0, 0)), dea.DeadLoad("y_max", (0, s, 0))]
     path = [dea.Ramp("load", steps=4),
@@ -61,7 +64,8 @@ def test_limit_points_under_dead_load(load, stretch, phi):
 def test_the_cubic_between_two_points_is_of_fourth_order():
     """Its load at half an arc, and where the load is largest, against the closed form.
 
-    phi^2 = lam^-2 - lam^-8 (anchors.md), largest at lam = 4^(1/6).
+    phi^2 = lam^-2 - lam^-8, from mu (lam^2 - lam^-4) = eps E^2 and E = lam^2 V/T; it is
+    largest at lam = 4^(1/6).
     """
     solver = NewtonSolver(Problem(film(dea.NeoHookean(MU))))
     problem = solver.problem
@@ -173,7 +177,7 @@ def test_load_derivative_is_exact():
 
 
 def test_free_film_limit_point(tmp_path):
-    """Neo-Hookean: lam = 2^(1/3), phi = 0.68736 (anchors.md)."""
+    """Neo-Hookean: phi^2 = lam^-2 - lam^-8 is largest, 0.68736^2, at lam = 2^(1/3)."""
     scene = film(dea.NeoHookean(MU))
     first = dea.solve(scene, dea.Trace("voltage", steps=40, until=("stretch", 1.5)), STRETCH,
                       tmp_path, quiet=True, stability="never")  # fmt: skip

@@ -25,9 +25,11 @@ HELP = "is this machine set up, and if not, how to mend it"
 OK, WARN, BAD = "ok", "warn", "bad"
 SUPPORTED = ((0, 9), (0, 11))
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
-SLOW = 8.0
-"""Gflop/s of one thread below which a BLAS is slow: measured 6 with the reference one, 50 with
-OpenBLAS, on one machine."""
+SLOW_BLAS_GFLOPS = 8.0
+"""Speed in Gflop/s on one thread below which a BLAS is slow.
+
+On one machine the reference BLAS had 6 and OpenBLAS 50.
+"""
 
 # in what mpirun writes: a word, what it means, what to do
 MPI_TROUBLES = (
@@ -265,7 +267,7 @@ def _blas(found: dict[str, Any]) -> Iterator[Finding]:
     libraries = ", ".join(Path(f).name for f in found["libraries"]) or "linked in"
     rate = found["gigaflops"] / max(found["threads"], 1.0)
     text = f"{rate:.0f} Gflop/s a thread ({libraries})"
-    if found["plain"] or rate < SLOW:
+    if found["plain"] or rate < SLOW_BLAS_GFLOPS:
         why = "the reference BLAS" if found["plain"] else "a slow BLAS, or a busy machine"
         yield Finding(WARN, "blas", f"{text}: {why}",
                       "Debian: sudo apt install libopenblas0-pthread; the solver becomes several "

@@ -22,8 +22,8 @@ from dea_fenicsx.support.validation import keywords, whole
 Columns = dict[str, np.ndarray]
 Evaluate = Callable[[np.ndarray], Columns]
 
-FAILED = 1e12
-"""Stands for the objectives of a design that could not be evaluated; it is infeasible as well."""
+PENALTY_OBJECTIVE = 1e12
+"""Value of the objectives of a design that could not be evaluated; it is also infeasible."""
 
 
 def require_pymoo() -> None:
@@ -111,7 +111,8 @@ def evolve(
         columns = {name: X[:, i] for i, name in enumerate(names)} | evaluate(X)
         F, G = tally.add(columns, len(first) if generation == 1 else 0)
         if herd:
-            herd.tell(np.where(np.isfinite(F), F, FAILED), np.where(np.isfinite(G), G, FAILED))
+            told = [np.where(np.isfinite(A), A, PENALTY_OBJECTIVE) for A in (F, G)]
+            herd.tell(*told)
         say(f"generation {generation:3d} of {generations}: {tally}")
     return tally.front(names, time.perf_counter() - begun)
 
@@ -195,7 +196,7 @@ def _judge(
     for size in missed.values():
         lost |= np.isnan(size)
     F[lost] = np.nan
-    return F, np.column_stack([*missed.values(), np.where(lost, FAILED, 0.0)]), missed
+    return F, np.column_stack([*missed.values(), np.where(lost, PENALTY_OBJECTIVE, 0.0)]), missed
 
 
 def _start(

@@ -19,7 +19,7 @@ from dea_fenicsx.exact.equilibrium import Equations, scan, walk
 from dea_fenicsx.exact.film import Film, Held, known_control
 from dea_fenicsx.support.errors import InputError
 
-STEP = 0.01
+SAMPLE_STEP = 0.01
 """Distance between sampled states in logarithmic stretch."""
 
 
@@ -277,7 +277,7 @@ class Branch:
         ]
 
 
-def trace(film: Film, max_stretch: float = 20.0, step: float = STEP) -> Branch:
+def trace(film: Film, max_stretch: float = 20.0, step: float = SAMPLE_STEP) -> Branch:
     """Trace the branch of equilibria from zero voltage towards larger area.
 
     Parameters

@@ -1,4 +1,4 @@
-"""What a material model is: an energy of a strain, with a few facts about itself."""
+"""The interface of a material model: an energy of a strain, and a few properties."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ EPSILON_0 = 8.8541878128e-12
 
 
 class Strain(Protocol):
-    """What an energy may ask for: invariants of the right Cauchy-Green tensor C = F^T F.
+    """The strain that an energy is given: invariants of the right Cauchy-Green tensor C = F^T F.
 
     There are two kinds: symbolic ones for finite elements (`kinematics.StrainOf`) and numeric ones
     in the principal stretches (`stretches.PrincipalStrain`).  An energy is plain arithmetic on

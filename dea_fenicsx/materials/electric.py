@@ -1,4 +1,4 @@
-"""What a region does electrically: an ideal dielectric with its breakdown field, or a conductor."""
+"""Electric properties of a region: an ideal dielectric with its breakdown field, or a conductor."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Breakdown:
 
 
 class Electric(ABC):
-    """What a region does electrically.
+    """Base of the electric properties of a region.
 
     Attributes
     ----------

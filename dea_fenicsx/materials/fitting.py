@@ -21,21 +21,26 @@ from dea_fenicsx.support.units import in_si
 SOFT, STIFF = 1e3, 1e8
 """Initial shear moduli in Pa outside which the stress unit is doubted."""
 
-REFUSED = 1e3
-"""Residual that stands for a stress that is not finite."""
+PENALTY_RESIDUAL = 1e3
+"""Residual in place of one whose stress is not finite."""
 
-STEP = 1e-5
-"""Step of a central difference, relative to a constant: its error is about 1e-10."""
+DIFFERENCE_STEP = 1e-5
+"""Step of a central difference, relative to the constant.  Its error is about 1e-10."""
 
-FLAT = 1e-6
-"""Change of the stresses, relative to their size, when a constant changes by its own size, below
-which no data determine the constant."""
+SMALLEST_SENSITIVITY = 1e-6
+"""Smallest relative change of the stresses by which data determine a constant.
 
-DEPENDENT = 1e-8
-"""Relative singular value below which constants only count together; well above STEP's error."""
+It is the change if the constant changes by its own size.
+"""
 
-PART = 1e-4
-"""Component of a direction in the space of the constants from which a constant takes part in it."""
+SMALLEST_SINGULAR_VALUE = 1e-8
+"""Smallest singular value, relative to the largest, of an independent combination of constants.
+
+It is well above the error of the central differences.
+"""
+
+SMALLEST_COMPONENT = 1e-4
+"""Smallest component of a constant in a direction of constants that counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,8 +217,8 @@ def fit(model: Any, data: TestData | Sequence[TestData], starts: int = 8) -> Fit
             for c, size in zip(curves, sizes, strict=True)
         ]
         r = np.concatenate(out)
-        # a trial past lock-up is refused by its size; the step is then cut back
-        return np.where(np.isfinite(r), r, REFUSED)
+        # A trial beyond lock-up has a huge residual, so the method shortens its step.
+        return np.where(np.isfinite(r), r, PENALTY_RESIDUAL)
 
     scale = np.where(x0 == 0, 1.0, np.abs(x0))
     rng = np.random.default_rng(0)
@@ -257,17 +262,18 @@ def _deviation(
         Number of residuals less that of the constants.
     """
     r = residuals(x)
-    J = np.column_stack([_slope(residuals, x, k, STEP * size[k]) * size[k] for k in range(len(x))])
+    slopes = [_slope(residuals, x, k, DIFFERENCE_STEP * s) * s for k, s in enumerate(size)]
+    J = np.column_stack(slopes)
     lengths = np.linalg.norm(J, axis=0)
-    fixed = lengths > FLAT
+    fixed = lengths > SMALLEST_SENSITIVITY
     found = np.full(len(x), np.inf)
     if not fixed.any():
         return found
     _, values, Vt = np.linalg.svd(J[:, fixed] / lengths[fixed], full_matrices=False)
-    clear = values > DEPENDENT * values[0]
+    clear = values > SMALLEST_SINGULAR_VALUE * values[0]
     scatter = np.sqrt(r @ r / max(freedom, 1))
     spread = scatter * np.sqrt(np.sum((Vt[clear] / values[clear, None]) ** 2, axis=0))
-    spread[np.any(np.abs(Vt[~clear]) > PART, axis=0)] = np.inf
+    spread[np.any(np.abs(Vt[~clear]) > SMALLEST_COMPONENT, axis=0)] = np.inf
     found[fixed] = spread * size[fixed] / lengths[fixed]
     return found
 
@@ -282,7 +288,7 @@ def _slope(
         moved[k] += sign * step
         ends.append((sign * step, residuals(moved)))
     (a, below), (b, above) = (
-        (change, r) if r.max() < REFUSED else (0.0, residuals(x)) for change, r in ends
+        (change, r) if r.max() < PENALTY_RESIDUAL else (0.0, residuals(x)) for change, r in ends
     )
     return (above - below) / (b - a) if b > a else np.zeros_like(below)
 
@@ -347,7 +353,7 @@ def _doubt_units(curves: list[TestData]) -> None:
 
 
 def _start(model: type, curves: list[TestData]) -> Any:
-    # falling curves can have a negative mean modulus: the size alone makes a start
+    # A falling curve can have a negative mean modulus; the fit starts from its absolute value.
     mu = max(float(np.median(np.abs(_moduli(curves)))), 1e-9)
     I1 = max(float(np.exp(2 * log_stretches(c.test, c.stretch)).sum(axis=0).max()) for c in curves)
     starts: dict[type, tuple[float, ...]] = {

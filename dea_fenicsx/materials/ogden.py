@@ -67,7 +67,7 @@ class Ogden:
         return sum(self.mu)
 
     def stress_size(self, s: Strain, lnJ: Any) -> Any:
-        """A stress in Pa in step with that of the strain, nowhere negative; see `Elastic`.
+        """A stress in Pa, never negative, that grows with the strain; see `Elastic`.
 
         sum |mu_k| (lam1^alpha_k + lam2^alpha_k + lam3^alpha_k - 3 - alpha_k ln J).  Each term is
         >= 0, since e^x >= 1 + x.  I1 would not do: the stress of a negative exponent grows as a

@@ -70,7 +70,7 @@ class MooneyRivlin:
         return 2 * self.C10 + 4 * self.C01
 
     def stress_size(self, s: Strain, lnJ: Any) -> Any:
-        """A stress in Pa in step with that of the strain, nowhere negative; see `Elastic`.
+        """A stress in Pa, never negative, that grows with the strain; see `Elastic`.
 
         2 |C10| (I1 - 3 - 2 ln J) + 2 |C01| (I2 - 3 - 4 ln J): I1 >= 3 J^(2/3) and I2 >= 3 J^(4/3).
         """

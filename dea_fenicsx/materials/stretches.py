@@ -18,7 +18,7 @@ from dea_fenicsx.support.errors import InputError
 _I = np.array([0, 1, 2, 1, 0, 0])
 _J = np.array([0, 1, 2, 2, 2, 1])
 _BLOCK = 8192
-"""States evaluated together: so many stay in the processor's cache."""
+"""Number of states that are evaluated together, so that they fit into the processor's cache."""
 
 
 class Series:

@@ -1,4 +1,4 @@
-"""What is measured on a device as a whole: stretch and twist, axial force and torque.
+"""Observables of a device as a whole: stretch and twist, axial force and torque.
 
 A helical cell has all of them; generalised plane strain has stretch and force, along its depth.
 """
@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.scene.condition import check_global
 from dea_fenicsx.scene.declarations import ELONGATION, TWIST, GlobalUnknown
 
 
@@ -72,7 +73,10 @@ class OverallTorque:
 
 
 def _bind_action(problem: Problem, observable: object, unknown: GlobalUnknown) -> Measurement:
-    """What works on an overall unknown, from its residual, in N (times the length unit)."""
+    """The generalised force on a global unknown, from its residual.
+
+    In N for an elongation; for a twist in N times the unit of length.
+    """
     _need(problem, observable, unknown)
     dofs = problem.overall[unknown.name].dofs
     dofs = dofs[dofs < problem.owned]
@@ -88,4 +92,4 @@ def _bind_action(problem: Problem, observable: object, unknown: GlobalUnknown) -
 
 def _need(problem: Problem, observable: object, unknown: GlobalUnknown) -> None:
     """Raise InputError in a problem without a global unknown."""
-    problem.scene.kinematics.need(unknown, type(observable).__name__)
+    check_global(problem.scene, unknown, observable)

@@ -1,11 +1,12 @@
-"""Charges on electrodes, and what a voltage would bring onto them at a frozen deformation.
+"""Charges on electrodes, and the charges by a voltage while the deformation is frozen.
 
-The charge of an electrode is what does work with its voltage,
+The charge of an electrode is the quantity that does work with its voltage,
 
     Q = -dPi/dV = int eps J^-1 (cof F Grad phi) . (cof F Grad N) dX,
 
-N the electrode's profile: the potential over its voltage at its own nodes, 0 at all others.  It is
-1 on an ordinary electrode, so that Q is the sum of the residual's rows there: the whole charge.
+where N is the profile of the electrode: the potential divided by its voltage at its own nodes, and
+0 at all others.  On an ordinary electrode N is 1, so Q is the sum of the residual over its nodes,
+which is the whole charge.
 
 Where nodes belong to two electrodes, their charge is counted once:
 
@@ -73,9 +74,9 @@ def potential_of_unit_load(
 ) -> np.ndarray:
     """The potential that the electrode's ramp adds at factor 1 if nothing moves.  Collective.
 
-    Other ramps are at 0.  Of a charged electrode without charge it is the potential of a unit of
-    charge.  Solves K psi = source on the free unknowns of the potential, psi being what is given on
-    electrodes.
+    Other ramps are at 0.  For a charged electrode whose given charge is 0, it is the potential of a
+    unit of charge.  We solve K psi = source for the free unknowns of the potential, where psi has
+    the given values on electrodes.
 
     Returns
     -------
@@ -132,10 +133,10 @@ def _unit_charge(problem: Problem, electrode: Conducting) -> np.ndarray:
 
 
 def _solve(problem: Problem, matrix: Any, vector: Any) -> None:
-    """Solve in place, and use the matrix up.
+    """Solve in place, and destroy the matrix.
 
-    A dielectric that no electrode touches has a potential that nothing determines.  MUMPS finds
-    the null pivots and puts 0 there, which changes no charge.
+    The potential of a dielectric that no electrode touches is not determined.  MUMPS detects the
+    null pivots and sets these unknowns to 0, which changes no charge.
     """
     factor = Mumps(matrix, {24: 1, 7: AMF}, {})
     if not factor.make():
@@ -194,7 +195,10 @@ def _flux(problem: Problem, cells: list[np.ndarray], a: Any, b: Any) -> Any:
 
 
 def _profile_of(problem: Problem, electrode: Conducting) -> Any:
-    """The electrode's N as a function; nodes of several ordinary electrodes are shared alike."""
+    """The profile N of an electrode as a function.
+
+    At a node of several ordinary electrodes, each of them gets an equal share.
+    """
     scene, part = problem.scene, problem.potential
     assert part is not None
     here = _nodes_of(problem, electrode)

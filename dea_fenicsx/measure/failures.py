@@ -1,7 +1,8 @@
 """Ways in which a device fails, watched along the path: breakdown, loss of tension, stretch limit.
 
-Each takes the worst of all quadrature points.  Pull-in, the fourth, is a limit point of the path.
-Zhao and Suo, Phys. Rev. B 76 (2007) 134113; Moscardo et al., J. Appl. Phys. 104 (2008) 093503.
+Each failure is judged at the worst quadrature point.  Pull-in, a fourth one, is a limit point of
+the path.  See Zhao and Suo, Phys. Rev. B 76 (2007) 134113; Moscardo et al., J. Appl. Phys. 104
+(2008) 093503.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class Worst:
     Attributes
     ----------
     value : in the failure's unit
-    margin : positive while all is well, of order 1
+    margin : dimensionless, of order 1; positive before the failure
     region : name of the region
     place : undeformed position, m, shape (3,)
     """
@@ -177,7 +178,7 @@ class LossOfTension:
             for x, y in ((t1, t1), (t2, t2), (t1, t2))
         )
         smaller = (a + b) / 2 - np.sqrt(((a - b) / 2) ** 2 + c**2)
-        # a stress-free film is not slack: rounding leaves it a little on either side of zero
+        # A stress-free film is not slack, although rounding errors may make its stress negative.
         mu = problem.parameters.materials[region].elastic.shear_modulus()
         return smaller, smaller / mu + 1e-8
 

@@ -1,11 +1,12 @@
-"""Rotation of a surface as a whole: of an end face that bends or twists.
+"""Rotation of a surface as a whole, such as an end face that bends or twists.
 
-The rotation R of a facet group is that of the rigid motion nearest to its own, in the mean square
-over the undeformed area: with a = X - mean X, b = x - mean x and the singular values of
+The rotation R of a facet group is that of the rigid motion which is nearest to the motion of the
+group, in the mean square over the undeformed area.  With a = X - mean X, b = x - mean x and the
+singular value decomposition
 
     int b a^T dA = U S V^T,   R = U diag(1, 1, det(U V^T)) V^T
 
-(Kabsch, Acta Cryst. A32 (1976) 922).  A warped face counts by its mean; rigid motions are exact.
+(Kabsch, Acta Cryst. A32 (1976) 922).  R is exact for a rigid motion and a mean for a warped face.
 """
 
 from __future__ import annotations
@@ -60,7 +61,8 @@ class Rotation:
 class BendingAngle:
     """Angle in rad by which the normals of two end faces part: between R_1 e and R_2 e.
 
-    Of any direction, so always positive; a twist about the axis e has no part in it.
+    The angle has no direction, so it is never negative.  A twist about the axis e does not change
+    it.
 
     Parameters
     ----------
@@ -136,7 +138,7 @@ def _rotation(problem: Problem, where: str) -> Callable[[], np.ndarray]:
     mesh, comm = problem.mesh, problem.comm
     ds = measure(device, [one_sided(device, where)], 4, "ds")(0)
     x = ufl.SpatialCoordinate(mesh)
-    # one kernel each for all moments: constants choose which
+    # One compiled form serves all moments; the constants select the moment.
     c, d = (dolfinx.fem.Constant(mesh, np.zeros(4)) for _ in range(2))
     e = dolfinx.fem.Constant(mesh, np.zeros(dim))
 

@@ -1,4 +1,4 @@
-"""Whether the cells of a mesh can be computed on: none folded, none laid over its neighbour.
+"""Checks that the cells of a mesh are valid: none is folded, none overlaps its neighbour.
 
 A folded cell gives finite numbers and a wrong answer, since integrals take the size of the
 Jacobian's determinant; so it is told before anything is solved.
@@ -17,11 +17,11 @@ from dea_fenicsx.mesh.foreign.arrays import point
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.errors import InputError
 
-FLAT = 1e-12
-"""Smallest determinant, as a share of the product of a cell's edges, that is not zero."""
+SMALLEST_DETERMINANT = 1e-12
+"""Smallest determinant of a valid cell, as a share of the product of its edges."""
 
-FOLD = 1e-6
-"""The same share up to which the determinant in a corner may have the wrong sign: rounding."""
+CORNER_TOLERANCE = 1e-6
+"""Largest negative determinant in a corner, in the same units, that may be a rounding error."""
 
 
 def check_cells(device: Device, degree: int) -> None:
@@ -90,8 +90,8 @@ def _folded(device: Device, degree: int) -> np.ndarray:
             edges = np.prod(np.linalg.norm(J, axis=2), axis=2).max(axis=1, keepdims=True)
             share = np.linalg.det(J) / edges
         share *= np.sign(share[:, :1])
-        bad[part] = ~(share[:, :inside].min(axis=1) > FLAT) | ~(
-            share[:, inside:].min(axis=1) > -FOLD
+        bad[part] = ~(share[:, :inside].min(axis=1) > SMALLEST_DETERMINANT) | ~(
+            share[:, inside:].min(axis=1) > -CORNER_TOLERANCE
         )
     return bad
 
@@ -131,7 +131,7 @@ def _overlapping(device: Device) -> np.ndarray:
     bad = side[:, 0] * side[:, 1] > 0
     for k in range(2):
         np.add.at(wrong, pair[bad, k], 1.0)
-    # a sound neighbour of an inverted cell has one wrong facet, the inverted cell has several
+    # A valid neighbour of an inverted cell has one wrong facet; the inverted cell has several.
     worst = np.zeros(len(wrong))
     for a, b in ((0, 1), (1, 0)):
         np.maximum.at(worst, pair[bad, a], wrong[pair[bad, b]])

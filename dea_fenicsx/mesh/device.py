@@ -83,7 +83,7 @@ class Device:
 
 
 class _Told(NamedTuple):
-    """What rank 0 tells the others of a gmsh model.
+    """The facts of a gmsh model that rank 0 broadcasts.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ class ReadingOptions(TypedDict, total=False):
 
 
 READING = {"size": None, "names": None, "curved": True, "apart": False, "programs": None}
-"""What holds for the options that are left out."""
+"""Values of the options that are left out."""
 
 
 def read_gmsh(
@@ -222,7 +222,7 @@ def _is_family(source: Any) -> bool:
 
 @contextmanager
 def _gmsh(source: Any, comm: MPI.Comm) -> Iterator[None]:
-    """Have gmsh running on rank 0, and leave it as it was, for a script may use it, too.
+    """Run gmsh on rank 0 and leave it as it was, because the script may use it as well.
 
     An object of the user's own may have started it for longer, so there it keeps running.
     """

@@ -1,4 +1,4 @@
-"""What lies beside the facets of named groups, and where the groups lie.
+"""The regions beside the facets of named groups, and the places of the groups.
 
 Every rank holds the cells on both sides of each facet of its own cells, so that what is asked of
 owned cells is complete there.  All functions are collective.
@@ -117,7 +117,7 @@ def _boundary(device: Device, of_cell: np.ndarray) -> np.ndarray:
     """Mask of the local facets whose two sides differ; outside of all regions is NaN."""
     facets, cells = _incidences(device)
     count = int(np.max(facets, initial=-1)) + 1
-    # NaN stands for what lies outside; a number of its own makes it comparable
+    # NaN means outside of all regions.  It is replaced by a number, because NaN equals nothing.
     value = np.where(np.isnan(of_cell), -1.0, of_cell)[cells]
     low, high = np.full(count, np.inf), np.full(count, -np.inf)
     np.minimum.at(low, facets, value)

@@ -1,4 +1,4 @@
-"""Which unknowns are free: fixed values, tied ends and groups, and springs."""
+"""The free unknowns of a problem, after fixed values, ties, groups and springs."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from dea_fenicsx.scene.scene import Scene
 
 
 class Conditions:
-    """What a scene's supports, motions and electrodes mean for the unknowns.
+    """The effect of a scene's supports, motions and electrodes on the unknowns.
 
     Parameters
     ----------

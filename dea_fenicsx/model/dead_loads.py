@@ -1,4 +1,4 @@
-"""About which axes dead loads turn a free body, which keep their direction in space."""
+"""The axes about which dead loads turn a free body.  Dead loads keep their direction in space."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from dea_fenicsx.scene.condition import declared
 from dea_fenicsx.scene.declarations import SurfaceWork
 from dea_fenicsx.scene.scene import Scene
 
-ALIKE = 1e-9
-"""Share of a load across the direction of all others that is rounding."""
+PARALLEL_TOLERANCE = 1e-9
+"""Squared share of the loads across a common direction, up to which all loads are parallel."""
 
 
 def split_turns(scene: Scene, part: FreePart) -> tuple[np.ndarray, frozenset[str]]:
-    """Which of a part's free motions are to be held, and which ramps turn it in the others.
+    """The free motions of a part that are to be held, and the ramps that turn it.
 
-    All motions are held unless dead loads turn the part; then its translations are.
+    If dead loads turn the part, only its translations are held; otherwise all motions are held.
 
     Returns
     -------
@@ -63,7 +63,7 @@ def _turning_axes(motions: np.ndarray, n_turns: int) -> np.ndarray:
     values, axes = np.linalg.svd(motions[:, :3])[1:]
     if len(motions) != 3 or np.count_nonzero(values > 1e-6) != 1:
         return none
-    # free along a plane: its normal is the axis, and nothing moves along it
+    # The part is free along a plane.  The normal of the plane is the axis.
     moves = motions @ np.concatenate([np.zeros(3), axes[0]])
     return axes[:1] if np.max(np.abs(moves)) < 1e-6 else none
 
@@ -73,8 +73,9 @@ def _felt(axes: np.ndarray, directions: np.ndarray) -> np.ndarray:
     values, vectors = np.linalg.eigh(directions)
     if len(axes) == 1:
         along = axes[0] @ directions @ axes[0]
-        return axes if np.trace(directions) - along > ALIKE * np.trace(directions) else axes[:0]
-    one = values[1] <= ALIKE * values[2]
+        total = np.trace(directions)
+        return axes if total - along > PARALLEL_TOLERANCE * total else axes[:0]
+    one = values[1] <= PARALLEL_TOLERANCE * values[2]
     return vectors[:, :2].T if one else axes
 
 

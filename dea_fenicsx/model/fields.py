@@ -1,7 +1,7 @@
-"""The fields of a problem: which unknowns there are, and in which role.
+"""The fields of a problem: the unknowns and their roles.
 
-This is the one place that declares them.  Residual norms, factors, the count of negative
-eigenvalues and predictors ask for a field's role and its declared properties, never for its name.
+They are declared in this file only.  Residual norms, factors, the count of negative eigenvalues and
+predictors use the role and the declared properties of a field, never its name.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from dea_fenicsx.scene.scene import SIMPLICES, Scene
 
 
 class Role(Enum):
-    """What a field is for."""
+    """The role of a field in a problem."""
 
     MOTION = "motion"
-    """Displacement; global unknowns are taken together with it."""
+    """Displacement.  The residual of global unknowns is included in its norm."""
 
     MULTIPLIER = "multiplier"
     """The pressure, which keeps the volume."""
@@ -34,7 +34,7 @@ class Role(Enum):
     """The electric potential."""
 
     GLOBAL = "global"
-    """Numbers for the whole device, kept as one constant a cell that are all tied together."""
+    """Numbers for the whole device.  Each is stored as one value per cell, all of them tied."""
 
     INTERNAL = "internal"
     """Any other field."""

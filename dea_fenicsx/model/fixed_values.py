@@ -1,6 +1,6 @@
 """Supports, prescribed displacements and electrodes as fixed degrees of freedom.
 
-Boundaries are found by their names alone.  A comparison of coordinates can come out differently
+Boundaries are found by their names alone.  A comparison of coordinates could give different results
 on two ranks that share a node.
 """
 
@@ -52,7 +52,7 @@ class Constraints:
         The displacement components that it holds.
     turns
         The ramps of the dead loads by which it may turn: then its rotations are unknowns, see
-        `turning`.
+        `orientation_springs`.
     """
 
     def __init__(self, size: int) -> None:
@@ -85,8 +85,8 @@ def apply_supports(scene: Scene, parts: list[Component], constraints: Constraint
     Raises
     ------
     InputError
-        If two of them give one node different displacements along one axis, or if it is not clear
-        what a stretch is about.
+        If two of them prescribe different displacements of one node along one axis, or if the
+        centre of a stretch is not clear.
     """
     given = prescriptions(scene, parts)
     check_agreement(scene, parts, given)
@@ -97,7 +97,7 @@ def apply_supports(scene: Scene, parts: list[Component], constraints: Constraint
 
 
 def _hold_free_body(scene: Scene, parts: list[Component], constraints: Constraints) -> None:
-    """Hold what rigid motions are left, but for rotations by which dead loads may turn the body."""
+    """Hold the free rigid motions, except rotations by which dead loads may turn the body."""
     part = released(scene, parts, constraints.fixed)
     constraints.released = part
     if part is None:
@@ -165,7 +165,7 @@ def apply_electrodes(
         If electrodes of different potentials touch.
     """
     device = scene.device
-    # which electrode came last to each node, and the potential in V that it gives there
+    # For each node the last electrode that contains it, and the potential in V of this electrode.
     owner = np.full(len(potential.dofs), -1)
     values = np.zeros(len(potential.dofs))
     X = potential.space.tabulate_dof_coordinates() * device.length

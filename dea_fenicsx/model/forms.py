@@ -1,4 +1,4 @@
-"""The forms of a problem: its residual, and what is integrated or evaluated of a state."""
+"""The forms of a problem: its residual, and other quantities that are integrated or evaluated."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Which displacements hold a free body: as many as there are rigid motions left, and no more.
+"""The displacements that hold a free body: exactly one for each rigid motion that is left.
 
-Displacements of single vertices are held.  As they prevent rigid motions alone, they bear no force
-where the loads balance, and the body deforms as if it were free.
+They are displacements of single vertices.  Since they only prevent rigid motions, their reactions
+are 0 if the loads are balanced, and the body deforms as if it were free.
 """
 
 from __future__ import annotations
@@ -18,18 +18,22 @@ from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
 
-CLEAR = 0.1
-"""Share of the largest displacement by a free motion from which on the first vertex is held."""
+SMALLEST_PIN_SHARE = 0.1
+"""A free motion is held at the first vertex if it moves this vertex by at least this share.
 
-LESS = 0.1
-"""How much less it is liked to hold a rotation along another axis than the last one.
-
-Layers are stacked along the last axis as a rule, so that they contract across it by different
-amounts from bottom to top.  Held along another axis at two such heights, the device would turn.
+It is a share of the largest displacement by the motion anywhere in the part.
 """
 
-TIE = 1e-6
-"""Relative difference of two scores that counts as rounding."""
+OTHER_AXIS_WEIGHT = 0.1
+"""Score of a displacement that is not along the last axis, relative to one along the last axis.
+
+Layers are usually stacked along the last axis, so they contract across it by different amounts from
+bottom to top.  If displacements across this axis were held at two different heights, this
+contraction would turn the device.
+"""
+
+SCORE_TOLERANCE = 1e-6
+"""Scores whose relative difference is smaller than this are equal but for rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +58,8 @@ class Pin:
 def released(scene: Scene, parts: list[Component], fixed: np.ndarray) -> FreePart | None:
     """The rigid motions that the other supports leave to a device; None if they leave none.
 
-    Of several separate parts that can move it is the largest: one free body is one body, and
-    `check_rigid` tells of the others.  Collective.
+    If several separate parts can move, the largest of them is the free body; `check_rigid` refuses
+    the others.  Collective.
     """
     free = free_parts(scene, parts, fixed)
     return free[0] if free else None
@@ -78,8 +82,8 @@ def pins(scene: Scene, part: FreePart) -> Iterator[Pin]:
     while len(free):
         sizes = np.linalg.norm(at_anchor @ free.T, axis=1)
         largest = corners.largest(np.linalg.norm(rows @ free.T, axis=2))
-        a = int(np.flatnonzero(sizes >= (1 - TIE) * sizes.max())[0])
-        if sizes[a] < CLEAR * largest:
+        a = int(np.flatnonzero(sizes >= (1 - SCORE_TOLERANCE) * sizes.max())[0])
+        if sizes[a] < SMALLEST_PIN_SHARE * largest:
             break
         yield corners.pin(first, a)
         free = without(free, at_anchor[a])
@@ -89,12 +93,12 @@ def pins(scene: Scene, part: FreePart) -> Iterator[Pin]:
 def across(
     scene: Scene, corners: Corners, box: Box, anchor: np.ndarray, free: np.ndarray
 ) -> Iterator[Pin]:
-    """Choose what to hold so that nothing turns about an anchor.
+    """Choose the displacements to hold so that nothing turns about an anchor.
 
-    Each rotation is held at a vertex that lies far off along an axis, across this axis.  Then a
-    strain along the axes turns nothing.  Held across an oblique line, a slender actuator of 20
-    turns that shortens by 2.3 % leans by 2.2 degrees, and at 13 % one of 14 turns by 3.5 degrees,
-    which its height then feels.
+    Each rotation is held at a vertex that lies far from the anchor along one axis, by a
+    displacement across this axis.  Then a strain along the axes does not turn the body.  If the
+    vertex lay obliquely, the body would turn: a slender actuator of 20 turns that shortens by 2.3 %
+    would lean by 2.2 degrees, and one of 14 turns by 3.5 degrees at 13 %, which changes its height.
 
     Parameters
     ----------
@@ -111,7 +115,7 @@ def across(
     away = (corners.x - anchor) / (box.size / 2)
     distance = np.maximum(np.linalg.norm(away, axis=1), 1e-300)
     aligned = np.max(np.abs(away), axis=1, initial=0.0) / distance
-    liked = np.where(np.arange(len(axes)) == len(axes) - 1, 1.0, LESS)
+    liked = np.where(np.arange(len(axes)) == len(axes) - 1, 1.0, OTHER_AXIS_WEIGHT)
     while len(free):
         turns = free[:, :n_turns]
         if np.linalg.matrix_rank(turns, tol=1e-6) == len(free):
@@ -134,7 +138,7 @@ def without(free: np.ndarray, row: np.ndarray) -> np.ndarray:
 class Corners:
     """Corners of the local cells of a part, and the choice of one among those of all ranks.
 
-    A corner is known on all ranks by its undeformed coordinates and its number in the mesh file.
+    All ranks identify a corner by its undeformed coordinates and its number in the mesh file.
 
     Parameters
     ----------
@@ -184,7 +188,7 @@ class Corners:
     def best_of(self, scores: np.ndarray) -> tuple[tuple, int]:
         """The corner and the column with the highest score; of equal ones the lowest position."""
         top = self.largest(scores)
-        near = np.argwhere(scores >= top - TIE * abs(top))
+        near = np.argwhere(scores >= top - SCORE_TOLERANCE * abs(top))
         mine = [
             (*self._X[i].tolist(), int(self._numbers[i]), int(column), *self.x[i].tolist())
             for i, column in near

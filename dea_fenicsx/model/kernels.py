@@ -57,7 +57,7 @@ class Kernel:
 
     @property
     def is_incompressible(self) -> bool:
-        """Whether the volume is kept exactly."""
+        """Whether the regions are exactly incompressible."""
         return self.kappa is None
 
 

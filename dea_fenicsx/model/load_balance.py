@@ -1,4 +1,4 @@
-"""Resultants of loads that nothing bears, told before anything is solved."""
+"""Resultants of loads that no support bears, refused before anything is solved."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 
-ROUNDING = 1e-8
-"""Share of the sum of all forces' sizes up to which a resultant is rounding."""
+UNBALANCED_SHARE = 1e-8
+"""Resultants below this share of the sum of the sizes of all forces are rounding errors."""
 
 
 def check_balance(
@@ -65,11 +65,11 @@ def _check_free(
     scene: Scene, scales: Scales, parts: Sequence[Component], released: FreePart,
     motions: np.ndarray, ramp: str, forces: np.ndarray, what: str,
 ) -> None:  # fmt: skip
-    """Refuse forces that do work on motions that only `FreeBody` prevents."""
+    """Raise InputError if forces do work on a motion that only `FreeBody` prevents."""
     kinematics, box = scene.kinematics, released.box
     sums = np.zeros((2, len(motions)))
     for a, part in enumerate(parts):
-        # the part's own forces: a device may have other parts, which are held
+        # Only the forces on this part count: the device may have other parts, which are held.
         mine = np.zeros(len(part.dofs), dtype=bool)
         mine[part.space.dofmap.list[released.cells].ravel()] = True
         mine &= part.dofs < len(forces)
@@ -77,9 +77,9 @@ def _check_free(
         work = forces[part.dofs[mine], None] * rows
         sums += np.array([work.sum(axis=0), np.abs(work).sum(axis=0)])
     total, size = scene.device.comm.allreduce(sums, op=MPI.SUM)
-    # Forces across the motions leave rounding along them: the size of all forces counts, too.
+    # Forces across the motions cause rounding errors along them, so the size of all forces counts.
     everything = _size(scene, forces) * float(np.abs(motions).max(initial=0.0))
-    if np.linalg.norm(total) <= ROUNDING * max(float(np.linalg.norm(size)), everything):
+    if np.linalg.norm(total) <= UNBALANCED_SHARE * max(float(np.linalg.norm(size)), everything):
         return
     along = in_words((total @ motions)[None], box, kinematics, scene.device.length)
     newtons = np.linalg.norm(total) * scales.force
@@ -100,7 +100,7 @@ def _check_cell(scene: Scene, parts: Sequence[Component], ramp: str, forces: np.
         moments = forces[part.dofs[mine]] * arm
         # The coordinates are at most 1, so `everything` bounds the rounding of a torque as well.
         total = scene.device.comm.allreduce(float(moments.sum()), op=MPI.SUM)
-        if abs(total) > ROUNDING * everything:
+        if abs(total) > UNBALANCED_SHARE * everything:
             raise InputError(
                 f"The surface loads of ramp {ramp!r} have an axial {what} as resultant, "
                 "which nothing in a helical cell can bear; balance them, or apply "

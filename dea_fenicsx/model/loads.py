@@ -1,6 +1,6 @@
-"""Virtual work of the loads on surfaces, and of what strains a region from within.
+"""Virtual work of the loads on surfaces, and of pre-stretches.
 
-The force and the torque on a helical cell as a whole act on single unknowns: see `ties`.
+The force and the torque on a helical cell as a whole act on global unknowns, see `tied_unknowns`.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class Loads:
         mesh = scene.device.mesh
         loads = declared(scene.loads, scene, SurfaceWork)
         self.factors = {
-            # in the order of the loads: a set of names has another order on each rank
+            # We keep the order of the loads: a set would have a different order on each rank.
             ramp: dolfinx.fem.Constant(mesh, 0.0)
             for ramp in dict.fromkeys(work.ramp for _, work in loads)
         }
@@ -88,8 +88,10 @@ class Loads:
             self.work += self.factors[load.ramp] * unit_work
 
     def add_strain(self, ramp: str, factor: Any, work: Any) -> None:
-        """A pre-stretch: its factor is part of the energy, `work` minus the residual's derivative
-        by it."""
+        """Add a pre-stretch, whose factor is part of the energy.
+
+        `work` is minus the derivative of the residual by this factor.
+        """
         self.factors[ramp] = factor
         self.unit_work[ramp] = self.unit_work.get(ramp, 0) + work
         self.changing.add(ramp)
@@ -149,7 +151,7 @@ class Surface:
 
 
 def _pressed_side(scene: Scene, load: Load, work: SurfaceWork) -> np.ndarray:
-    """Facets of a pressure, seen from the material it presses on."""
+    """Facets of a pressure, each with the cell of the material on which it presses."""
     device, materials = scene.device, scene.materials
     pairs = {name: one_sided(device, work.surface, frozenset([device.regions[name]]))
              for name in ([work.pressed_region] if work.pressed_region else materials)}  # fmt: skip

@@ -85,7 +85,7 @@ class MaterialPoint:
         self.p = fields["p"]
 
     def constant(self, value: float) -> Any:
-        """A number as a constant of the form, so that another one needs no compilation."""
+        """A number as a constant of the form, so that another value needs no compilation."""
         return dolfinx.fem.Constant(self._mesh, value)
 
     def _stretched(self, F: Any) -> Any:

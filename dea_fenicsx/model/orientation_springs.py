@@ -1,8 +1,8 @@
 """Springs that keep the orientation of a free body which dead loads may turn.
 
-Dead loads keep their direction in space.  A free body under them turns until they have no moment;
-held in its first orientation, the moment would have to be borne by reactions.  So its rotations are
-unknowns like any other displacement.
+Dead loads keep their direction in space.  They turn a free body until their moment vanishes.  If
+the body were held in its first orientation, reactions would have to bear this moment.  So the
+rotations of the body are unknowns like any other displacement.
 """
 
 from __future__ import annotations
@@ -51,10 +51,11 @@ NO_SPRINGS = Springs(
 class Turning:
     """Springs that keep a free body's orientation where no dead load gives it one.
 
-    While all of its dead loads are 0 nothing turns the body, and under loads of one direction
-    nothing turns it about this direction.  There, springs hold it as it is; they bear nothing, as
-    all that acts is balanced.  The other springs do not act under dead loads: they only take part
-    in the kept factor, which would be singular at the first step.
+    While all dead loads are 0, the orientation of the body is not determined.  Under dead loads of
+    one direction its rotation about this direction is not determined.  There, springs keep the
+    present orientation.  Their forces are 0, because all other forces are balanced.  The other
+    springs do not act under dead loads.  They are only added to the matrix of the kept factor,
+    which would be singular at the first step without them.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ class Turning:
     """Name of its springs in the history of a state."""
 
     STIFFNESS = 1.0
-    """Of each spring, in units of a shear modulus times the device's size."""
+    """Stiffness of each spring, in units of a shear modulus times the device's size."""
 
     def __init__(
         self, scene: Scene, parts: Sequence[Component], constraints: Constraints, free: np.ndarray
@@ -84,7 +85,7 @@ class Turning:
         self._felt = felt_axes(scene, self._released) if self.ramps else np.empty((0, 3))
 
     def springs_of(self, state: State) -> Springs:
-        """The springs of a state, relaxed where its body was last left alone.  Collective."""
+        """The springs of a state, relaxed in the orientation that they keep.  Collective."""
         return state.history.get(self.NAME, NO_SPRINGS)
 
     def anchored(self, state: State) -> State:
@@ -108,7 +109,7 @@ class Turning:
         return Springs(mine, rows, np.concatenate(always), values[mine])
 
     def holds(self, factors: Mapping[str, float]) -> bool:
-        """Whether all springs act: no dead load does."""
+        """Whether all springs act, which is so while no dead load acts."""
         return bool(self.ramps) and not any(factors[ramp] for ramp in self.ramps)
 
     def force(self, at: Springs, values: np.ndarray, factors: Mapping[str, float]) -> np.ndarray:

@@ -65,12 +65,12 @@ class Parameters(MutableMapping[str, float]):
     materials
         Material of each region, with the present constants.
     changes
-        How often a constant has been set: what was made of the tangent before is old.
+        How often a constant has been set.  A factor of the tangent from before is then outdated.
 
     Raises
     ------
     InputError
-        For a name that is not known, or a value for which the material makes no sense.
+        For an unknown name, or a value that the material does not allow.
     """
 
     def __init__(self, scene: Scene, scales: Scales, kernels: Sequence[Kernel]) -> None:

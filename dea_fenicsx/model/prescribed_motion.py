@@ -1,8 +1,8 @@
-"""Which displacements a scene gives to which nodes, and whether they agree.
+"""The displacements that a scene prescribes at its nodes, and a check that they agree.
 
-Supports, stretches and displacements become lists of nodes with one value each.  Where two of them
-give the same node a displacement along the same axis, both values must be equal at every load;
-otherwise one would win without a word.
+Supports, stretches and displacements become lists of nodes with one value each.  If two of them
+prescribe the same component of the same node, both values must be equal at every load.  Otherwise
+one of them would silently override the other.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from dea_fenicsx.scene.declarations import FixedDisplacement
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 
-FLAT = 1e-8
-"""Range of a coordinate, as a share of the device's size, over which a surface counts as flat."""
+PLANE_TOLERANCE = 1e-8
+"""A surface is plane if its coordinate varies by less than this share of the device's size."""
 
-SAME = 1e-9
-"""Relative difference of two displacements that is rounding."""
+DISPLACEMENT_TOLERANCE = 1e-9
+"""Two displacements whose relative difference is below this are equal but for rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Prescription:
     ramp
         Name of the ramp, or None for a displacement that is 0 at every load.
     rounding
-        What rounding of the nodes' coordinates changes in the values.
+        Error of the values that comes from rounding of the nodes' coordinates.
     """
 
     what: str
@@ -56,7 +56,7 @@ class Prescription:
 
 @dataclass(frozen=True)
 class _Surface:
-    """Where a condition acts along one axis: its nodes, and the range of their coordinate."""
+    """The nodes on which a condition acts along one axis, and the range of their coordinate."""
 
     item: Condition
     told: FixedDisplacement
@@ -82,8 +82,8 @@ def prescriptions(scene: Scene, parts: list[Component]) -> list[Prescription]:
     Raises
     ------
     InputError
-        If it is not clear what a stretch is about, or if a stretch moves a flat surface that is
-        the only one whose displacement along the axis is given.
+        If the centre of a stretch is not clear, or if a stretch moves a plane surface although no
+        other displacement along its axis is prescribed.
     """
     axes = scene.kinematics.axes
     surfaces = _surfaces(scene, parts)
@@ -96,7 +96,8 @@ def prescriptions(scene: Scene, parts: list[Component]) -> list[Prescription]:
         rounding = 0.0
         if callable(metres):
             values = np.array(metres(X * length), dtype=float) / length
-            moved = [metres((X + FLAT * e) * length) / length - values for e in np.eye(3)]
+            shifts = PLANE_TOLERANCE * np.eye(3)
+            moved = [metres((X + shift) * length) / length - values for shift in shifts]
             largest = float(np.abs(moved).max(initial=0.0))
             rounding = scene.device.comm.allreduce(largest, op=MPI.MAX)
         else:
@@ -104,7 +105,7 @@ def prescriptions(scene: Scene, parts: list[Component]) -> list[Prescription]:
         if s.told.growth is not None:
             along = X[:, scene.kinematics.coordinates.index(s.axis)]
             values += s.told.growth * (along - _centre(scene, s, surfaces))
-            rounding = FLAT * abs(s.told.growth)
+            rounding = PLANE_TOLERANCE * abs(s.told.growth)
         found.append(Prescription(what, a, s.local, values, s.told.ramp, rounding))
     return found
 
@@ -133,10 +134,10 @@ def _surfaces(scene: Scene, parts: list[Component]) -> list[_Surface]:
 def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> float:
     """The coordinate, dimensionless, of the points that a stretch leaves in place along its axis.
 
-    It is the one that the user gives.  Without it, a radial stretch is about the axis of rotation;
-    any other one is about the origin if every surface that is held along the axis reaches across
-    the origin, and otherwise about the one plane in which all held surfaces lie.  What is held or
-    moved on the very nodes of the stretched surface does not count.  Collective.
+    If the user gives no centre, that of a radial stretch is the axis of rotation.  That of any
+    other stretch is the origin if every surface that is held along the axis reaches across the
+    origin; otherwise it is the one plane in which all held surfaces lie.  Conditions on exactly the
+    nodes of the stretched surface do not count.  Collective.
     """
     told, axis, length = stretched.told, stretched.axis, scene.device.length
     given = told.about
@@ -146,7 +147,7 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
         return (given or 0.0) / length
     others = [s for s in surfaces if s.axis == axis]
     span = max(s.high for s in others) - min(s.low for s in others)
-    if span <= FLAT:
+    if span <= PLANE_TOLERANCE:
         raise InputError(
             f"The stretch on {told.surface!r} along {axis} moves a plane surface, but no other "
             f"surface is held or stretched along {axis}, so it would only shift the device; add "
@@ -154,16 +155,16 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
         )
     if given is not None:
         return given / length
-    # a condition on the stretched nodes themselves says how they move, not what stays in place
+    # A condition on the stretched nodes prescribes how they move, so they do not stay in place.
     held = [
         s for s in others
         if s.told.growth is None and not _same_nodes(scene.device.comm, s, stretched)
     ]  # fmt: skip
     low = max((s.low for s in held), default=0.0)
     high = min((s.high for s in held), default=0.0)
-    if low <= FLAT and high >= -FLAT:
+    if low <= PLANE_TOLERANCE and high >= -PLANE_TOLERANCE:
         return 0.0
-    if abs(high - low) <= FLAT:
+    if abs(high - low) <= PLANE_TOLERANCE:
         return (low + high) / 2
     names = ", ".join(dict.fromkeys(repr(s.told.surface) for s in held))
     raise InputError(
@@ -208,7 +209,8 @@ def check_agreement(scene: Scene, parts: list[Component], given: list[Prescripti
             old = owner[new.local]
             a, b = values[new.local], new.values
             size_ = np.maximum(np.abs(a), np.abs(b))
-            tolerance = SAME * size_ + np.maximum(rounding[new.local], new.rounding)
+            tolerance = DISPLACEMENT_TOLERANCE * size_
+            tolerance += np.maximum(rounding[new.local], new.rounding)
             elsewhere = ramps[old] != ramps[k]
             apart = np.where(elsewhere, size_ > tolerance, np.abs(a - b) > tolerance)
             for i in np.flatnonzero((old >= 0) & apart):

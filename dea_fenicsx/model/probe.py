@@ -86,7 +86,7 @@ class Prober:
         if best[1] >= 0:
             x = self.place_of(best[1], best[2])
             place[: len(x)] = x
-        # a NaN on one rank must reach all of them, and MPI's MIN may drop it
+        # A NaN on one rank must reach all ranks, but MPI's MIN may ignore it.
         low = np.where(np.isnan(low), -np.inf, low)
         everyone = self._mesh.comm.allgather((low, best[0], place))
         low = np.min([e[0] for e in everyone], axis=0)

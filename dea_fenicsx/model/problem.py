@@ -1,8 +1,8 @@
 """The discrete problem of a scene, and the state in which it is.
 
-One mixed function holds all fields, fixed values included.  Boundary values are put into it before
-anything is assembled, so increments vanish there and no lifting is needed; the linear systems are
-in the free unknowns only.
+One mixed function holds all fields, including the fixed values.  The boundary values are set before
+anything is assembled.  So increments vanish at fixed degrees of freedom, the right-hand sides need
+no correction for them, and the linear systems contain the free unknowns only.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class Problem:
         self.commit(self._rest)
 
     def _name_parts(self) -> None:
-        """Short names for what is asked for most."""
+        """Set short names for the parts that are used most often."""
         space, conditions, forms = self.space, self.conditions, self.forms
         self.W, self.w, self.owned, self.size = space.W, space.w, space.owned, space.size
         self.displacement = space.of(Role.MOTION)
@@ -151,7 +151,7 @@ class Problem:
         self.show(state)
 
     def show(self, state: State) -> None:
-        """Go to a state, for a search inside of `at`, which comes back."""
+        """Make a state the present one, within a block of `at`, which restores the old state."""
         self._place(state.values)
         self.factors = state.factors
         self._history = state.history
@@ -166,10 +166,10 @@ class Problem:
         self.shown += 1
 
     def under(self, state: State, factors: Mapping[str, float]) -> State:
-        """The unknowns of a state under another load, fixed values left as they are.  Collective.
+        """The unknowns of a state under another load.  Fixed values are not changed.  Collective.
 
-        Where the last dead load on a free body has gone, springs keep the orientation that the
-        body has in this state.
+        If no dead load acts on a free body any more, springs keep the orientation that the body has
+        in this state.
         """
         moved = state.with_factors(factors)
         if self.turning.holds(moved.factors) and not self.turning.holds(state.factors):
@@ -210,7 +210,10 @@ class Problem:
         return state.with_values(values)
 
     def spread(self, values: np.ndarray, into: Any) -> None:
-        """Lay out free unknowns (owned) and what follows them; fixed ones become 0.  Collective."""
+        """Write the free unknowns (owned), and those tied to them, into a function.
+
+        Fixed degrees of freedom become 0.  Collective.
+        """
         into.x.array[:] = 0.0
         if self.expansion is None:
             into.x.array[self.free] = values
@@ -229,7 +232,7 @@ class Problem:
     def restrict(self, residual: np.ndarray) -> np.ndarray:
         """A vector over all owned degrees of freedom in the rows of the free unknowns (owned).
 
-        Rows that are tied add up in their master's.
+        The rows of tied degrees of freedom are added to the row of their master.
         """
         if self.expansion is None:
             return residual[self.free]
@@ -238,7 +241,10 @@ class Problem:
         return self._few.array_r.copy()
 
     def unbalanced(self, residual: np.ndarray) -> np.ndarray:
-        """What is out of balance in each free row: the restricted residual and the sources."""
+        """The unbalanced force or charge in each free row.
+
+        It is the restricted residual plus the sources and the forces of the springs.
+        """
         rows = self.restrict(residual)
         for ramp, factor in self.factors.items():
             self.add_sources(rows, ramp, factor)

@@ -1,9 +1,9 @@
-"""Rigid motions that nothing in a scene prevents, told before anything is solved.
+"""Rigid motions that no support of a scene prevents, found before anything is solved.
 
-The mesh falls into parts: cells joined through shared vertices, of whatever material.  A part's
-rigid motions are combinations of translations and, about its middle, rotations; each fixed
-displacement adds one row, the value there of each of them, and what the rows leave free (their
-null space, from a singular value decomposition) is a mode that the device could follow.
+A part of the mesh is a set of cells that are joined through shared vertices.  Its rigid motions are
+combinations of translations and of rotations about its middle.  Each fixed displacement adds one
+row to a matrix: the displacement there by each of these motions.  The null space of the matrix,
+from a singular value decomposition, holds the motions that are free.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.errors import InputError
 
-HELD = 1e-9
-"""Singular value, as a share of the largest, below which a motion is not held.
+SMALLEST_SINGULAR_VALUE = 1e-9
+"""A motion with a smaller singular value, relative to the largest, is free.
 
-A film of a thickness of 1e-6 of its length, clamped at its end, is held by 1e-6.
+The smallest singular value of a film that is clamped at its end is about its thickness over its
+length, 1e-6 in an extreme case.
 """
 
 
@@ -82,7 +83,7 @@ def free_parts(scene: Scene, parts: Sequence[Component], fixed: np.ndarray) -> l
     device, kinematics = scene.device, scene.kinematics
     labels, count = joined_parts(device)
     if kinematics.periodic_ends is not None:
-        # its ends are tied, and what looks like two parts in one period may be one strand
+        # The two ends are tied, so two separate parts of one period may be one strand of the helix.
         labels, count = np.zeros_like(labels), 1
     boxes = _boxes(device, labels, count)
     rows = _held(parts, fixed, labels, boxes, kinematics)
@@ -90,7 +91,7 @@ def free_parts(scene: Scene, parts: Sequence[Component], fixed: np.ndarray) -> l
     found = []
     for k in range(count):
         values, motions = np.linalg.svd(rows[k])[1:]
-        free = motions[values <= HELD * max(values[0], 1e-300)]
+        free = motions[values <= SMALLEST_SINGULAR_VALUE * max(values[0], 1e-300)]
         if len(free):
             size = device.comm.allreduce(int(np.count_nonzero(owned == k)), op=MPI.SUM)
             found.append(FreePart(labels == k, size, count, boxes[k], free))
@@ -161,7 +162,7 @@ def joined_parts(device: Device) -> tuple[np.ndarray, int]:
     total = comm.allreduce(local, op=MPI.SUM)
     of_node = of_node + offset
 
-    # a vertex that a rank knows from another one ties their parts together
+    # A vertex that a rank shares with another rank connects the parts on both ranks.
     number = imap.local_to_global(np.arange(n_vertices, dtype=np.int32))
     mine = of_node[n_cells:]
     seen = np.vstack(comm.allgather(np.column_stack([number[owned:], mine[owned:]])))
@@ -171,7 +172,7 @@ def joined_parts(device: Device) -> tuple[np.ndarray, int]:
     ties = np.vstack(comm.allgather(np.unique(ties, axis=0)))
     _, joined = components(total, ties[:, 0], ties[:, 1])
 
-    # a rank's vertices may lie in none of its cells: only cells count
+    # A rank may have vertices that belong to none of its cells; they are no part.
     used = np.zeros(total, dtype=bool)
     used[joined[of_node[:n_cells]]] = True
     comm.Allreduce(MPI.IN_PLACE, used, op=MPI.LOR)
@@ -308,7 +309,7 @@ def in_words(free: np.ndarray, box: Box, kinematics: Kinematics, length: float) 
         if size < 1e-6:
             words.append(f"translation along {_direction(shift)}")
             continue
-        # points of the axis move along it only; lengths are in units of half the part's size
+        # Points of the axis move along it only.  Lengths are in units of half the part's size.
         along = float(turn @ shift) / size
         on_axis = np.cross(turn, shift) / size**2
         at = point((box.middle + box.size / 2 * on_axis) * length, len(axes))

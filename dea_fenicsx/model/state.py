@@ -13,7 +13,7 @@ NO_HISTORY: Mapping[str, Any] = MappingProxyType({})
 
 
 class Factors(Mapping[str, float]):
-    """The load: the factor of each ramp of a scene.  It cannot be changed.
+    """The load: the factor of each ramp of a scene.  It is immutable.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Factors(Mapping[str, float]):
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A state of a problem; it cannot be changed, and nothing else changes it.
+    """A state of a problem.  It is immutable.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class State:
     velocity
         Rates of the values in 1/s, laid out like them, or None on a path without time.
     history
-        What each term of the problem that keeps a history has kept, by the term's name.
+        The history variables of each term of the problem that has some, by the name of the term.
     """
 
     values: np.ndarray

@@ -1,7 +1,7 @@
-"""Degrees of freedom that share a value: charged electrodes, periodic ends, overall unknowns.
+"""Degrees of freedom that share a value: charged electrodes, periodic ends, global unknowns.
 
-What is tied is found by names and by numbers that all ranks agree on; only node positions along a
-periodic end are compared, and those by the rank that owns the node.
+Ties are found by names, and by numbers that are the same on all ranks.  Only the nodes of periodic
+ends are matched by their positions, which the rank that owns a node provides.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Group:
-    """Degrees of freedom with one value for all, that of the master, and what acts on them.
+    """Degrees of freedom that all have the value of their master, and the sources that act on them.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ def global_groups(
     forces = [told for _, told in declared(scene.loads, scene, GlobalForce)]
     for unknown in scene.kinematics.global_unknowns:
         part = overall[unknown.name]
-        # a rank without cells has none of these degrees of freedom, but must join in
+        # A rank without cells has none of these degrees of freedom, but must join the reduction.
         fixed = bool(np.all(constraints.fixed[part.dofs]))
         if rows.comm.allreduce(fixed, op=MPI.LAND):
             continue

@@ -14,8 +14,8 @@ from dea_fenicsx.model.tied_unknowns import Rows
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.compat import dolfinx
 
-GROUPED = {Role.GLOBAL: Role.MOTION}
-"""Roles whose residuals are taken together with those of another one."""
+NORM_ROLE = {Role.GLOBAL: Role.MOTION}
+"""Roles whose residuals are included in the norm of another role."""
 
 
 class Unknowns:
@@ -81,7 +81,7 @@ class Unknowns:
         leaders = {field.role: field.name for field in reversed(self.fields)}
         found: dict[str, list[Field]] = {}
         for field in self.fields:
-            shared = GROUPED.get(field.role)
+            shared = NORM_ROLE.get(field.role)
             found.setdefault(leaders[shared] if shared else field.name, []).append(field)
         return found
 

@@ -126,7 +126,7 @@ class Box:
             )
 
     def _check_storey(self, storey: Kresling) -> None:
-        if storey.twist != "free" or storey.chords != "right" or self.panel is not None:
+        if storey.twist != "free" or not storey.is_solid or self.panel is not None:
             raise InputError(
                 "Box: the map of a storey needs one of free twist and right chords, and no panel."
             )

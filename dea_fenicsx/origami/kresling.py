@@ -15,7 +15,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, get_args
+from importlib import import_module
+from typing import Any, ClassVar, Literal, get_args
+from warnings import warn
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -46,8 +48,8 @@ class State:
     torque : in N m, that holds the twist, against it; 0 where the twist is free
     partial_force : eq 72a in N, k h (c0/c - 1): dU/d(-h) at fixed twist
     partial_torque : eq 72b mended in N m, dU/d(-phi) at fixed height
-    panel_angle : gamma in rad, from the base up to the panel that stands on it; NaN for the
-        chords of the thesis, which belong to no solid
+    panel_angle : gamma in rad, from the base up to the panel that stands on it; NaN if the
+        storey is no solid
     """
 
     height: Any
@@ -86,7 +88,8 @@ class Kresling:
         ``"free"``: edges keep their length and the storey turns as it is pressed.  ``"held"``: the
         twist at rest is kept, and edges change length without force.
     chords
-        ``"right"``, or ``"printed"`` as in the thesis.
+        ``"right"``.  Deprecated: ``"printed"`` makes a `PrintedKresling` of
+        `dea_fenicsx.thesis.errata`, with the chords that the thesis prints.
 
     Raises
     ------
@@ -102,21 +105,27 @@ class Kresling:
     twist: EndTwist = "free"
     chords: Chords = "right"
 
+    is_solid: ClassVar[bool] = True
+    """Whether the corners lie on a circle, so that the storey is a solid."""
+
+    def __new__(cls, *values: Any, **named: Any) -> Kresling:
+        """A storey; with the deprecated ``chords="printed"`` one of the thesis's errata."""
+        if cls is Kresling and "printed" in (named.get("chords"), *values[6:7]):
+            errata = "dea_fenicsx.thesis.errata"
+            words = f'Kresling(chords="printed") is PrintedKresling of {errata} now.'
+            warn(words, DeprecationWarning, stacklevel=2)
+            return object.__new__(import_module(errata).PrintedKresling)
+        return object.__new__(cls)
+
     def __post_init__(self) -> None:
         check_declared(self)
         for name in ("side", "edge", "stiffness"):
             positive(getattr(self, name), f"Kresling: {name}", "finite and positive")
         if self.sides < 3:
             raise InputError(f"Kresling: sides is {self.sides}, but a box has 3 or more.")
-        if self.chords == "printed" and self.sides != 4:
-            raise InputError("Kresling: the printed chords are those of a square; give 4 sides.")
         for name, known in (("twist", TWISTS), ("chords", CHORDS)):
             one_of(getattr(self, name), known, f"Kresling: {name}", f"one of {known}")
         if self.height is None:
-            if self.chords == "printed":
-                raise InputError(
-                    "Kresling: with the printed chords a flat cell does not close; give a height."
-                )
             least = self.side / np.tan(np.pi / self.sides)
             if self.edge < least * (1 - 1e-12):
                 raise InputError(
@@ -149,7 +158,8 @@ class Kresling:
 
     @property
     def longest_chord(self) -> float:
-        return self.radius * (2.0 if self.chords == "right" else 1.0)
+        """Diameter of the circle through the corners in m."""
+        return 2 * self.radius
 
     @property
     def contact_twist(self) -> float:
@@ -175,7 +185,7 @@ class Kresling:
         """phi at rest; pi - 2 pi/n for flat cells."""
         flat = self.contact_twist
         phi = float(self.twist_at(self.height))
-        return flat if self.chords == "right" and abs(phi - flat) < 1e-12 else phi
+        return flat if abs(phi - flat) < 1e-12 else phi
 
     @cached_property
     def rest_diagonal(self) -> float:
@@ -183,23 +193,22 @@ class Kresling:
         return float(np.sqrt(self.height**2 + self._chord2(self.rest_twist + self.step)))  # type: ignore[operator]
 
     def twist_at(self, height: Any) -> Any:
-        """phi >= 0 that a rigid edge has at a height; the least one, up to s(phi) = longest."""
+        """The smallest twist phi >= 0, in rad, of a storey with rigid edges at a height."""
+        return 2 * np.arcsin(self._chord_share(height))
+
+    def _chord_share(self, height: Any) -> Any:
+        """Chord under an edge at a height, as a share of the longest chord."""
         h = np.asarray(height, dtype=float)
         share = np.sqrt((self.edge - h) * (self.edge + h)) / self.longest_chord
-        angle = np.arcsin(np.minimum(share, 1.0))
-        return 2 * angle if self.chords == "right" else angle
+        return np.minimum(share, 1.0)
 
     def _chord2(self, x: Any) -> Any:
-        """Square of the chord that sees the angle x."""
-        if self.chords == "right":
-            return 4 * self.radius**2 * np.sin(x / 2) ** 2
-        return self.radius**2 * np.sin(x) ** 2
+        """Square of the chord of a central angle x, in m^2."""
+        return 4 * self.radius**2 * np.sin(x / 2) ** 2
 
     def _slope(self, x: Any) -> Any:
         """Derivative of `_chord2`."""
-        if self.chords == "right":
-            return 2 * self.radius**2 * np.sin(x)
-        return self.radius**2 * np.sin(2 * x)
+        return 2 * self.radius**2 * np.sin(x)
 
     # ------------------------------------------------------------------ states
 
@@ -246,37 +255,31 @@ class Kresling:
         partial_torque = -k * self._slope(psi) * change / (2 * c)
         free = self.twist == "free"
         force = self._path_force(h, phi, c) if free else partial_force
-        if self.chords == "right":
-            inward = self.radius * (np.cos(self.step / 2) - np.cos(phi + self.step / 2))
-            gamma = np.arctan2(h, inward)
-        else:
-            gamma = np.full(np.shape(phi), np.nan)
         strain = change / c0
         values = (h, phi, np.sqrt(h**2 + self._chord2(phi)), c, strain, strain**2 / 2,
                   k * change**2 / 2, force, np.zeros(np.shape(phi)) if free else partial_torque,
-                  partial_force, partial_torque, gamma)  # fmt: skip
+                  partial_force, partial_torque, self._panel_angle(h, phi))  # fmt: skip
         return State(*(np.asarray(v)[()] for v in values))
 
+    def _panel_angle(self, h: Any, phi: Any) -> Any:
+        """Angle gamma in rad between the base and the panel that stands on it."""
+        inward = self.radius * (np.cos(self.step / 2) - np.cos(phi + self.step / 2))
+        return np.arctan2(h, inward)
+
     def _square_change(self, h: Any, phi: Any) -> Any:
-        """c^2 - c0^2."""
+        """c^2 - c0^2 in m^2; of rigid edges 2 a R [sin(phi + pi/n) - sin(phi0 + pi/n)]."""
         phi0 = self.rest_twist
         if self.twist == "held":
             return (h - self.height) * (h + self.height)
-        if self.chords == "right":  # 2 a R [sin(phi + pi/n) - sin(phi0 + pi/n)]
-            middle = np.cos((phi + phi0 + self.step) / 2)
-            return 4 * self.side * self.radius * middle * np.sin((phi - phi0) / 2)
-        return (h - self.height) * (h + self.height) + (
-            self._chord2(phi + self.step) - self._chord2(phi0 + self.step)
-        )
+        middle = np.cos((phi + phi0 + self.step) / 2)
+        return 4 * self.side * self.radius * middle * np.sin((phi - phi0) / 2)
 
     def _path_force(self, h: Any, phi: Any, c: Any) -> Any:
         """dU/d(-h) with rigid edges: k h (1 - c0/c) [s2'(phi + 2 pi/n)/s2'(phi) - 1], s2 = s^2."""
         change = self._square_change(h, phi)
-        if self.chords == "printed":  # sin(2 phi + pi)/sin(2 phi) - 1 = -2
-            return -2 * self.stiffness * h * change / (c * (c + self.rest_diagonal))
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = change / self._slope(phi)
-        # 0/0 where a vertical edge is a state without strain; half angles take the zero out
+        # The ratio is 0/0 if a state with vertical edges has no strain; half angles avoid this.
         share = self.side / (self.radius * np.cos(phi / 2))
         if self.rest_twist == self.contact_twist:
             ratio = -share * np.sin((phi - self.rest_twist) / 2)
@@ -295,7 +298,7 @@ class Kresling:
         phi0 and at pi - 2 pi/n - phi0.  A negative twist is a box that leans the other way.
         """
         rest = (float(self.rest_twist), float(self.height))  # type: ignore[arg-type]
-        if self.twist == "held" or self.chords == "printed":
+        if self.twist == "held":
             return [rest]
         other = np.pi - self.step - self.rest_twist
         left = self.edge**2 - self._chord2(other)

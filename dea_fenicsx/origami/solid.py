@@ -24,7 +24,7 @@ def vertices(storey: Kresling, twist: Any) -> np.ndarray:
     InputError
         For the printed chords, or a twist that the storey cannot have.
     """
-    if storey.chords == "printed":
+    if not storey.is_solid:
         raise InputError("vertices: the printed chords belong to no solid; take the right ones.")
     phi = np.asarray(twist, dtype=float)
     h = np.broadcast_to(storey.at_twist(phi).height, phi.shape)

@@ -5,18 +5,18 @@ The load factor f becomes an unknown.  A step of length s along the branch start
 
     R(x, f) = 0,     <x', x - x_0> / U^2 + f' (f - f_0) / F^2 = s.
 
-Each correction takes two solves with one and the same factor, for -R and for -dR/df; the latter is
-the exact derivative: fixed values enter through the tangent's columns, dead loads linearly, and its
-solution changes little from one state to the next.  What both solves miss along the vector that is
-null at a limit point, the plane puts right.
+Each correction needs two linear solves with the same factor, for the right-hand sides -R and
+-dR/df.  The derivative dR/df is exact: fixed values enter through the columns of the tangent, and
+dead loads are linear in f.  Its solution changes little from one state to the next.  Near a limit
+point both solutions have a large error along the null vector of the tangent.  The equation of the
+plane determines the combination of the two in which this error cancels.
 
-From two points of a branch the cubic with their tangents leads to others, between and beyond: its
-error is of fourth order in the arc.
-Lengths are measured by displacements, in units U of 5 % stretch, and by the load, in units F of the
-first step.
+The cubic through two points of a branch with their tangents predicts other points, between the two
+and beyond them.  Its error is of fourth order in the arc.  Displacements are measured in units U of
+5 % stretch, the load in units F of the first step.
 
-At a bifurcation the null vector takes the tangent's place: the plane normal to it meets the new
-branch and not the old one.
+At a bifurcation the null vector takes the place of the tangent: the plane normal to it intersects
+the new branch and not the old one.
 """
 
 from __future__ import annotations
@@ -37,30 +37,37 @@ from dea_fenicsx.solvers.newton import LINEARISING, NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome, fault_of
 
 UNIT_STRETCH = 0.05
-"""Displacement that counts as one unit of arc, as a share of the device's size."""
+"""Mean displacement of one unit of arc, as a share of the device's size."""
 
-SHORTEST = 2.0**-12
-"""Smallest arc before the branch counts as lost."""
+SHORTEST_ARC = 2.0**-12
+"""Smallest step, in units of arc, before we give up the branch."""
 
-FORCING = 1e-6
-"""Relative tolerance of the linear solves.
+BRANCH_SOLVE_TOLERANCE = 1e-6
+"""Relative tolerance of the linear solves along a branch.
 
-Measured on a film that snaps: with 3e-4, as on ramps, twice as many of Newton's iterations, and no
-fewer of Krylov's.
+The tolerance of a ramp would need twice as many Newton iterations here.  See "Measured choices of
+the solver" in docs/theory.md.
 """
 
-TANGENT = 1e-9
-"""The same for a point's tangent, which decides where the next point lies: not on rounding."""
+TANGENT_TOLERANCE = 1e-9
+"""Relative tolerance of the linear solve for the tangent of a branch.
 
-NEAR = 0.1
-"""Largest way, as a share of the arc between two points, from their cubic to a state found."""
+The next point lies on this tangent, so its error must be small compared with a step.
+"""
+
+MOST_LANDING_CORRECTION = 0.1
+"""Largest correction when a trace lands on a load, as a share of the arc between its neighbours.
+
+A larger correction means that Newton's method has found a state of another branch.
+"""
 
 
 @dataclass(frozen=True)
 class Point:
-    """A point of the branch: its state, its load f, and the tangent there (unit length).
+    """A point of the branch: its state, its load f, and the tangent there (of unit length).
 
-    `direction` holds the free unknowns' part; `slope` is df along the branch, 0 at a limit point.
+    `direction` is the part of the tangent in the free unknowns.  `slope` is its part in f, which is
+    0 at a limit point.
     """
 
     state: State
@@ -123,16 +130,16 @@ class Branch:
         return (state.factors[name] - self._origin[name]) / self.rates[name]
 
     def loaded(self, state: State, factor: float) -> State:
-        """The free unknowns of a state with the load f and its fixed values."""
+        """A state with the load f and the fixed values of this load.  Its free unknowns stay."""
         return self.problem.imposed(self.problem.under(state, self.factors_at(factor)))
 
     def point(self, state: State, along: Point | None, sign: float = 1.0) -> Point | None:
-        """An equilibrium with its tangent, oriented along another point's.
+        """An equilibrium with its tangent, which points forward along the tangent of `along`.
 
-        Without another point the load's change has the given sign.  None if the solve fails.
+        If `along` is None, the load changes with the given sign.  None if the solve fails.
         """
         with self.problem.at(state):
-            x = self._response(TANGENT)
+            x = self._response(TANGENT_TOLERANCE)
         if x is None:
             return None
         length = np.sqrt(self.dot(x, 1.0, x, 1.0))
@@ -142,7 +149,10 @@ class Branch:
         return Point(state, self.factor_of(state), x / length, 1.0 / length)
 
     def _response(self, tolerance: float) -> np.ndarray | None:
-        """dx/df at the present state, solved for from the last one; None if the solve fails."""
+        """dx/df at the present state; None if the solve fails.
+
+        The iteration starts from dx/df of the last state.
+        """
         rhs = -load_derivative(self.solver.tangent, self.rates)
         rest, share = rhs, 1.0
         if self._by_load is not None:
@@ -159,14 +169,15 @@ class Branch:
         return x
 
     def aside(self, state: State, factor: float, mode: np.ndarray) -> Point:
-        """A bifurcation with its null vector as the direction to go."""
+        """A bifurcation as a point whose tangent is its null vector."""
         x = mode[self.problem.free]
         return Point(state, factor, x / np.sqrt(self.dot(x, 0.0, x, 0.0)), 0.0)
 
     def step(self, start: Point, arc: float, end: Point | None = None) -> Attempt:
-        """Go an arc along the branch: a guess, then Newton in the plane normal to the start.
+        """Go an arc along the branch: predict a state, then correct it by Newton's method.
 
-        The guess lies on the start's tangent, or on the cubic through another point of the branch.
+        The corrections lie in the plane normal to the tangent at `start`.  The prediction lies on
+        this tangent, or on the cubic through `start` and `end` if another point is given.
         """
         if end is None:
             factor = start.factor + arc * start.slope
@@ -193,8 +204,8 @@ class Branch:
             if not np.isfinite(norm) or (iterations > 3 and norm > 1e3 * previous):
                 return Attempt(Outcome.DIVERGED, iterations, norm)
             solver.notify(LINEARISING)
-            r = solver.linear_solve(-problem.unbalanced(residual), FORCING)
-            b = self._response(FORCING)
+            r = solver.linear_solve(-problem.unbalanced(residual), BRANCH_SOLVE_TOLERANCE)
+            b = self._response(BRANCH_SOLVE_TOLERANCE)
             if r is None or b is None:
                 return Attempt(solver.trouble, iterations, norm)
             down = self.dot(r, 0.0, start.direction, start.slope)
@@ -228,10 +239,10 @@ class Branch:
         return attempt, there
 
     def _objection(self, here: Point, there: Point, arc: float) -> Outcome:
-        """Why a step has not stayed on its branch: far off its plane's foot, or turned about.
+        """Why a step has left its branch; `Outcome.CONVERGED` if it has not.
 
-        The foot of the plane lies at distance `arc`; a point much farther away is on another
-        branch.
+        The plane of the corrections lies at the distance `arc`.  A point much farther away is on
+        another branch, and so may be a point whose tangent has turned by more than 53 degrees.
         """
         moved = (there.state.values - here.state.values)[self.problem.free]
         change = there.factor - here.factor
@@ -242,13 +253,14 @@ class Branch:
         return Outcome.CONVERGED if turn > 0.6 else Outcome.SHARP_TURN
 
     def place(self, start: Point, end: Point, arc: float) -> Place:
-        """How to find equilibria at a share of the arc between two points."""
+        """A function that finds the equilibrium at a share (0 to 1) of the arc between points."""
         return lambda share: self.step(start, share * arc, end)
 
     def limit_point(self, start: Point, end: Point, arc: float) -> tuple[Point, float] | None:
         """The point between two others at which the load is stationary, and its arc.
 
-        The root of df, searched from where their cubic has its own.
+        We search the zero of the load's change along the branch.  The search starts at the
+        stationary load of the cubic.
         """
         bracket = Bracket((0.0, start.slope), (arc, end.slope))
         scale = max(abs(start.slope), abs(end.slope))
@@ -269,7 +281,7 @@ class Branch:
         return found
 
     def land(self, start: Point, end: Point, wanted: float) -> Attempt:
-        """Equilibrium at exactly a load that is passed once between two points."""
+        """Find the equilibrium at a given load, which the branch passes once between two points."""
         cubic = Cubic.through(self, start, end)
         try:
             s = brentq(lambda x: cubic.load(x) - wanted, 0.0, cubic.arc)
@@ -284,15 +296,17 @@ class Branch:
             return attempt
         moved = (attempt.found.values - first.found.values)[self.problem.free]
         way = np.sqrt(self.dot(moved, change, moved, change))
-        return attempt if way < NEAR * cubic.arc else attempt.refused(Outcome.JUMPED)
+        small = way < MOST_LANDING_CORRECTION * cubic.arc
+        return attempt if small else attempt.refused(Outcome.JUMPED)
 
 
 @dataclass(frozen=True)
 class Cubic:
-    """The cubic between two points of a branch that has their tangents.
+    """The cubic through two points of a branch, with the tangents of the branch there.
 
-    Its parameter is the distance from the plane normal to the first point, `arc` that of the
-    second, negative if it lies behind; `turn` is the cosine between the tangents.
+    Its parameter s is the distance along the tangent at the first point.  The second point has the
+    parameter `arc`, which is negative if this point lies behind the first.  `turn` is the cosine of
+    the angle between the two tangents.
     """
 
     branch: Branch
@@ -320,7 +334,7 @@ class Cubic:
 
     @property
     def stationary(self) -> float:
-        """The arc at which the load is, where it grows at one end and falls at the other."""
+        """The arc of the stationary load, if the load grows at one end and falls at the other."""
         rise = (self.end.factor - self.start.factor) / self.arc
         a, b = self.start.slope, self._last_slope
 

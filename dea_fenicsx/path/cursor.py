@@ -1,4 +1,4 @@
-"""Where on a path a run stands, and the steps that it has accepted."""
+"""The position of a run on its path, and the steps that it has accepted."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dea_fenicsx.model.state import State
 
 @dataclass(frozen=True)
 class Cursor:
-    """Where on the path a run stands; enough, with the state, to carry on.
+    """The position of a run on its path.  Together with the state it is enough to carry on.
 
     Attributes
     ----------

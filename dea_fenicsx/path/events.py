@@ -1,6 +1,6 @@
-"""What is passed between two accepted steps: bifurcations, and margins that turn negative.
+"""Events between two accepted steps: bifurcations, and margins that turn negative.
 
-Each is located by equilibria in between, so that its load does not depend on the step size.
+Each event is located by equilibria in between, so its load does not depend on the step size.
 """
 
 from __future__ import annotations
@@ -17,20 +17,23 @@ from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt
 from dea_fenicsx.support.errors import SolverError
 
-MOST = 3
-"""Changes of the inertia that are located in one step; a slack film passes dozens at once."""
+MOST_CHANGES_LOCATED = 3
+"""Largest number of changes of the inertia that are located in one step.
+
+A slack film has dozens of them in one step.
+"""
 
 
 @dataclass(frozen=True)
 class Alarm:
-    """Something that fails when its margin turns negative.
+    """A mode of failure, with a margin that turns negative when it occurs.
 
     Attributes
     ----------
     name
         What the event is called, such as ``"loss of tension"``.
     margin
-        Positive while all is well; a pure number.  Called on all ranks.
+        Returns a dimensionless number, positive before the failure.  Called on all ranks.
     """
 
     name: str
@@ -76,7 +79,7 @@ class Sentinel:
     stability
         Whether to count negative eigenvalues at every accepted step, and to locate each change.
     fired
-        Alarms that an earlier part of the run has already given; each is given once.
+        Alarms that have already occurred in an earlier part of the run; each is reported once.
     counting
         Whether to count negative eigenvalues at every accepted step without locating changes; with
         `stability` they are counted in any case.
@@ -135,9 +138,9 @@ class Sentinel:
         count: int | None = None,
         limits: int = 0,
     ) -> list[Passed]:
-        """What lies between the state before and this one, in the order of travel.
+        """The events between the state before and this one, in the order of travel.
 
-        This state becomes the one before.
+        This state is then the state before of the next call.
 
         Parameters
         ----------
@@ -166,7 +169,7 @@ class Sentinel:
             assert before is not None and count is not None
             found += self._bifurcations(place, before, count, rates)
         if any(e.mode is not None for e in found):
-            self.solver.forget_factor()  # it was made where the tangent is singular
+            self.solver.forget_factor()  # The factor belongs to a singular tangent.
         return sorted(found, key=lambda e: e.share)
 
     def _cross(self, alarm: Alarm, place: Place, low: float, high: float) -> Passed | None:
@@ -182,7 +185,7 @@ class Sentinel:
                 return alarm.margin()
 
         try:
-            # the ends are known; only what lies between is solved for
+            # The margins at both ends are known; only states in between are solved for.
             share = 0.0 if low <= 0 else brentq(
                 lambda s: low if s == 0 else high if s == 1 else margin(s), 0.0, 1.0, xtol=1e-10,
                 rtol=1e-10,
@@ -195,10 +198,13 @@ class Sentinel:
     def _bifurcations(
         self, place: Place, before: int, after: int, rates: Mapping[str, float]
     ) -> list[Passed]:
-        """The first states on the way at which the inertia changes, limit points left out."""
+        """The first bifurcations on the way, located by changes of the inertia.
+
+        Limit points also change the inertia; they are left out.
+        """
         found: list[Passed] = []
         low = 0.0
-        for _ in range(min(abs(after - before), MOST)):
+        for _ in range(min(abs(after - before), MOST_CHANGES_LOCATED)):
             critical = self._spectrum.locate(place, before, rates, low)
             if critical is None:
                 break

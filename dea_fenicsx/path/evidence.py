@@ -1,24 +1,23 @@
 """Evidence that a continuous path of equilibria leads from one accepted state to the next.
 
-A small residual tells that a state is an equilibrium.  It does not tell that the device would come
-there: near an instability Newton's method often converges to an equilibrium of another branch, and
-to which one depends on the length of the step.  So a step is accepted only with evidence from both
-of its ends:
+A small residual shows that a state is an equilibrium.  It does not show that the device gets there.
+Near an instability Newton's method often converges to an equilibrium of another branch, and the
+step length decides which branch it is.  So a step is accepted only with evidence:
 
-1.  Newton's method needed few iterations, the state lies near the extrapolation of those before,
-    and it moves with the load at most 2.5 times as fast as in the step before.  (Towards a limit
-    point the speed of a smooth path grows like an inverse square root, by a factor of 2.4 in the
-    last of two equal steps.)
-2.  Else the tangent of the path at the last state is compared with a state half-way.  That state
-    must be found at once, lie near the tangent, and have the same number of negative eigenvalues;
-    neither half of the way may be much faster than the other, and the second half must lie where
-    the parabola through the first leads.
-3.  The number of negative eigenvalues of the tangent is the same at both ends, wherever the model
-    is small enough that counting costs little.  If it is not, the place of the change is searched
-    by bisection.  On one and the same branch the two sides of that place are neighbours (a
-    bifurcation of a symmetric device); if they are far apart, the step has changed branches.
+1.  Newton's method needs few iterations, the state lies near the extrapolation of the states
+    before it, and its speed (displacement per load) is at most 2.5 times that of the step before.
+    (On a smooth path towards a limit point the speed grows like an inverse square root, by a factor
+    of 2.4 in the last of two equal steps.)
+2.  If one of these conditions fails, we compute the tangent of the path at the last state, and an
+    equilibrium half-way.  Newton's method must find this equilibrium in few iterations, near the
+    tangent, and with the same number of negative eigenvalues.  The speeds of both halves must be
+    similar, and the step must end near the parabola through its first half.
+3.  In models that are small enough, the negative eigenvalues of the tangent are counted at both
+    ends of the step.  If the counts differ, we find the place of the change by bisection.  If the
+    states on its two sides are neighbours, the branch itself becomes unstable (a bifurcation of a
+    symmetric device).  If they are far apart, the step has changed branches.
 
-A step without evidence is halved by the caller.
+The caller halves a step without evidence.
 """
 
 from __future__ import annotations
@@ -27,59 +26,67 @@ from dea_fenicsx.model.state import State
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.stability import path_slope
-from dea_fenicsx.solvers.newton import AT_REST, NewtonSolver
+from dea_fenicsx.solvers.newton import NEGLIGIBLE_MOTION, NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
-FASTER = 4.0
-"""Largest ratio of speeds (displacement per load coordinate) along one path.
+MOST_SPEED_RATIO = 4.0
+"""Largest ratio of two speeds (displacement per load coordinate) on one smooth path.
 
-Of a step to the tangent at its start, and of the two halves of a step to one another.
+It bounds the speed of a step over that of the tangent at its start, and the speed of one half of a
+step over that of the other half.
 """
 
-QUICKENED = 2.5
-"""Growth of the speed above which a state half-way is asked for.
+MOST_SPEED_GROWTH_WITHOUT_PROOF = 2.5
+"""Largest speed of a step, over that of the step before, without a state half-way.
 
-A step that lands right on a limit point is 2.41 times as fast as the one before.
+A step that lands right on a limit point is 2.41 times as fast as the step before.
 """
 
-WANDERING = 8
-"""Newton iterations above which a state half-way is asked for.
+MOST_NEWTON_WITHOUT_PROOF = 8
+"""Largest number of Newton iterations of a step without a state half-way.
 
-A state half-way that itself needs more is no evidence.
+A state half-way that needs more iterations itself proves nothing.
 """
 
-ASTRAY = 0.25
-"""Distance of a solution from where it is expected, as a share of the motion, that is in doubt."""
+MOST_DISTANCE_WITHOUT_PROOF = 0.25
+"""Largest distance of a solution from its prediction without a state half-way.
 
-OFF_PARABOLA = 0.5
-"""Largest distance of a step's end from the parabola through its first half.
+It is a share of the motion in the step.
+"""
 
-As a share of the motion in the second half; a step that lands right on a limit point has 0.46.
+MOST_DISTANCE_FROM_PARABOLA = 0.5
+"""Largest distance of the end of a step from the parabola through its first half.
+
+It is a share of the motion in the second half.  A step that lands right on a limit point has 0.46.
 """
 
 HALFWAY_TOLERANCE = 1e-8
 """Newton's tolerance for a state half-way.
 
-Close to a limit point a loose one leaves more of an error than the step's motion: with 1e-3 good
-steps were refused there.
+With a looser one the error of the state would be larger than the motion in a step close to a limit
+point.  With 1e-3 good steps were refused there.
 """
 
-BACKWARDS = 1e-3
-"""Share of a step by which the second point of a tangent lies behind its first."""
+TANGENT_STEP_BACK = 1e-3
+"""Length of the step back along the tangent, as a share of the present step.
 
-LEVELS = 3
-"""Most states half-way for one step, each within the faster half of the last."""
+The tangent is represented by the last state and the point that this step leads to.
+"""
 
-BISECTIONS = 10
-"""Bisections of the place where the number of negative eigenvalues changes."""
+MOST_HALFWAY_STATES = 3
+"""Largest number of states half-way for one step.  Each lies in the faster half of the last way."""
+
+COUNT_BISECTIONS = 10
+"""Number of bisections to find where the number of negative eigenvalues changes."""
 
 BISECTION_TOLERANCE = 1e-7
-"""Newton's tolerance within that bisection."""
+"""Newton's tolerance for the states of these bisections."""
 
-NEIGHBOURS = 16.0
-"""Largest distance of the two sides of that place, over what the step's mean speed makes of it.
+MOST_GAP_OVER_MEAN = 16.0
+"""Largest distance between the last two states of the bisection, if they are on one branch.
 
-With 10 bisections: 1.6 % of the step's motion.
+The unit is the mean distance, that is the motion of the step over 2^COUNT_BISECTIONS.  With 10
+bisections the limit is 1.6 % of the motion of the step.
 """
 
 
@@ -93,8 +100,8 @@ class Evidence:
     predictor
         Holds the accepted states of the ramp.
     sentinel
-        Knows the number of negative eigenvalues of the last accepted state, and whether it is to
-        be counted at this one.
+        Holds the number of negative eigenvalues of the last accepted state, and counts those of
+        other states if they are to be counted.
 
     Attributes
     ----------
@@ -128,73 +135,80 @@ class Evidence:
             return attempt
         found = attempt.found
         if not self._is_smooth(found, attempt, guess) or not self._count_agrees(found):
-            self.solver.forget_factor()  # it may have been made on the other branch
+            self.solver.forget_factor()  # The factor may belong to a state of the other branch.
             return attempt.refused(Outcome.JUMPED)
         return attempt
 
     def _is_smooth(self, found: State, attempt: Attempt, guess: State | None) -> bool:
-        """Whether the state moves with the load as it did before, or a state half-way shows it."""
+        """Whether the state continues the motion of the steps before.
+
+        If this is in doubt, a state half-way decides.
+        """
         predictor, known = self.predictor, self.predictor.known
         moved = predictor.moved(known[-1], found)
-        if moved < AT_REST:  # rounding alone moves a device that is held everywhere
+        if moved < NEGLIGIBLE_MOTION:  # rounding alone moves a device that is held everywhere
             return True
-        doubtful = attempt.iterations > WANDERING
+        doubtful = attempt.iterations > MOST_NEWTON_WITHOUT_PROOF
         if guess is not None:
             usual = predictor.speed(known[-2], known[-1])
-            doubtful = doubtful or predictor.speed(known[-1], found) > QUICKENED * usual > 0
+            limit = MOST_SPEED_GROWTH_WITHOUT_PROOF * usual
+            doubtful = doubtful or predictor.speed(known[-1], found) > limit > 0
             doubtful = doubtful or self._is_astray(guess, found)
         return not doubtful or self.leads_to(found)
 
     def _is_astray(self, guess: State, found: State) -> bool:
-        """Whether a state lies far from where it was expected, measured by the step's motion."""
+        """Whether a state lies far from its prediction, compared with the motion of the step."""
         predictor = self.predictor
         moved = predictor.moved(predictor.known[-1], found)
-        return predictor.moved(guess, found) > ASTRAY * moved
+        return predictor.moved(guess, found) > MOST_DISTANCE_WITHOUT_PROOF * moved
 
     def leads_to(self, found: State) -> bool:
         """Whether states half-way show that a path leads from the last known state to this one.
 
-        The way may not be much faster than the tangent at its start.  Newton's method, started
-        between two states, must find the one half-way at once and near that tangent, and neither
-        half may be passed much faster than the other, and the second half must go on where the
-        parabola of the first leads.  Where one half is faster by more than a
-        smooth path explains, that half is looked into in the same way: over a jump the ratio
-        doubles each time, on a path with a limit point at its end it stays.
+        The speed of the step must not be much larger than that of the tangent at its start.
+        Newton's method, started between the two states, must find an equilibrium half-way in few
+        iterations and near that tangent.  The speeds of the two halves must be similar, and the
+        second half must follow the parabola of the first.
+
+        If one half is faster than a smooth path explains, we examine this half in the same way.
+        Over a jump the ratio of the speeds doubles each time.  On a path with a limit point at its
+        end the ratio stays the same.
         """
         predictor = self.predictor
         low, high = predictor.known[-1], found
         start = self._start_of_tangent(found)
         verdict = start is None or (
-            predictor.speed(low, high) <= FASTER * predictor.speed(start, low)
+            predictor.speed(low, high) <= MOST_SPEED_RATIO * predictor.speed(start, low)
         )
-        for _ in range(LEVELS):
+        for _ in range(MOST_HALFWAY_STATES):
             if not verdict:
                 break
             share = predictor.middle(low, high)
             attempt = predictor.between(low, high, HALFWAY_TOLERANCE, patient=True)(share)
-            if attempt.iterations > WANDERING or not attempt.converged:
+            if attempt.iterations > MOST_NEWTON_WITHOUT_PROOF or not attempt.converged:
                 verdict = False
                 break
             middle = attempt.found
             first, second = predictor.speed(low, middle), predictor.speed(middle, high)
             slow, fast = min(first, second), max(first, second)
-            verdict = fast <= FASTER * slow and not self._is_other(middle, start)
+            verdict = fast <= MOST_SPEED_RATIO * slow and not self._is_other(middle, start)
             if verdict and start is not None and high is found:
-                # A jump in the second half leaves the speed as it is where most of the motion is
-                # prescribed; but then the parabola through the first half does not lead there.
+                # If most of the motion is prescribed, a jump in the second half hardly changes the
+                # speed.  But it ends far from the parabola through the first half.
                 parabola = predictor.through([start, predictor.known[-1], middle], found)
                 way = predictor.moved(middle, found)
-                verdict = predictor.moved(parabola, found) <= OFF_PARABOLA * way
-            if fast <= QUICKENED * slow:
+                verdict = predictor.moved(parabola, found) <= MOST_DISTANCE_FROM_PARABOLA * way
+            if fast <= MOST_SPEED_GROWTH_WITHOUT_PROOF * slow:
                 break
             low, high = (low, middle) if first > second else (middle, high)
         return verdict
 
     def _start_of_tangent(self, found: State) -> State | None:
-        """A point on the tangent at the last known state, a little before it.
+        """A point on the tangent at the last known state, a little before this state.
 
-        The tangent is extrapolated as the secant through the two.  None where the tangent says
-        nothing: at zero voltage, in whose square the displacement grows, or if it cannot be had.
+        The straight line through the two is the tangent.  None at zero voltage, where the
+        displacement grows with the square of the voltage and the tangent predicts nothing, and
+        None if the tangent cannot be computed.
         """
         problem, last = self.problem, self.predictor.known[-1]
         rates = {name: found.factors[name] - f for name, f in last.factors.items()}
@@ -203,12 +217,12 @@ class Evidence:
         slope = path_slope(self.solver, last, rates)
         if slope is None:
             return None
-        before = {n: f - BACKWARDS * rates[n] for n, f in last.factors.items()}
-        back = problem.moved(last, -BACKWARDS * slope)
+        before = {n: f - TANGENT_STEP_BACK * rates[n] for n, f in last.factors.items()}
+        back = problem.moved(last, -TANGENT_STEP_BACK * slope)
         return problem.imposed(problem.under(back, before))
 
     def _is_other(self, middle: State, start: State | None) -> bool:
-        """Whether a state half-way is on another branch than the last accepted one."""
+        """Whether a state half-way is on a different branch from the last accepted state."""
         if start is not None:
             pair = [start, self.predictor.known[-1]]
             if self._is_astray(self.predictor.through(pair, middle), middle):
@@ -218,8 +232,10 @@ class Evidence:
         return count is not None and count != before
 
     def _count_agrees(self, found: State) -> bool:
-        """Whether the number of negative eigenvalues is that of the last state, or changes on the
-        way without a jump."""
+        """Whether the number of negative eigenvalues is that of the last accepted state.
+
+        If it is not, whether the number changes without a jump of the state.
+        """
         before = self.sentinel.excess
         self.count = after = self.sentinel.count(found)
         if before is None or after is None or before == after:
@@ -227,15 +243,18 @@ class Evidence:
         low, high = self.predictor.known[-1], found
         distance = self.predictor.moved(low, high)
         continuous = self._change_is_continuous(low, high, before, distance)
-        self.solver.forget_factor()  # it was made near a singular tangent
+        self.solver.forget_factor()  # The factor belongs to a nearly singular tangent.
         return continuous
 
     def _change_is_continuous(
         self, low: State, high: State, before: int, distance: float
     ) -> bool:
-        """Bisect the place where the count changes; whether its two sides are neighbours."""
+        """Whether the states on both sides of a change of the count are neighbours.
+
+        The place of the change is found by bisection.
+        """
         predictor = self.predictor
-        for _ in range(BISECTIONS):
+        for _ in range(COUNT_BISECTIONS):
             attempt = predictor.between(low, high, BISECTION_TOLERANCE)(0.5)
             if not attempt.converged:
                 return False
@@ -245,4 +264,4 @@ class Evidence:
                 return False
             low, high = (middle, high) if count == before else (low, middle)
         gap = predictor.moved(low, high)
-        return gap <= max(NEIGHBOURS * distance / 2**BISECTIONS, AT_REST)
+        return gap <= max(MOST_GAP_OVER_MEAN * distance / 2**COUNT_BISECTIONS, NEGLIGIBLE_MOTION)

@@ -29,12 +29,12 @@ class Ramp:
     steps
         Number of equal steps; each of their ends is landed on exactly.
     at
-        Factors to land on instead, in the order of travel; between them steps grow and shrink
-        freely, starting from a `steps`-th of the ramp.
+        Factors to land on instead, in the order of travel.  Between them the step size is adapted;
+        the first step is a `steps`-th of the ramp.
     snap
-        What happens at a limit point.  False: the ramp ends there with `EquilibriumLost`.  True:
-        the load stays, as that of a battery does, and the device snaps to the next stable state
-        along the branch that bears it; from there the ramp goes on.
+        What happens at a limit point.  If False, the ramp ends there with `EquilibriumLost`.  If
+        True, the load stays constant, as the voltage of a battery does, and the device snaps to the
+        next stable state of the branch at this load.  Then the ramp goes on.
     """
 
     what: str | tuple[str, ...] = ()
@@ -56,7 +56,7 @@ class Ramp:
 @dataclass(frozen=True)
 @plain_numbers
 class Trace:
-    """Follow the branch by arc length in one ramp of the scene, through limit points.
+    """Follow the branch in one ramp of the scene by arc length, through limit points.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ class Trace:
     steps
         Most steps that are taken, events included.
     until
-        A column of the history and a value: the trace ends where the column takes the value.
+        A column of the history and a value.  The trace ends where the column has this value.
     longest
         Longest step in units of arc, of 5 % stretch each.
     at

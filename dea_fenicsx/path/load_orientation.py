@@ -1,7 +1,7 @@
 """The orientation that dead loads give to a free body when they begin to act.
 
-However small they are, dead loads with a moment turn a free body at once until the moment vanishes.
-So the body starts there: the state is turned as a whole, which strains nothing.
+Dead loads with a moment, however small, turn a free body until the moment vanishes.  So the body is
+turned as a whole to this orientation before the first step.  This causes no strain.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.support.compat import dolfinx
 
-NONE = 1e-6
-"""Moment, as a share of the sum of all forces times their arms, that turns nothing."""
+NEGLIGIBLE_MOMENT = 1e-6
+"""Moments below this share of the sum of all forces times their arms are rounding errors."""
 
 
 def turn_to_loads(
@@ -26,8 +26,8 @@ def turn_to_loads(
 ) -> tuple[State, float]:
     """Turn a free body as a whole to where the loads that begin to act have no moment.  Collective.
 
-    Of the orientations without a moment it is the stable one, in which the loads' potential is
-    lowest; of several such the nearest.
+    There are several orientations without a moment.  We take the stable one, in which the potential
+    of the loads is lowest.  If there are several of these, we take the nearest.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def turn_to_loads(
     axes = felt_axes(problem.scene, problem.conditions.fixed_values.released)
     turned = np.array([moments[2, 1] - moments[1, 2], moments[0, 2] - moments[2, 0],
                        moments[1, 0] - moments[0, 1]])  # fmt: skip
-    if np.linalg.norm(axes @ turned) <= NONE * size:
+    if np.linalg.norm(axes @ turned) <= NEGLIGIBLE_MOMENT * size:
         return problem.state, 0.0
     R = _about(axes[0], moments) if len(axes) == 1 else _lowest(moments)
     centre = problem.conditions.fixed_values.pins[0].place
@@ -115,15 +115,18 @@ def _about(axis: np.ndarray, moments: np.ndarray) -> np.ndarray:
 
 
 def _lowest(moments: np.ndarray) -> np.ndarray:
-    """The rotation that gives the loads the lowest potential -tr(R^T M); the least of several."""
+    """The rotation that gives the loads the lowest potential -tr(R^T M).
+
+    If there are several, it is the one by the smallest angle.
+    """
     U, s, Vt = np.linalg.svd(moments)
-    if s[1] > NONE * s[0]:
+    if s[1] > NEGLIGIBLE_MOMENT * s[0]:
         return U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt
-    # loads of one direction u at arms of one direction v: the shortest way from v to u
+    # All loads point along u and all arms along v: take the smallest rotation from v to u.
     u, v = U[:, 0], Vt[0]
     axis = np.cross(v, u)
     sine = float(np.linalg.norm(axis))
-    if sine < NONE:
+    if sine < NEGLIGIBLE_MOMENT:
         return np.eye(3)
     return _rotation(axis / sine, float(v @ u), sine)
 

@@ -1,4 +1,4 @@
-"""Where each step of a ramp starts from: the polynomial through the states before it."""
+"""The prediction of each step of a ramp: the polynomial through the states before it."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ The extrapolation is None where only one state is known.
 
 
 def trusting(attempt: Attempt, guess: State | None) -> Attempt:
-    """A judge that accepts everything that has converged."""
+    """A judge that accepts each solution that has converged."""
     return attempt
 
 
 class Predictor:
     """Starts each step from an extrapolation of the states before it.
 
-    Displacement and pressure are even in a voltage or charge, so for such a ramp they are
-    extrapolated in its square; fields that are odd in it, such as the potential, in the voltage or
-    charge itself.
-    What lies between two states is interpolated alike.
+    Displacement and pressure do not change if a voltage or charge changes its sign.  So in a ramp
+    of a voltage or charge they are extrapolated in its square.  Fields that change their sign, such
+    as the potential, are extrapolated in the voltage or charge itself.  States between two known
+    ones are interpolated in the same way.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class Predictor:
 
     def add(self, state: State) -> None:
         """Remember an accepted state."""
-        # A ramp to the present value meets the same factor twice, which no polynomial can.
+        # A ramp to the present value has the same factor twice; a polynomial needs distinct ones.
         others = [s for s in self.known if s.factors[self.name] != state.factors[self.name]]
         self.known = [*others[-2:], state]
 
@@ -87,7 +87,7 @@ class Predictor:
         if self.even and low + high < 0:
             between = -between
         share = (between - low) / (high - low) if high != low else 0.5
-        return share if 0 < share < 1 else 0.5  # a voltage may pass through zero on the way
+        return share if 0 < share < 1 else 0.5  # The voltage may change its sign on the way.
 
     def between(
         self,
@@ -96,12 +96,12 @@ class Predictor:
         tolerance: float | None = None,
         patient: bool = False,
     ) -> Place:
-        """How to find equilibria between two known ones.
+        """A function that finds the equilibrium at a share, 0 to 1, of the way between two.
 
         Parameters
         ----------
         low, high
-            The two.
+            The two equilibria.
         tolerance, patient
             As of `NewtonSolver.solve`.
         """
@@ -119,7 +119,7 @@ class Predictor:
         return place
 
     def solve(self, factors: Mapping[str, float], judge: Judge = trusting) -> Attempt:
-        """Solve at new factors: from the extrapolation, else by a tangent step.
+        """Solve at new factors, starting from the extrapolation; if this fails, by a tangent step.
 
         Parameters
         ----------
@@ -142,9 +142,9 @@ class Predictor:
         return judge(self.solver.solve(last, factors), guess)
 
     def extrapolated(self, factors: Mapping[str, float]) -> State | None:
-        """The states before extrapolated to other factors; None where there is one state only.
+        """The extrapolation of the known states to other factors; None if only one is known.
 
-        Its fixed values are extrapolated, too.
+        The fixed values are extrapolated as well.
         """
         if len(self.known) < 2:
             return None

@@ -12,31 +12,32 @@ from dea_fenicsx.path.evidence import Evidence
 from dea_fenicsx.path.items import Ramp, Trace, check_path
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.snapping import over_the_limit
-from dea_fenicsx.path.verdicts import UNCERTAIN, is_near_limit, ramp_lost
+from dea_fenicsx.path.verdicts import INCONCLUSIVE_OUTCOMES, is_near_limit, ramp_lost
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 from dea_fenicsx.support.errors import EquilibriumLost, PathError, SolverError
 
 __all__ = ["Cursor", "Ramp", "RampWalk", "Step", "Trace", "check_path"]
 
-SMALLEST = 2.0**-10
-"""Smallest step in units of the first one, before equilibrium counts as lost."""
+SMALLEST_STEP = 2.0**-10
+"""Smallest step, in units of the first one.  Below it equilibrium counts as lost."""
 
-SMALLEST_JUMP = 2.0**-16
-"""The same where Newton's method finds states, but on another branch, or no limit point is seen.
+SMALLEST_STEP_AT_JUMP = 2.0**-16
+"""Smallest step, in units of the first one, if Newton's method finds states of another branch.
 
-The path turns sharply there, the more so the smaller an imperfection is: with two loads that differ
-by 1e-5 the sheet of Treloar and Kearsley needs steps of 1e-4.
+It also holds if no limit point is seen ahead.  In both cases the path may have a sharp bend, which
+is sharper for a smaller imperfection: with two loads that differ by 1e-5 the sheet of Treloar and
+Kearsley needs steps of 1e-4.
 """
 
-EASY = 5
-"""Newton iterations up to which a step counts as easy and the next one may grow."""
+MOST_NEWTON_FOR_GROWTH = 5
+"""Largest number of Newton iterations of a step after which the next step is longer."""
 
-GROWTH = 1.5
-"""Growth of the next step after an easy one."""
+STEP_GROWTH = 1.5
+"""Length of the next step over that of the last one, if the last one needed few iterations."""
 
-NEARLY = 1.25
-"""Steps of this length or less that remain to a landing are gone at once."""
+LONGEST_LAST_STEP = 1.25
+"""Largest remainder before a landing, in units of the present step, that is gone in one step."""
 
 
 class RampWalk:
@@ -80,13 +81,16 @@ class RampWalk:
         self._start_from(self.origin)
 
     def _start_from(self, state: State) -> None:
-        """Let the next step begin without a history."""
+        """Forget the earlier states, so that the next step is not extrapolated from them."""
         self.predictor = Predictor(self.solver, self.names, self.lead)
         self.predictor.add(state)
         self.evidence = Evidence(self.solver, self.predictor, self.sentinel)
 
     def factors_at(self, position: float) -> Factors:
-        """The load at a position of the ramp, weighted so that its end is hit to the last bit."""
+        """The load at a position of the ramp.
+
+        It is a weighted mean of both ends, so that position 1 gives the end to the last bit.
+        """
         moved = {
             n: (1 - position) * self.start[n] + position * self.ramp.to for n in self.names
         }
@@ -107,8 +111,8 @@ class RampWalk:
         while self.cursor.position < 1.0:
             position = self.cursor.position
             landing = min(s for s in landings if s > position)
-            # If the remainder would be under a quarter of a step, go straight to the landing.
-            near = landing - position < NEARLY * self.size
+            # If the remainder would be under 25 % of a step, go straight to the landing point.
+            near = landing - position < LONGEST_LAST_STEP * self.size
             target = landing if near else position + self.size
             attempt = self.predictor.solve(self.factors_at(target), self.evidence.judge)
             if attempt.converged:
@@ -154,7 +158,7 @@ class RampWalk:
         self.problem.commit(found)
         self.predictor.add(found)
         cut = lands and target - position < self.size
-        grown = GROWTH if attempt.iterations <= EASY else 1.0
+        grown = STEP_GROWTH if attempt.iterations <= MOST_NEWTON_FOR_GROWTH else 1.0
         self.size = min(self.size * (1.0 if cut else grown), 1.0)
         if not cut and self.ramp.at is None:
             self.size = min(self.size, self.first)
@@ -171,7 +175,7 @@ class RampWalk:
         )
 
     def _tell_change(self, before: int | None, after: int | None) -> None:
-        """Say so if the number of negative eigenvalues has changed within an accepted step."""
+        """Log a change of the number of negative eigenvalues within an accepted step."""
         if before is not None and after is not None and before != after:
             self.log(f"{self.label}: the number of negative eigenvalues changes from {before} to "
                      f"{after} here")  # fmt: skip
@@ -179,12 +183,12 @@ class RampWalk:
     def _lost(self, target: float, attempt: Attempt) -> PathError | None:
         """The error that ends the ramp, or None while the step may still be halved."""
         jumped = attempt.outcome is Outcome.JUMPED
-        if self.size >= self.first * (SMALLEST_JUMP if jumped else SMALLEST):
+        if self.size >= self.first * (SMALLEST_STEP_AT_JUMP if jumped else SMALLEST_STEP):
             return None
         failed = self.factors_at(target)
         near_limit = is_near_limit(self.predictor, self.origin, failed)
-        may_halve = self.size >= self.first * SMALLEST_JUMP
-        if not near_limit and attempt.outcome in UNCERTAIN and may_halve:
+        may_halve = self.size >= self.first * SMALLEST_STEP_AT_JUMP
+        if not near_limit and attempt.outcome in INCONCLUSIVE_OUTCOMES and may_halve:
             return None
         return ramp_lost(
             self.names, self.label, self.problem.factors, failed, attempt, near_limit
@@ -202,7 +206,7 @@ class RampWalk:
             raise lost from None
         factors = self.factors_at(limit.factor)
         cursor = replace(cursor, step=cursor.step + 1, position=limit.factor, size=0.0)
-        # of the load's size: a voltage has its maximum at either polarity
+        # "maximum" refers to the size of the load: a voltage may have either sign.
         outwards = factors[self.lead] * (ramp.to - cursor.start[self.lead]) > 0
         top = limit.state.with_factors(factors)
         self.problem.commit(top)

@@ -1,4 +1,4 @@
-"""The one root finder along a path: a bracket that the Illinois rule narrows."""
+"""The root finder for places along a path: a bracket, narrowed by the Illinois rule."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Bracket:
         return (a * fb - b * fa) / (fb - fa)
 
     def narrow(self, place: float, value: float) -> None:
-        """Take in the value at a place inside.
+        """Narrow the bracket by the value at a place inside.
 
-        Where the new value has the sign of the last one, the value of the end that stays is halved
-        (Illinois rule), so that both ends move towards the root.
+        If the new value has the sign of the last one, the same end of the bracket would stay again.
+        Then we halve the value at this end (Illinois rule), so that both ends move to the root.
         """
         if value * self.high[1] < 0:
             self.low = self.high

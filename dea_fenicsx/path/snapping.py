@@ -1,16 +1,16 @@
-"""Where a load that can only grow takes a device that it carries over a limit point."""
+"""The state to which a device snaps when a growing load passes a limit point."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.arclength import SHORTEST, Branch, Point
+from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, Point
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import SolverError
 
 MOST_POINTS = 400
-"""Most points of the branch that are looked at beyond the limit point."""
+"""Largest number of points of the branch that are computed to find the landing."""
 
 LONGEST_ARC = 4.0
 """Longest step along the branch, in units of arc."""
@@ -25,8 +25,8 @@ def over_the_limit(
 ) -> tuple[Point, State | None]:
     """Follow the branch over the limit point to the next stable state that bears the same load.
 
-    Nothing rests on the branch in between.  The state behind it is the landing of a snap with
-    enough damping.  The problem is left in the state in which it was.
+    The states between the limit point and that state are not stable at this load.  A device with
+    enough damping comes to rest there.  The problem is left in the state in which it was.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def over_the_limit(
         attempt, there = branch.advance(here, arc, before)
         if there is None:
             arc /= 2
-            if arc < SHORTEST:
+            if arc < SHORTEST_ARC:
                 log(f"the branch could be followed to {here.factor:.8g} only "
                     f"({attempt.outcome.value})")  # fmt: skip
                 break
@@ -72,7 +72,7 @@ def over_the_limit(
             if landing is not None:
                 return limit, landing
         with solver.problem.at(there.state):
-            # forces grow by orders of magnitude towards lock-up, and rounding with them
+            # Towards lock-up the forces and their rounding errors grow by orders of magnitude.
             solver.references.remember(solver.problem.residual())
         arc = min(arc * (1.5 if attempt.iterations <= 3 else 1.0), LONGEST_ARC)
         before, here = here, there

@@ -1,13 +1,15 @@
 """Where a path loses stability: the load at which the tangent is singular, and its null vector.
 
-The inertia of the tangent tells that an eigenvalue has passed zero between two states.  The
-eigenvalue m nearest zero is had by inverse iteration on the fresh factor,
+The inertia of the tangent shows that an eigenvalue has changed its sign between two states.  The
+eigenvalue m nearest to zero is found by inverse iteration with a new factor,
 
-    A v = m M v,   M the identity in the displacements,
+    A v = m M v,   where M is the identity in the displacements and 0 elsewhere.
 
-and the state at which it vanishes by a secant rule inside a bracket that the inertia keeps.  With
-b = dR/df the load's derivative of the residual, A x' = -b f' along the path: at a limit point
-v . b is not 0, at a bifurcation it is (Keller 1977; Riks 1979).
+The state at which m vanishes is found by a secant rule.  The inertia tells on which side of it a
+trial lies, and so keeps a bracket.  With b = dR/df, the derivative of the residual by the load,
+A x' = -b f' along the path.  At a limit point v . b is not 0, at a bifurcation it is 0
+(H. B. Keller, Applications of Bifurcation Theory, 1977; E. Riks, Int. J. Solids Struct. 15 (1979)
+529).
 """
 
 from __future__ import annotations
@@ -24,13 +26,15 @@ from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt
 from dea_fenicsx.solvers.tangent import Tangent
 
-ORTHOGONAL = 1e-4
+BIFURCATION_COSINE = 1e-4
 """Cosine between load derivative and null vector below which a critical point is a bifurcation."""
 
-NARROW = 1e-7
-"""Where a search ends: the bracket as a share of the way, or the eigenvalue as one of its change.
+SEARCH_TOLERANCE = 1e-7
+"""The search for a critical state ends when its bracket or its eigenvalue is this small.
 
-Closer to the singular state Newton's method wanders along the null vector.
+The bracket is measured as a share of the way between the two states, the eigenvalue as a share of
+the larger one at the two ends.  Closer to the critical state Newton's method would not be reliable,
+because its increments along the null vector are not determined.
 """
 
 Place = Callable[[float], Attempt]
@@ -76,8 +80,8 @@ def load_derivative(tangent: Tangent, rates: Mapping[str, float]) -> np.ndarray:
 SLOPE_TOLERANCE = 1e-7
 """Relative tolerance of the linear solve for the tangent of a path.
 
-The residual tells little of the bending of a thin part: with 1e-3 the tangent of a bilayer of 60
-layers' length was wrong by a factor of ten.
+It must be small, because bending of a thin part hardly changes the residual: with 1e-3 the tangent
+of a bilayer, 60 times as long as thick, was wrong by a factor of ten.
 """
 
 
@@ -104,11 +108,13 @@ class Spectrum:
     def __init__(self, solver: NewtonSolver) -> None:
         self.solver, self.problem = solver, solver.problem
         self.u = self.problem.roles.free(Role.MOTION)
-        # pseudo-random and always the same: no symmetry of the device is orthogonal to it
+        # The start vector is pseudo-random, so that it has a part along modes of any symmetry.  It
+        # is the same in each run, so that results can be repeated.
         rng = np.random.default_rng(self.problem.comm.rank + 1)
         self._start = np.zeros(len(self.problem.free))
         self._start[self.u] = rng.standard_normal(len(self.u))
-        # a mode's sign is that of its scalar product with these, on any number of ranks
+        # The scalar product of a mode with this vector is made positive.  So the sign of a mode
+        # does not depend on the number of ranks.
         self._compass = np.zeros(self.problem.size)
         for part in self.problem.displacement:
             x = part.space.tabulate_dof_coordinates()
@@ -147,7 +153,8 @@ class Spectrum:
             if abs(new - value) <= 1e-6 * abs(new):
                 break
             value = new
-        # the next search starts from this vector, with a little of everything else left in it
+        # The next search starts from this vector, with a small part of the old start vector: a
+        # mode that is orthogonal to this one can still be found.
         self._start = v + 1e-3 * self._start / np.sqrt(self._dot(self._start, self._start))
         return count, abs(new), v
 
@@ -184,8 +191,9 @@ class Spectrum:
         scale = max(fa, fb)
         best: tuple[float, Critical] | None = None
         for k in range(60):
-            # the eigenvalue changes sign inside: |m| of both ends makes the secant, the inertia
-            # says on which side a trial lies; now and then the middle, against one-sided creeping
+            # The eigenvalue changes its sign in the bracket, so the secant takes |m| of both ends
+            # with different signs.  Each third trial is the middle of the bracket, because a secant
+            # rule alone may move only one end.
             x = (a * fb + b * fa) / (fa + fb) if k % 3 != 2 else (a + b) / 2
             attempt = place(x)
             if not attempt.converged or (trial := self.nearest_zero(attempt.found)) is None:
@@ -197,7 +205,7 @@ class Spectrum:
                 b, fb, after = x, size, count
             if best is None or size < best[0]:
                 best = size, self._describe(x, b - a, vector, after, rates, attempt)
-            if b - a <= NARROW or size < NARROW * scale:
+            if b - a <= SEARCH_TOLERANCE or size < SEARCH_TOLERANCE * scale:
                 break
         return best[1] if best and best[0] < 1e-3 * scale else None
 
@@ -218,7 +226,7 @@ class Spectrum:
         )
         cosine = abs(total[0]) / np.sqrt(total[1] * total[2]) if total[2] > 0 else 0.0
         return Critical(
-            share, width, self.as_values(vector), cosine < ORTHOGONAL, after, attempt,
+            share, width, self.as_values(vector), cosine < BIFURCATION_COSINE, after, attempt,
         )  # fmt: skip
 
     def as_values(self, vector: np.ndarray) -> np.ndarray:

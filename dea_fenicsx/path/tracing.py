@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.arclength import SHORTEST, Branch, Point
+from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, Point
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import Trace
 from dea_fenicsx.path.roots import Bracket
@@ -18,11 +18,14 @@ from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
 __all__ = ["BranchLost", "Trace", "Traced", "Tracer"]
 
-CLOSE = 1e-7
-"""How close a trace comes to the value at which it ends, of the change over the last step."""
+END_TOLERANCE = 1e-7
+"""Largest distance from the value at which a trace ends, as a share of the gap of the last step."""
 
-SHORT_ENOUGH = 0.1
-"""Arc up to which a limit point and a bifurcation in one step are not told apart any more."""
+SHORTEST_ARC_TO_SEPARATE_EVENTS = 0.1
+"""Largest arc for which a limit point and a bifurcation in one step are accepted as they are.
+
+A longer step with both is halved, so that each of them gets a step of its own.
+"""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,10 @@ class Traced:
 
 @dataclass(frozen=True)
 class _Spot:
-    """A point of interest between two points of a branch, at an arc from the first."""
+    """An event, a requested load or the end, between two points of a branch.
+
+    `arc` is its distance from the first of the two points.
+    """
 
     arc: float
     traced: Traced
@@ -173,18 +179,19 @@ class Tracer:
             if there is not None:
                 count = self.sentinel.count(there.state)
                 turns = here.slope * there.slope < 0
-                if not (turns and arc > SHORT_ENOUGH and _mixed(self.sentinel.excess, count)):
+                long = arc > SHORTEST_ARC_TO_SEPARATE_EVENTS
+                if not (turns and long and _mixed(self.sentinel.excess, count)):
                     self._tell_unexplained(count, turns)
                     return attempt, there, arc, retries, count
                 outcome = Outcome.MIXED_EVENTS
             retries += 1
             arc /= 2
             self.log(f"{self.item.what}: arc halved ({outcome.value})")
-            if arc < SHORTEST:
+            if arc < SHORTEST_ARC:
                 raise BranchLost(outcome)
 
     def _tell_unexplained(self, count: int | None, turns: bool) -> None:
-        """Say so if the count of negative eigenvalues changes by more than a limit point does."""
+        """Log a change of the number of negative eigenvalues that no limit point explains."""
         before = self.sentinel.excess
         if self.sentinel.stability or before is None or count is None:
             return
@@ -242,14 +249,14 @@ class Tracer:
             return None
         s, state = arc, there.state
         bracket = Bracket((0.0, left), (arc, beyond))
-        close = CLOSE * max(abs(left), abs(beyond))
+        close = END_TOLERANCE * max(abs(left), abs(beyond))
         for _ in range(20):
             if abs(bracket.high[1]) <= close:
                 break
             s = bracket.secant
             attempt = self.branch.step(here, s, there)
             now = self._left(attempt.found) if attempt.converged else None
-            if now is None:  # the step's own end is an equilibrium, a little behind the value
+            if now is None:  # The end of the step is an equilibrium, a little beyond the value.
                 self.log("no equilibrium was found at the very end of the trace; it ends behind")
                 s, state = arc, there.state
                 break
@@ -259,12 +266,15 @@ class Tracer:
 
 
 def _mixed(before: int | None, after: int | None) -> bool:
-    """Whether more than the one limit point of a step changed the inertia."""
+    """Whether the inertia has changed by more than one limit point explains."""
     return before is not None and after is not None and abs(after - before) != 1
 
 
 def _just_beyond(arc: float, was: float | None, left: float | None) -> float:
-    """An arc a little longer than to the end of the trace, by what the last arc has closed."""
+    """An arc that reaches a little beyond the end of the trace.
+
+    It is extrapolated from the part of the gap that the last arc has closed.
+    """
     if was is None or left is None or left * (was - left) <= 0:
         return np.inf
     return arc * max(1.1 * left / (was - left), 0.05)

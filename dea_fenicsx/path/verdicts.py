@@ -1,4 +1,4 @@
-"""How a path that cannot be followed any further is told: which error, and in which words."""
+"""The error that ends a path which cannot be followed any further, and its words."""
 
 from __future__ import annotations
 
@@ -14,27 +14,28 @@ from dea_fenicsx.path.stability import path_slope
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 from dea_fenicsx.support.errors import EquilibriumLost, NotReached, PathError, SolverError
 
-STEEP = 3.0
-"""Speed at the last state, over the mean speed on a way to it, that only a limit point explains.
+LIMIT_SPEED_RATIO = 3.0
+"""Speed at the last state, over the mean speed from an earlier state, that shows a limit point.
 
-Towards a limit point the speed grows like an inverse square root.  A ramp ends when its steps have
-been halved to a thousandth of the first one; that near, the speed is more than ten times the mean.
+Towards a limit point the speed (displacement per load) grows like an inverse square root.  A ramp
+ends when its steps have been halved to a thousandth of the first one.  So close to a limit point
+the speed is more than ten times the mean speed.
 """
 
-STEEPER = 1.1
-"""The same for a way that is as short as the last trial.
+LIMIT_SPEED_RATIO_NEARBY = 1.1
+"""The same ratio for an earlier state that is at most `NEARBY_IN_STEPS` of the last trial away.
 
-There a smooth path is straight to a thousandth; that of a limit point, as far ahead as the way is
-long, has a ratio of 1.2.
+Over such a short way the speed of a smooth path changes by a thousandth.  If a limit point lies
+ahead at the same distance, the ratio is 1.2.
 """
 
-NEIGHBOUR = 8.0
-"""Length of such a way, in units of the last trial's step."""
+NEARBY_IN_STEPS = 8.0
+"""Largest distance of a nearby state along the load, in units of the last trial's step."""
 
-UNCERTAIN = (Outcome.SLOW, Outcome.DIVERGED, Outcome.JUMPED)
-"""Outcomes of a last trial that alone do not tell a lost equilibrium from a failure of Newton's.
+INCONCLUSIVE_OUTCOMES = (Outcome.SLOW, Outcome.DIVERGED, Outcome.JUMPED)
+"""Outcomes of the last trial that may mean a lost equilibrium or a failure of Newton's method.
 
-A chain past its lock-up and a cell turned inside out tell of the material.
+The other outcomes, a chain beyond its lock-up and an inverted cell, are limits of the material.
 """
 
 
@@ -53,8 +54,9 @@ def is_near_limit(predictor: Predictor, origin: State, failed: Mapping[str, floa
     Returns
     -------
     bool
-        True if the displacement grows so much faster with the load than on the way there as only a
-        limit point explains (see `STEEP` and `STEEPER`), or if the tangent cannot be solved for.
+        True if the speed (displacement per load) at the last state is much larger than the mean
+        speed on the way there (see `LIMIT_SPEED_RATIO` and `LIMIT_SPEED_RATIO_NEARBY`).  Only a
+        limit point explains that.  True as well if the tangent of the path cannot be computed.
     """
     problem, last = predictor.problem, predictor.known[-1]
     now = last.factors[predictor.name]
@@ -71,9 +73,9 @@ def is_near_limit(predictor: Predictor, origin: State, failed: Mapping[str, floa
         way = abs(now - earlier.factors[predictor.name])
         if way == 0:
             continue
-        short = earlier is not rest and way <= NEIGHBOUR * abs(step)
+        short = earlier is not rest and way <= NEARBY_IN_STEPS * abs(step)
         mean = predictor.moved(earlier, last) / way
-        if speed > (STEEPER if short else STEEP) * mean > 0:
+        if speed > (LIMIT_SPEED_RATIO_NEARBY if short else LIMIT_SPEED_RATIO) * mean > 0:
             return True
     return False
 
@@ -91,7 +93,7 @@ def ramp_lost(
     Parameters
     ----------
     names, label
-        The ramps that move, and what they are called together.
+        The ramps that move, and their common label in messages.
     reached, failed
         Factors of the last accepted state and of the last trial.
     attempt
@@ -111,7 +113,7 @@ def ramp_lost(
             f"the {label} ramp, just above its tolerance; it is rounding, so loosen "
             "NewtonOptions(tolerance=...) or use cells that are less thin."
         )
-    if not near_limit and attempt.outcome in UNCERTAIN:
+    if not near_limit and attempt.outcome in INCONCLUSIVE_OUTCOMES:
         return SolverError(
             f"No step from {low} towards {high} of the {label} ramp could be made, however short "
             f"(last trial: {last}), and the state at {low} shows no limit point ahead; this is a "

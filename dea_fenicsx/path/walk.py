@@ -1,4 +1,4 @@
-"""A whole path followed, item by item."""
+"""Following a whole path, item by item."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from dea_fenicsx.solvers.newton import NewtonSolver
 
 @dataclass
 class Walk:
-    """A path that is followed.
+    """Follows a path.
 
     Attributes
     ----------
@@ -147,7 +147,7 @@ class Walk:
 
 
 def _rates(item: Ramp | Trace, scene: Scene, factors: Mapping[str, float]) -> dict[str, float]:
-    """By how much an item of a path changes the factor of each of its ramps, at first."""
+    """Change of the factor of each ramp over an item of a path, or over its first step."""
     if isinstance(item, Trace):
         return {item.what: item.first}
     return {name: item.to - factors[name] for name in item.names(scene)}

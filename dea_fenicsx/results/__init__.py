@@ -1,4 +1,4 @@
-"""What a run leaves on disk, and how it is read again: fields, history, summary, checkpoints.
+"""The results of a run on disk, written and read: fields, history, summary, checkpoints.
 
 This room imports `measure` and the rooms before it.
 """

@@ -1,4 +1,4 @@
-"""The checkpoint: a state, and where on the path it lies; trusted only as far as it can be checked.
+"""The checkpoint: a state and its position on the path.  All that it holds is checked when read.
 
     state    values of all unknowns in each cell, shape (cells, unknowns of a cell)
     told     JSON: cursor, history, fingerprint, references, failures, seconds; for another run
@@ -34,17 +34,20 @@ from dea_fenicsx.support.files import clean
 from dea_fenicsx.support.type_checks import check_declared, is_number
 
 FORMAT = 2
-"""Number of the form of what is told; one of another number is not read."""
+"""Version of the format of a checkpoint.  A checkpoint of another version is refused."""
 
-CLOSE = 1e-9
-SAME_TIME = 1e-12
+NUMBER_TOLERANCE = 1e-9
+"""Largest difference of two positions on the path, or relative one of two load factors."""
+
+TIME_TOLERANCE = 1e-12
+"""Rounding error of the time (number of a ramp plus position in it) in a history."""
 
 MOST_LOADS = 10_000
 """Most loads that a checkpoint may name where its run started."""
 
 
 class Unusable(Exception):
-    """A checkpoint that does not hold together; the message is a clause that says why."""
+    """A checkpoint that contradicts itself.  The message is a clause that says why."""
 
 
 # --------------------------------------------------------------------------------------- the file
@@ -59,7 +62,7 @@ def write(target: Path, state: np.ndarray, told: Mapping[str, Any]) -> None:
 
 
 def digest(state: np.ndarray, text: str) -> str:
-    """What tells whether a checkpoint is as it was written."""
+    """SHA-256 hash of a checkpoint, which shows whether it was changed after it was written."""
     found = hashlib.sha256(text.encode())
     found.update(np.ascontiguousarray(state, dtype=float).tobytes())
     return found.hexdigest()
@@ -79,7 +82,7 @@ def read(file: Path) -> tuple[dict[str, Any], np.ndarray]:
             text = str(_array(archive, "told.npy"))
             sealed = str(_array(archive, "digest.npy")) if _has_digest(archive) else ""
         told = json.loads(text)
-    except Exception as error:  # whatever a damaged file leads to
+    except Exception as error:  # A damaged file may cause any exception.
         raise InputError(
             f"{file} is no checkpoint of this package ({clean(error, 120) or 'damaged'})."
         ) from error
@@ -134,7 +137,7 @@ def cursor_of(
     told: Mapping[str, Any], scene: Scene, path: Sequence[Any], columns: Sequence[str],
     fields: Sequence[str],
 ) -> Cursor:  # fmt: skip
-    """The cursor of a checkpoint, once all that it tells agrees with itself and with the path.
+    """The cursor of a checkpoint, if its contents agree with one another and with the path.
 
     Parameters
     ----------
@@ -190,7 +193,7 @@ def _cursor(found: Any, scene: Scene, path: Sequence[Any]) -> Cursor:
 
 
 def _check_rows(rows: Any, columns: Sequence[str], cursor: Cursor) -> None:
-    """The history must be rows of this run's columns, a row a step."""
+    """Check that the history has one row for each step, with the columns of this run."""
     if not isinstance(rows, list) or not rows:
         raise Unusable("its history is missing")
     before = 0.0
@@ -203,11 +206,12 @@ def _check_rows(rows: Any, columns: Sequence[str], cursor: Cursor) -> None:
                 raise Unusable(f"row {number} of its history holds {clean(value, 40)!r}")
         time = row["time"]
         time = math.nan if time is None else float(time)
-        if row["step"] != number or not before - CLOSE <= time <= math.inf:
+        if row["step"] != number or not before - NUMBER_TOLERANCE <= time <= math.inf:
             raise Unusable(f"row {number} of its history is not the next step")
         before = time
     last = rows[-1]
-    if cursor.step != last["step"] or abs(cursor.ramp + cursor.position - last["time"]) > CLOSE:
+    apart = abs(cursor.ramp + cursor.position - last["time"])
+    if cursor.step != last["step"] or apart > NUMBER_TOLERANCE:
         raise Unusable("its place on the path is not that of the last row of its history")
 
 
@@ -223,14 +227,17 @@ def _factors(row: Mapping[str, Any], scene: Scene) -> dict[str, float]:
 def _check_start(
     cursor: Cursor, factors: Mapping[str, float], rows: list[Any], scene: Scene
 ) -> None:
-    """The loads must be those of the last row, and their start those where its item began."""
-    begun = [row for row in rows if row["time"] <= cursor.ramp + SAME_TIME]
+    """Check that the loads are those of the last row of the history.
+
+    The loads at the start of the item must be those of the row at which the item began.
+    """
+    begun = [row for row in rows if row["time"] <= cursor.ramp + TIME_TOLERANCE]
     pairs = [(factors, _factors(rows[-1], scene))]
     if cursor.ramp + cursor.position > 0:
         pairs.append((cursor.start, _factors(begun[-1], scene)))
     for mine, theirs in pairs:
         for ramp, factor in mine.items():
-            if not abs(factor - theirs[ramp]) <= CLOSE * max(1.0, abs(factor)):
+            if not abs(factor - theirs[ramp]) <= NUMBER_TOLERANCE * max(1.0, abs(factor)):
                 raise Unusable("its load factors are not those of its history")
 
 
@@ -241,17 +248,17 @@ def _check_place(
     scene: Scene,
     path: Sequence[Any],
 ) -> None:
-    """The place on an item of the path must be that of its loads or of its steps."""
+    """Check that the position on an item of the path agrees with the loads or the steps."""
     item = path[cursor.ramp]
     if isinstance(item, Trace):
-        taken = sum(row["time"] > cursor.ramp + SAME_TIME for row in rows)
+        taken = sum(row["time"] > cursor.ramp + TIME_TOLERANCE for row in rows)
         ended = cursor.position == 1.0 and _reached(item, rows[-1])
         if not ended and round(cursor.position * item.steps) > taken:
             raise Unusable("its place on the trace is beyond the steps of its history")
         return
     for ramp in item.names(scene):
         here = (1 - cursor.position) * cursor.start[ramp] + cursor.position * item.to
-        if not abs(factors[ramp] - here) <= CLOSE * max(1.0, abs(here)):
+        if not abs(factors[ramp] - here) <= NUMBER_TOLERANCE * max(1.0, abs(here)):
             raise Unusable("its load factors are not those of its place on the path")
 
 

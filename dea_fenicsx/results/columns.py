@@ -1,4 +1,4 @@
-"""The columns of a history: those of the package, and which names are left for what is recorded."""
+"""The columns of a history, and a check of the names of recorded observables."""
 
 from __future__ import annotations
 
@@ -26,9 +26,10 @@ SUMMARY = (
     "peak_memory_GB", "assembly_s", "factor_s", "krylov_s", "settings", "versions", "origin",
     "command",
 )  # fmt: skip
-"""What summary.json says beside the last values of the columns."""
+"""Entries of summary.json that are not the last values of columns."""
 
-LONGEST = 100
+LONGEST_NAME = 100
+"""Largest number of characters of a column's name."""
 
 
 def column_of(name: str, observable: Any) -> str:
@@ -142,7 +143,7 @@ def check_names(scene: Scene, record: Mapping[str, Any], failures: Iterable[Any]
 
 
 def check_added(values: Mapping[str, Any]) -> None:
-    """Raise InputError if a script's own finding would replace what the package has found."""
+    """Raise InputError if a value that a script adds would replace one of the package."""
     for name in values:
         if name in (*SUMMARY, *WORK, *FIRST):
             raise InputError(
@@ -153,9 +154,9 @@ def check_added(values: Mapping[str, Any]) -> None:
 
 def _check_plain(name: str, what: str) -> None:
     """Raise InputError unless a name can stand in CSV, XDMF and a file's name."""
-    good = name.isprintable() and name == name.strip() and 0 < len(name) <= LONGEST
+    good = name.isprintable() and name == name.strip() and 0 < len(name) <= LONGEST_NAME
     if not good or any(c in name for c in '/\\,"') or name[0] in "=+-@.":
         raise InputError(
-            f"{what} is {shown(name)}, but must be a plain word of 1 to {LONGEST} characters "
+            f"{what} is {shown(name)}, but must be a plain word of 1 to {LONGEST_NAME} characters "
             'without / \\ , " and line breaks, and not begin with one of = + - @ and a dot.'
         )

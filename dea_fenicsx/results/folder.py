@@ -94,7 +94,7 @@ class Folder(SharedFolder):
                     for name in (provenance.COPY, provenance.RESUMED)
                     if (self.path / name).exists() and not provenance.is_script(self.path / name)
                 ]
-                # the checkpoint first: a run killed in here is not taken for one to resume
+                # Move the checkpoint first: if the run is killed here, nothing wrong is resumed.
                 for name in sorted([*found, *copies], key=lambda n: n != "checkpoint.npz"):
                     os.replace(self.path / name, old / name)
             (self.path / "parts").mkdir(exist_ok=True)

@@ -16,7 +16,10 @@ from dea_fenicsx.results.grids import Grid
 
 
 def image(put: Callable[[Any], None]) -> Callable[[Path], None]:
-    """What writes an HDF5 file: built in memory, for HDF5 cannot close a file on a full disk."""
+    """A writer of HDF5 files that builds them in memory.
+
+    HDF5 cannot close a file on a full disk.
+    """
 
     def write(target: Path) -> None:
         image = io.BytesIO()

@@ -1,4 +1,4 @@
-"""What makes a run the same run: its facts, and whether those of an interrupted one agree."""
+"""The fingerprint of a run, by which a resumed run is recognised as the same run."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from dea_fenicsx.results.fields import Grid
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.type_checks import plain
 
-CLOSE = 1e-9
-"""Differences of coordinates, relative to the device's size, that another number of ranks makes."""
+COORDINATE_TOLERANCE = 1e-9
+"""Coordinates differ by up to this share of the device's size on another number of ranks."""
 
 _DEEPEST = 8
 
@@ -166,11 +166,11 @@ def _surface(problem: Problem, name: str) -> list[float]:
 
 def same_mesh(mine: Mapping[str, Any], theirs: Any) -> bool:
     """Whether two meshes agree in what `mesh_facts` says of them, as JSON has kept it or not."""
-    return _same(json.loads(json.dumps(mine)), theirs, CLOSE)
+    return _same(json.loads(json.dumps(mine)), theirs, COORDINATE_TOLERANCE)
 
 
 def difference(mine: Mapping[str, Any], theirs: Any) -> str | None:
-    """In which way two fingerprints differ, as a clause with "it" for the earlier run; None if not.
+    """How two fingerprints differ, as a clause with "it" for the earlier run; None if they agree.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def difference(mine: Mapping[str, Any], theirs: Any) -> str | None:
             told = _other_records(value, other)
             if told:
                 return told
-        elif not _same(value, other, CLOSE if key == "mesh" else 0.0):
+        elif not _same(value, other, COORDINATE_TOLERANCE if key == "mesh" else 0.0):
             return f"its {key} is not this script's"
     return None
 

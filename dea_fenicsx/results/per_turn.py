@@ -94,7 +94,7 @@ def measure_turns(
     distance, partner = cKDTree(x).query(above, distance_upper_bound=1e-4 * abs(pitch))
     height = _height(x, pitch)
     turns = round(np.ptp(x[:, 2]) / abs(pitch)) - 1
-    # at the seam alone the body is one pitch higher than elsewhere: its last pairs are left out
+    # At the seam the body is one pitch higher than elsewhere, so its last pairs are left out.
     lower = np.flatnonzero(np.isfinite(distance) & (height < turns - 1 + 1e-6))
     if len(lower) == 0:
         raise InputError(

@@ -65,7 +65,7 @@ def git_state(place: Path, seconds: float = 3.0) -> dict[str, Any] | None:
     folder = place if place.is_dir() else place.parent
 
     def ask(*words: str) -> str:
-        # no lock, for someone may be at work in the repository
+        # Git must not lock the repository, because the user may be working in it.
         done = subprocess.run(
             ["git", "--no-optional-locks", "-C", str(folder), *words], capture_output=True,
             text=True, timeout=seconds, check=True, stdin=subprocess.DEVNULL,

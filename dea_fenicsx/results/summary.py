@@ -1,4 +1,4 @@
-"""What summary.json says of a run: work done, settings, versions."""
+"""The contents of summary.json: status, work done, settings, versions."""
 
 from __future__ import annotations
 
@@ -57,7 +57,10 @@ LIMITS = ("maximum", "minimum")
 """Events that change the number of negative eigenvalues by one."""
 
 CRITICAL = (*LIMITS, "bifurcation", "snap")
-"""Events that change it; several eigenvalues may pass zero in a bifurcation or a snap."""
+"""Events that change the number of negative eigenvalues by any amount.
+
+In a bifurcation or a snap several eigenvalues may change their signs.
+"""
 
 
 def count_changes(history: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -132,7 +135,7 @@ def loads_not_passed(
     return found
 
 
-def _stability(history: Sequence[Mapping[str, Any]], is_trace: bool) -> tuple[str, str]:
+def _stability(history: Sequence[Mapping[str, Any]], is_trace: bool) -> tuple[str, str | None]:
     """Status of a completed path, and what its negative eigenvalues say about it.
 
     A trace is followed for the sake of states that are not stable, a ramp is not.
@@ -148,11 +151,11 @@ def _stability(history: Sequence[Mapping[str, Any]], is_trace: bool) -> tuple[st
     return "completed", unlocated(history)
 
 
-def unlocated(history: Sequence[Mapping[str, Any]]) -> str:
-    """A sentence on changes of the number of negative eigenvalues that no event explains, or ""."""
+def unlocated(history: Sequence[Mapping[str, Any]]) -> str | None:
+    """A sentence on changes of the count of negative eigenvalues that no event explains, if any."""
     passed = [change for change in count_changes(history) if not change["located"]]
     if not passed:
-        return ""
+        return None
     first, others = passed[0], len(passed) - 1
     also = f" (and at {others} other place{'s' * (others > 1)})" if others else ""
     return (
@@ -165,7 +168,7 @@ def unlocated(history: Sequence[Mapping[str, Any]]) -> str:
 def settings(
     solver: NewtonSolver, path: Sequence[Any], script: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """All that shapes a run's result, as JSON can hold it."""
+    """All inputs on which the result of a run depends, as values for JSON."""
     problem = solver.problem
     scene = problem.scene
     return {
@@ -192,7 +195,7 @@ def _peak_memory_GB() -> float:
 
 
 def versions() -> dict[str, str]:
-    """Versions of everything that shapes a result."""
+    """Versions of all libraries on which a result depends."""
     return {
         "dolfinx": dolfinx.__version__,
         "petsc": ".".join(map(str, PETSc.Sys.getVersion())),

@@ -1,4 +1,4 @@
-"""What a stranger's results folder may hold, and what is read of it: XML and HDF5, as data only.
+"""Safe reading of results folders of unknown origin: XML and HDF5 are read as data only.
 
 A document names the files that hold its numbers.  Only files inside the folder are opened, and
 only data that lie in them: no links to other files, and no more numbers than the file has room for.
@@ -19,8 +19,8 @@ from dea_fenicsx.support.files import clean
 LARGEST_XML = 500_000_000
 """Bytes of fields.xdmf beyond which it is no document of this package."""
 
-PACKED = 200
-"""How many times smaller than its numbers a data set may be in its file, if it is compressed."""
+MOST_COMPRESSION = 200
+"""Largest factor by which compression may reduce a data set in its file."""
 
 
 class Foreign(Exception):
@@ -41,7 +41,7 @@ def read_xml(file: Path) -> ET.Element:
         text = file.read_bytes().decode("utf-8")
         if "<!DOCTYPE" in text or "<!ENTITY" in text or "\0" in text:
             raise Foreign("it has a document type or NUL characters")
-        # As text, not as bytes: then no other encoding that it may declare counts.
+        # A text, unlike bytes, is parsed without regard to the encoding that it declares.
         return ET.fromstring(text)
     except OSError as error:
         raise InputError(f"{file} cannot be read ({error.strerror}).") from error
@@ -107,7 +107,7 @@ def _numbers(h5py: Any, h5: Any, where: str, size: int) -> np.ndarray:
     if here.dtype.kind not in "fiu":
         raise Foreign("it does not hold numbers")
     packed = here.compression or here.chunks
-    if here.nbytes > (PACKED if packed else 1) * size:
+    if here.nbytes > (MOST_COMPRESSION if packed else 1) * size:
         raise Foreign("it says that it is larger than its file")
     # VTK takes neither half nor quadruple precision, nor another order of bytes
     kind = np.float64 if here.dtype.kind == "f" else np.int64

@@ -1,11 +1,11 @@
-"""The arguments of `solve`, checked before anything is computed."""
+"""Checks of the arguments of `solve`, before anything is computed."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypedDict
+from typing import Any, Literal, TypedDict, get_args
 
 import numpy as np
 
@@ -18,8 +18,10 @@ from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared, shown
+from dea_fenicsx.support.validation import one_of
 
-STABILITY = ("last", "every", "never")
+Stability = Literal["last", "every", "never"]
+STABILITY: tuple[Stability, ...] = get_args(Stability)
 
 
 class SolveOptions(TypedDict, total=False):
@@ -43,14 +45,14 @@ class SolveOptions(TypedDict, total=False):
     verbose
         Print each Newton iteration, too; None does as the command line's ``--verbose`` says.
     stability
-        When to factorise the tangent of an accepted state to count its negative eigenvalues:
-        at the ``"last"`` step (in small models at all steps, which costs little), at ``"every"``
-        step, or ``"never"`` on purpose.  With ``"every"`` a change between two steps is located:
-        a bifurcation gets a step of its own, and its null vector a file in ``modes/``.
+        The steps at which the negative eigenvalues of the tangent are counted, which needs a
+        factorisation: the ``"last"`` one (in small models all steps, where this costs little),
+        ``"every"`` step, or ``"never"``.  With ``"every"`` a change of the count between two steps
+        is located: a bifurcation gets a step of its own, and its null vector a file in ``modes/``.
     failures
-        What to watch: `ElectricalBreakdown`, `LossOfTension`, `StretchLimit`.  The first state at
-        which one occurs gets a step of its own and an entry in the summary; the path goes on.
-        None watches breakdown where a dielectric has a breakdown field.
+        The failures to watch: `ElectricalBreakdown`, `LossOfTension`, `StretchLimit`.  The first
+        state at which one occurs gets a step of its own and an entry in the summary; the path goes
+        on.  With None, breakdown is watched in each dielectric that has a breakdown field.
     options
         Settings of Newton's method.
     settings
@@ -109,7 +111,7 @@ class Arguments:
 
 
 def check_arguments(given: Arguments) -> None:
-    """Raise InputError, with one sentence, for arguments that are of no use to `solve`."""
+    """Raise InputError, with one sentence, for an argument that `solve` cannot use."""
     for value, kind, what in (
         (given.scene, Scene, "a Scene"),
         (given.path, Ramp | Trace | list | tuple, "a Ramp, a Trace or a list of them"),
@@ -133,10 +135,7 @@ def check_arguments(given: Arguments) -> None:
     begun = None if given.start is None else dict.fromkeys(given.scene.ramps)
     items = given.items
     check_path(given.scene, items, begun)
-    if given.stability not in STABILITY:
-        raise InputError(
-            f"stability is {shown(given.stability)}, but must be one of {', '.join(STABILITY)}."
-        )
+    one_of(given.stability, STABILITY, "stability")
     if any(getattr(item, "switch", 0.0) for item in items) and given.stability != "every":
         raise InputError(
             'A trace with switch=... needs stability="every", but stability is '

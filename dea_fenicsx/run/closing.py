@@ -1,4 +1,4 @@
-"""How a run ends: its summary, and its files brought into their final form."""
+"""The end of a run: its summary, and the final form of its files."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NOT_IN_SUMMARY = frozenset({
     "step", "time", "ramp", "event", "newton_iterations", "krylov_iterations", "factorisations",
     "retries", "wall_s", "inertia_is_of_this_step",
 })  # fmt: skip
-"""Columns of a history whose last value says nothing of a whole run."""
+"""Columns of a history whose last value belongs to one step and not to the whole run."""
 
 
 @dataclass
@@ -102,7 +102,7 @@ class Closing:
         journal.progress.end(f"{status}: {max(steps, 0)} steps, {wall_s:.1f} s{told}")
 
     def note_crash(self, error: BaseException) -> None:
-        """Let the summary say that a fault of the script has ended the run, on rank 0 alone.
+        """Note in the summary that an error of the script has ended the run, on rank 0 alone.
 
         Nothing here is collective: this rank may be the only one that fails.
         """

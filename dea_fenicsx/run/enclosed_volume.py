@@ -1,8 +1,8 @@
-"""Displacements that would change the volume of an incompressible region, told before the solve.
+"""Displacements that would change the volume of an incompressible region, found before the solve.
 
-Where every surface of an incompressible region is held or moved along its normal, the prescribed
-displacements alone decide on its volume.  If they change it there is no equilibrium, however small
-the step; without a word the linear solver would break down.
+If every surface of an incompressible region is held or moved along its normal, the prescribed
+displacements alone determine its volume.  If they change it, there is no equilibrium, however small
+the step, and without this check the linear solver would fail for no visible reason.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_motions import components, regions_in
 from dea_fenicsx.path.items import Ramp, Trace
-from dea_fenicsx.scene.kinematics import Helical
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 
-DEGREE = 8
+QUADRATURE_DEGREE = 8
 """Degree of a quadrature that is exact for det F of quadratic displacements."""
 
-TOLERANCE = 1e-8
-"""Relative change of volume, and share of a gradient, that is rounding."""
+VOLUME_TOLERANCE = 1e-8
+"""Relative changes of volume, and shares of its gradient, that are below this are rounding."""
 
-SHARES = np.array([6, 3, 1, 2, 4, 5]) / 6
-"""Shares of a ramp at which volumes are looked at, its end first.
+RAMP_SHARES = np.array([6, 3, 1, 2, 4, 5]) / 6
+"""Shares of a ramp at which the volumes are checked, its end first.
 
-A volume is a cubic in the displacements: if it is right at four loads, it is right at all of them.
-Loads between the steps count as well, since a step of any size must lead along states that exist.
+A volume is a cubic polynomial in the displacements.  So if it is unchanged at four loads, it is
+unchanged at all loads.  Loads between the steps must be checked as well, because a step may be
+shortened to any size.
 """
 
 NOWHERE: Mapping[str, float] = MappingProxyType({})
@@ -88,7 +88,7 @@ def _check(
 
 def _check_chamber(chamber: _Chamber, factors: Mapping[str, float]) -> None:
     change = chamber.change()
-    if abs(change) > TOLERANCE and chamber.is_given():
+    if abs(change) > VOLUME_TOLERANCE and chamber.is_given():
         words = ", ".join(f"{n} factor {v:.6g}" for n, v in factors.items() if v)
         raise InputError(
             f"The prescribed displacements bring incompressible material in {chamber.where} to "
@@ -110,12 +110,12 @@ def _loads(
             continue
         names, start = item.names(scene), dict(factors)
         factors |= dict.fromkeys(names, float(item.to))
-        for share in SHARES:
+        for share in RAMP_SHARES:
             yield {n: (1 - share) * start[n] + share * factors[n] for n in factors}
 
 
 class _Chamber:
-    """Incompressible cells that are walled in by prescribed displacements.
+    """Incompressible cells that are enclosed by surfaces with prescribed displacements.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ class _Chamber:
         inside.x.array[inside.function_space.dofmap.list[cells].ravel()] = 1.0
         inside.x.scatter_forward()
         weight = problem.scene.kinematics.weight(ufl.SpatialCoordinate(mesh))
-        dx = measure(device, [k.cells for k in problem.kernels], DEGREE)
+        dx = measure(device, [k.cells for k in problem.kernels], QUADRATURE_DEGREE)
         self.volume = self._total(
             sum(inside * weight * dx(k) for k in range(len(problem.kernels)))
         )
@@ -163,7 +163,7 @@ class _Chamber:
         free = self.problem.restrict(slope)
         sums = np.array([np.sum(free**2), np.sum(slope**2)])
         free_sum, whole = self.comm.allreduce(sums, op=MPI.SUM)
-        return bool(free_sum <= TOLERANCE**2 * whole)
+        return bool(free_sum <= VOLUME_TOLERANCE**2 * whole)
 
 
 # ------------------------------------------------------------------------------ what is closed
@@ -172,9 +172,9 @@ class _Chamber:
 def _closed(problem: Problem) -> list[np.ndarray]:
     """Owned cells of each set of incompressible cells whose walls are all prescribed.  Collective.
 
-    A wall is prescribed if all of its nodes are, along one axis at least.  An inner surface that is
-    held along its normal parts two sets; held along itself only, it does not: so sets are formed
-    with and without such walls inside.
+    A facet is prescribed if all of its nodes are, along one axis at least.  Prescribed facets
+    inside the region separate two sets if they are held along their normal, but not if they are
+    held along themselves only.  So sets are formed both with and without such facets inside.
     """
     device = problem.scene.device
     tdim = device.dim
@@ -190,7 +190,7 @@ def _closed(problem: Problem) -> list[np.ndarray]:
     two = np.flatnonzero(counts == 2)
     pairs = links.array[links.offsets[two][:, None] + np.arange(2)]
     joined = soft[pairs].all(axis=1)
-    # a facet of an owned cell knows all of its cells; a wall is open if it is not held
+    # A facet of an owned cell has all of its cells on this rank.  A facet is open if not held.
     one = np.flatnonzero(counts == 1)
     outer = links.array[links.offsets[one]]
     mixed = soft[pairs].any(axis=1) & ~joined
@@ -214,9 +214,10 @@ def _closed(problem: Problem) -> list[np.ndarray]:
 
 
 def _held_facets(problem: Problem) -> np.ndarray:
-    """Mask of the local facets whose nodes are all prescribed along one axis, or need not be.
+    """Mask of the local facets whose nodes are all prescribed along one axis.
 
-    Facets on an axis of rotation have no area, and the two ends of a helical cell move alike.
+    Facets on the axis of rotation, which have no area, count as prescribed.  So do the two ends of
+    a periodic cell, which move alike.
     """
     device, kinematics = problem.scene.device, problem.scene.kinematics
     topology, tdim = device.mesh.topology, device.dim
@@ -229,15 +230,14 @@ def _held_facets(problem: Problem) -> np.ndarray:
     for a, part in enumerate(problem.displacement):
         table, layout = part.space.dofmap.list, part.space.dofmap.dof_layout
         on_axis = np.zeros(len(part.dofs), dtype=bool)
-        if kinematics.axes == "rz" and a == 0:
+        if kinematics.axis_of_rotation and a == 0:
             on_axis = part.space.tabulate_dof_coordinates()[:, 0] < 1e-12
         done = fixed[part.dofs] | on_axis
         for i in range(per_cell):
             nodes = table[:, layout.entity_closure_dofs(tdim - 1, i)]
             held[facets[done[nodes].all(axis=1), i]] = True
-    if isinstance(kinematics, Helical):
-        for name in kinematics.between:
-            held[device.facets_of(name)] = True
+    for name in kinematics.periodic_ends or ():
+        held[device.facets_of(name)] = True
     return held
 
 

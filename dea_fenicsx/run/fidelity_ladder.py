@@ -1,8 +1,9 @@
 """Speed against error: one quantity on a ladder of meshes and fidelities.
 
-On each fidelity the quantity is extrapolated from its finest meshes (Richardson), which gives every
-rung two errors: that of its mesh, against the fidelity's own limit, and the whole error, against
-the exact value or the limit of the last fidelity, which is taken to be the most complete.
+For each fidelity the quantity is extrapolated from its finest meshes (Richardson).  So every rung
+has two errors: the error of its mesh, relative to the limit of its own fidelity, and the whole
+error, relative to the exact value.  If no exact value is given, the limit of the last fidelity
+takes its place, which must be the most complete one.
 """
 
 from __future__ import annotations
@@ -24,14 +25,13 @@ from dea_fenicsx.path.items import Ramp
 from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.options import NewtonOptions
+from dea_fenicsx.support.cell_types import SIMPLICES
 from dea_fenicsx.support.errors import InputError
 
 Make = Callable[[int], Scene]
 """Makes a scene on the mesh of a level; twice the level halves its cells."""
 
-NAMES = {"quadrilateral": "Q2", "hexahedron": "Q2", "triangle": "P2", "tetrahedron": "P2"}
-
-WANTED = (1e-2, 1e-3, 1e-4)
+ERROR_TARGETS = (1e-2, 1e-3, 1e-4)
 """Errors for which the cheapest rung is named."""
 
 
@@ -84,11 +84,11 @@ class Ladder:
         return min(good, key=lambda rung: rung.wall_s, default=None)
 
     def choices(self) -> dict[float, Rung | None]:
-        """The cheapest rung for each error of `WANTED`."""
-        return {wanted: self.cheapest(wanted) for wanted in WANTED}
+        """The cheapest rung for each error of `ERROR_TARGETS`."""
+        return {wanted: self.cheapest(wanted) for wanted in ERROR_TARGETS}
 
     def table(self) -> str:
-        """The rungs as text, and the cheapest choice for each error of `WANTED`."""
+        """The rungs as text, and the cheapest choice for each error of `ERROR_TARGETS`."""
         lines = [f"{'fidelity':28}{'element':12}{'level':>5}{'unknowns':>10}{'wall':>10}"
                  f"{'value':>15}{'mesh error':>12}{'error':>11}"]  # fmt: skip
         lines += [
@@ -191,8 +191,8 @@ def speed_vs_error(
 def extrapolated(levels: Sequence[float], values: Sequence[float]) -> tuple[float, float]:
     """Limit and order of a sequence c + a h^n with h = 1/level, through its last three values.
 
-    Where the values do not change monotonically, or no more, no order can be seen: the limit is
-    the last value, the order NaN.
+    If the values do not change monotonically, or do not change any more, the order is unknown.
+    Then the limit is the last value and the order is NaN.
     """
     h = 1 / np.asarray(levels[-3:], dtype=float)
     a, b, c = values[-3:]
@@ -230,7 +230,10 @@ def _solved(
     options: NewtonOptions | None,
     first: bool,
 ) -> Rung:
-    """A rung by finite elements; the first of its kind is solved twice, to compile."""
+    """A rung by finite elements.
+
+    The first of each fidelity is solved twice, so that its time does not include compilation.
+    """
     for _ in range(1 + first):
         start = time.perf_counter()
         scene = make(level)
@@ -241,6 +244,7 @@ def _solved(
         )  # fmt: skip
         wall = scene.device.comm.allreduce(time.perf_counter() - start, op=MPI.MAX)
     pressure = "P1disc" if run.problem.pressure_kind == "discontinuous" else "P1"
-    element = f"{NAMES[scene.device.mesh.topology.cell_name()]}-{pressure}"
+    cell = scene.device.mesh.topology.cell_name()
+    element = f"{'P2' if cell in SIMPLICES else 'Q2'}-{pressure}"
     value = run[f"quantity_{seen.unit}" if seen.unit else "quantity"]
     return Rung(name, fidelity, element, level, run.summary["unknowns"], wall, value)

@@ -1,4 +1,4 @@
-"""The journal of a run: what is measured, written and told of each accepted step."""
+"""The journal of a run: it measures, writes and reports each accepted step."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ class Journal:
     gauges
         The failures that are watched.
     progress
-        Who tells the user of each step.
+        Prints a line for each step.
     folder, writer
         Where steps are written, or None.
     identity
-        What this run is, for its checkpoint.  Collective at its first call.
+        Returns the fingerprint of this run for its checkpoint.  Collective at its first call.
     history
         One row for each step.
     found
         The first occurrence of each failure.
     earlier_s
-        Seconds that an earlier run took which this one carries on.
+        Wall time in s of the earlier run that this one continues.
     start
         Where the path begins, as the summary tells it; None in the undeformed state.
     """
@@ -80,12 +80,12 @@ class Journal:
 
     @property
     def seconds(self) -> float:
-        """Seconds that the run has taken, with those of the run that it carries on."""
+        """Wall time of the run in s, including that of the earlier run that it continues."""
         return self.earlier_s + time.perf_counter() - self.started
 
     @cached_property
     def fingerprint(self) -> dict[str, Any]:
-        """What this run is.  Collective at its first use."""
+        """The fingerprint of this run, by which it is recognised.  Collective at its first use."""
         return self.identity()
 
     @cached_property
@@ -160,7 +160,7 @@ class Journal:
         }
 
     def _effort(self, step: Step, checked: Checked, spent: Sequence[int]) -> dict[str, Any]:
-        """How well a step is solved, and what it took."""
+        """The errors of a step, and the work that it took."""
         inertia = self.solver.inertia
         return {
             "min_J": checked.probe.min_J,
@@ -181,7 +181,7 @@ class Journal:
     def _write(
         self, step: Step, row: dict[str, Any], by_cell: Mapping[str, np.ndarray]
     ) -> None:
-        """Write an accepted step; the run can be resumed from it unless it is an event's."""
+        """Write an accepted step.  A run can be resumed from it unless it is an event."""
         assert self.folder and self.writer
         told = None if step.event else {
             "cursor": asdict(step.cursor),
@@ -214,7 +214,7 @@ class Journal:
         try:
             folder.write(write)
         except MachineError:
-            self.history.pop()  # not on disk, and so no step of this run
+            self.history.pop()  # The step is not on disk, so it is no step of this run.
             raise
 
     def loads(self, row: Mapping[str, Any]) -> dict[str, float]:
@@ -243,7 +243,7 @@ class Journal:
         self.progress.step(step_line(row, self.loads(row), before, seen, seconds), share)
 
     def share(self, cursor: Cursor) -> float:
-        """Share of the path that is behind, each of its items taken alike."""
+        """Share of the path that is done; each item of the path counts alike."""
         return (cursor.ramp + cursor.position) / len(self.path)
 
     def kept(self) -> str:

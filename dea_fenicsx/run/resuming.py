@@ -1,4 +1,4 @@
-"""Carrying a run on: from its checkpoint, if that is whole and belongs to the same run."""
+"""Resuming a run from its checkpoint, if this is undamaged and belongs to the same run."""
 
 from __future__ import annotations
 
@@ -21,14 +21,17 @@ from dea_fenicsx.run.step_checks import check_step
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import InputError, SolverError
 
-FIXED = 1e-9
-"""How far a fixed value of a resumed state may be from that of its load, dimensionless."""
+FIXED_VALUE_TOLERANCE = 1e-9
+"""Largest error of a fixed value of a resumed state, dimensionless."""
 
-SAME = 1e-6
-"""Difference of a measured value from that of the earlier run, relative to the column's largest."""
+COLUMN_TOLERANCE = 1e-6
+"""Largest difference between a measured value and that of the earlier run.
 
-NOISE = 1e-9
-"""Share of a quantity's natural size below which a value may be rounding."""
+It is relative to the largest value in the column.
+"""
+
+COLUMN_ROUNDING = 1e-9
+"""Values below this share of the natural size of their quantity may be rounding errors."""
 
 
 def carry_on(
@@ -110,7 +113,7 @@ def _restored(
         check_step(solver, cursor.step, {})
     except SolverError:
         return False
-    return bool(moved <= FIXED)
+    return bool(moved <= FIXED_VALUE_TOLERANCE)
 
 
 def _other_value(
@@ -119,10 +122,11 @@ def _other_value(
     record: Mapping[str, Any],
     measurements: Mapping[str, Measurement],
 ) -> str | None:
-    """Which column now gives another value on the last state than it has given there.  Collective.
+    """Why the run cannot be resumed: a column has a different value on the last state now.
 
-    So an observable that was redefined under its name is found whatever it is made of.  One that
-    the state alone does not determine, such as a clock, has the attribute ``of_the_state = False``.
+    So an observable that was redefined under its old name is found.  An observable that the state
+    alone does not determine, such as a clock, has the attribute ``of_the_state = False``.  None if
+    all values agree.  Collective.
     """
     why = None
     for column, measure in measurements.items():
@@ -133,7 +137,8 @@ def _other_value(
         if math.isnan(known[-1]) and math.isnan(value):
             continue
         largest = max((abs(v) for v in known if math.isfinite(v)), default=0.0)
-        allowed = max(SAME * max(largest, abs(value)), NOISE * _size(scales, record[column].unit))
+        rounding = COLUMN_ROUNDING * _size(scales, record[column].unit)
+        allowed = max(COLUMN_TOLERANCE * max(largest, abs(value)), rounding)
         if why is None and not abs(known[-1] - value) <= allowed:
             why = (
                 f"its column {column!r} is another observable, or one that the state alone does "

@@ -1,4 +1,4 @@
-"""Run a scene along a path: solve, measure, write, report.  What a user's script calls."""
+"""One run of a scene along a path: solve, measure, write, report.  Scripts call `solve`."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class _Session:
     failures: Sequence[Failure]
 
     def run(self) -> Run:
-        """Take the results folder for the length of the run."""
+        """Lock the results folder while the run lasts."""
         self.started = time.perf_counter()
         self.comm = self.scene.device.comm
         self.progress = Progress(self.comm.rank == 0, self.given.quiet, self.given.verbose)
@@ -253,7 +253,7 @@ class _Session:
             solver.notify = silent  # it holds this session, which holds the solver
 
     def _gap(self, item: int) -> float | None:
-        """How far the state is from the value at which an item of the path ends."""
+        """Difference between the present value and that at which an item of the path ends."""
         if item not in self.ends:
             return None
         measure, value = self.ends[item]

@@ -1,6 +1,6 @@
-"""What every accepted step must pass, whatever led to it: a step, a trace, a resumed run.
+"""Checks of every accepted state: of a ramp, of a trace, and of a resumed run.
 
-All is measured anew on the state itself, so that nothing rests on what a solver reported of it.
+All values are computed again from the state itself, so a wrong report of a solver is noticed.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from dea_fenicsx.model.problem import Probe, Problem
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import SolverError
 
-ROUNDING = 1e-12
-"""What rounding leaves of det F - 1 where it is exactly 0: sums of products up to stretch^3."""
+DETERMINANT_ROUNDING = 1e-12
+"""Rounding error of det F - 1, whose terms are products of up to three stretches."""
 
-SUMS = 1.001
-"""Room for rounding in a residual at the tolerance: ranks may add up in another order."""
+RESIDUAL_SUM_MARGIN = 1.001
+"""Largest residual, in units of Newton's tolerance: a sum in another order has rounding errors."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -
     probe = problem.probe()
     worst, bounded, bound = volume(problem, solver.options.tolerance * solver.references.volume)
     faults = []
-    if not norm <= SUMS * solver.options.tolerance:
+    if not norm <= RESIDUAL_SUM_MARGIN * solver.options.tolerance:
         faults.append(f"its residual {norm:.3g} is above {solver.options.tolerance:g}")
     if not probe.min_J > 0:
         faults.append(f"det F falls to {probe.min_J:.3g}")
@@ -105,10 +105,10 @@ def volume(problem: Problem, tolerance: float) -> tuple[float, float, float]:
             float(np.min(problem.forms.cell_volumes[cells], initial=np.inf)), op=MPI.MIN
         )
         rows = problem.mesh.topology.dim + 1
-        return worst, worst, math.sqrt(rows) * tolerance / smallest + ROUNDING
+        return worst, worst, math.sqrt(rows) * tolerance / smallest + DETERMINANT_ROUNDING
     some_compressible = len(cells) < len(problem.forms.cell_volumes)
     if comm.allreduce(some_compressible, op=MPI.LOR):
         return worst, 0.0, math.inf
     total = abs(comm.allreduce(float(errors.sum()), op=MPI.SUM)) / problem.forms.volume
     bound = math.sqrt(problem.roles.count(Role.MULTIPLIER)) * tolerance / problem.forms.volume
-    return worst, total, bound + ROUNDING
+    return worst, total, bound + DETERMINANT_ROUNDING

@@ -1,4 +1,7 @@
-"""What all conditions of a scene are: checked against it, and told to the model in declarations."""
+"""The base of all conditions of a scene.
+
+A condition checks itself against the scene and describes itself to the model by declarations.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +11,14 @@ from typing import Any, Protocol
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.device import Device, group_size
-from dea_fenicsx.scene.declarations import Declaration
+from dea_fenicsx.scene.declarations import Declaration, GlobalUnknown
 from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import known
 
 
 class Setting(Protocol):
-    """What a condition may ask of the scene to which it belongs; see `Scene`."""
+    """The part of a scene that a condition may read; see `Scene`."""
 
     @property
     def device(self) -> Device: ...
@@ -64,7 +67,7 @@ class Condition(ABC):
 
     @abstractmethod
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
-        """What it means for a problem."""
+        """The declarations that describe this condition to the model."""
 
 
 class Support(Condition):
@@ -103,6 +106,14 @@ def declared[D: Declaration, C: Condition](
         (item, told) for item in items for told in item.declarations(scene)
         if isinstance(told, kind)
     ]  # fmt: skip
+
+
+def check_global(scene: Setting, unknown: GlobalUnknown, item: object) -> None:
+    """Raise InputError if an item needs a global unknown that the scene's kinematics lacks."""
+    if unknown not in scene.kinematics.global_unknowns:
+        raise InputError(
+            f"{type(item).__name__} is for helical cells; take kinematics={unknown.kinematics}."
+        )
 
 
 def check_axes(item: Any, axes: str, scene: Setting) -> None:

@@ -1,4 +1,4 @@
-"""What a condition means for a problem, in a small vocabulary that scene and model share.
+"""Declarations: a small vocabulary in which conditions of a scene are described to the model.
 
 A condition of the scene (a support, a prescribed motion, a load, an electrode) returns a list of
 these declarations; the model reads them and knows no condition:
@@ -137,7 +137,7 @@ class FixedGlobal(Declaration):
 
 @dataclass(frozen=True)
 class GlobalForce(Declaration):
-    """What works on a global unknown at ramp factor 1: N on an elongation, N m on a twist."""
+    """Generalised force on a global unknown at ramp factor 1: N (elongation) or N m (twist)."""
 
     unknown: GlobalUnknown
     amount: float
@@ -191,7 +191,7 @@ class RigidMoment(Declaration):
 
 
 class SurfaceFields(Protocol):
-    """What the virtual work of a load is written in: fields on its surface, symbolic.
+    """The symbolic fields on a surface, in which the virtual work of a load is written.
 
     Attributes
     ----------

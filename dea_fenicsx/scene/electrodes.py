@@ -18,14 +18,14 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, known
 
-SPAN = 1e-6
-"""By what share of its thickness a thin film's start and end may lie off its faces."""
+FACE_TOLERANCE = 1e-6
+"""Largest distance of a thin film's start and end from its faces, as a share of its thickness."""
 
-GRID = 1e-9
-"""The same as a share of the device's size: what writing and reading a mesh leaves of a place."""
+FACE_TOLERANCE_OF_DEVICE = 1e-9
+"""The same distance as a share of the device's size, by rounding in a mesh file."""
 
-ASKEW = 0.01
-"""Share of a thin film's faces, seen along its axis, that may lie elsewhere than start and end.
+MOST_FACES_ELSEWHERE = 0.01
+"""Largest share of a thin film's faces, seen along its axis, that lies off its start and end.
 
 A mesh of triangles on a round rim leaves a little.
 """
@@ -83,7 +83,7 @@ class Conducting(Driven):
         return np.ones(len(X))
 
     def check(self, scene: Setting) -> None:
-        """Names and numbers; what lies beside it is left to `check_place`."""
+        """Check names and numbers.  The place of the electrode is checked by `check_place`."""
         if not self.names:
             raise InputError("An electrode names no group; give where= at least one name.")
         self._check_values(scene)
@@ -98,7 +98,7 @@ class Conducting(Driven):
                 )
 
     def _check_values(self, scene: Setting) -> None:
-        """Numbers and axes, whatever the mesh."""
+        """Check numbers and axes, which do not depend on the mesh."""
 
     def _check_group(self, scene: Setting, name: str) -> None:
         """What a single group must be in order to be this electrode."""
@@ -116,13 +116,13 @@ class Conducting(Driven):
 @dataclass(frozen=True)
 @in_si(start="m", end="m")
 class Taper:
-    """A smooth fall from 1 to 0 along a coordinate: (1 + cos(pi t))/2, t from 0 to 1.
+    """A smooth decrease from 1 to 0 along a coordinate: (1 + cos(pi t))/2, with t from 0 to 1.
 
     Parameters
     ----------
     start, end
-        Undeformed coordinates in m between which it falls; it is 1 before and 0 behind.  Some of
-        the electrode must lie between them.
+        Undeformed coordinates in m between which it decreases.  It is 1 before the start and 0
+        behind the end.  A part of the electrode must lie between them.
     along
         ``"x"``, ``"y"``, ``"z"``, or ``"r"``, the distance from the z axis (in an axisymmetric
         section its first coordinate).
@@ -147,7 +147,7 @@ class Taper:
     def check_reach(self, label: str, low: float, high: float) -> None:
         """Raise InputError unless it falls somewhere between the electrode's ends."""
         first, last = sorted((self.start, self.end))
-        room = SPAN * (last - first)
+        room = FACE_TOLERANCE * (last - first)
         if low < last - room and high > first + room:
             return
         before = high <= first + room if self.start < self.end else low >= last - room
@@ -260,7 +260,7 @@ class ThinFilm(Electrode):
     fills_region = True
 
     def profile(self, kinematics: Kinematics, X: np.ndarray) -> np.ndarray:
-        """Through the film it rises from 0 to 1, times the tapers."""
+        """Potential over voltage: it rises from 0 to 1 across the film; tapers multiply it."""
         rise = kinematics.coordinate(self.along, X) - self.start
         return rise / (self.end - self.start) * super().profile(kinematics, X)
 
@@ -276,7 +276,7 @@ class ThinFilm(Electrode):
         self._check_reach(scene)
 
     def _check_span(self, scene: Setting) -> None:
-        """The field V/T is right only between the two faces of one flat film."""
+        """Check that the region is one plane film between start and end; else V/T is wrong."""
         device, kinematics, label = scene.device, scene.kinematics, self.label
         finite(self.start, f"The start of ThinFilm {label!r}")
         finite(self.end, f"The end of ThinFilm {label!r}")
@@ -288,7 +288,7 @@ class ThinFilm(Electrode):
             )
         axis = kinematics.coordinates.index(self.along)
         low, high = region_extent(device, self.names, axis)
-        room = SPAN * (high - low) + GRID * device.length
+        room = FACE_TOLERANCE * (high - low) + FACE_TOLERANCE_OF_DEVICE * device.length
         planes = np.array(sorted((self.start, self.end)))
         if np.max(np.abs(planes - [low, high])) > room:
             raise InputError(
@@ -303,7 +303,7 @@ class ThinFilm(Electrode):
 
         kinds = {name: scene.materials[name].dielectric.permittivity() for name in self.names}
         off = share_off_planes(device, kinds, axis, on_plane)
-        if off > ASKEW:
+        if off > MOST_FACES_ELSEWHERE:
             raise InputError(
                 f"ThinFilm {label!r} is not one flat film of one permittivity between "
                 f"{self.along} = {planes[0]:g} m and {planes[1]:g} m: {100 * off:.0f} % of its "

@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
 
+from dea_fenicsx.support.cell_types import SIMPLICES
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import plain_numbers
 from dea_fenicsx.support.validation import one_of
-
-SIMPLICES = ("triangle", "tetrahedron")
-"""Types of cells on which a discontinuous linear pressure is not stable."""
 
 PressureElement = Literal["auto", "discontinuous", "continuous"]
 
@@ -34,14 +32,10 @@ class Discretisation:
         Degree of exactness of the quadrature.
     augmentation
         gamma, a pure number: incompressible regions get gamma/2 s (J - 1)^2 on top of p (J - 1),
-        with a stress s >= 0 in step with the material's, such as mu (I1 - 3 - 2 ln J) in
-        neo-Hookean rubber (theory.md lists them). It vanishes in the exact state. Without it mixed
-        elements show instabilities that the rubber does not have: at gamma = 0 the stretched branch
-        of a Gent film (Jm = 90, stretch 5) has 59 negative eigenvalues too many on 4 x 4 cells and
-        460 on 12 x 12 x 2, a block pressed to 0.6 of its height in plane strain 26. From gamma = 2
-        there are none of them, whatever the stretch. Since s is small where strains are, a bender
-        loses nothing of its accuracy and the kept factor nothing of its use: with gamma = 10 and s
-        = mu I1/3 the error of its tip was three times as large.
+        with a stress s >= 0 that grows with that of the material, such as mu (I1 - 3 - 2 ln J) in
+        neo-Hookean rubber.  It vanishes in the exact state.  Without it mixed elements have
+        instabilities that the rubber does not have; from gamma = 2 on they have none.  The table of
+        s, and what was measured, is in docs/theory.md, "Elements".
     """
 
     pressure: PressureElement = "auto"

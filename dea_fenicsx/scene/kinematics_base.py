@@ -1,4 +1,4 @@
-"""What every kinematics is: fields in 3-D, global unknowns, measures and rigid motions."""
+"""The base of all kinematics: fields in 3-D, global unknowns, measures and rigid motions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dea_fenicsx.support.errors import InputError
 
 
 class GlobalMotion(NamedTuple):
-    """What a deformation has beside its fields, symbolic and dimensionless.
+    """The part of a deformation that is the same everywhere, symbolic and dimensionless.
 
     Attributes
     ----------
@@ -86,11 +86,6 @@ class Kinematics(ABC):
                 f"cells of dimension {device.dim} in {device.mesh.geometry.dim} coordinates."
             )
 
-    def need(self, unknown: GlobalUnknown, what: str) -> None:
-        """Raise InputError if `what` needs a global unknown that this kinematics lacks."""
-        if unknown not in self.global_unknowns:
-            raise InputError(f"{what} is for helical cells; take kinematics={unknown.kinematics}.")
-
     # ------------------------------------------------------------------ fields
 
     @abstractmethod
@@ -120,7 +115,7 @@ class Kinematics(ABC):
         return 1
 
     def depth_factor(self, length: float) -> float:
-        """What an integral over the mesh must be multiplied by, in units of `length`^(3 - dim)."""
+        """Factor of an integral over the mesh, in units of `length`^(3 - dim)."""
         return 1.0
 
     def period(self, device: Device) -> float:
@@ -155,7 +150,7 @@ class Kinematics(ABC):
         return 0.0
 
     def global_motion(self, parts: Any, lead: Any = 0) -> GlobalMotion | None:
-        """What the gradients need beside the fields.
+        """The global motion, which the gradients need in addition to the fields.
 
         Parameters
         ----------
@@ -197,5 +192,5 @@ class Kinematics(ABC):
         """
 
     def motion_in_words(self, motion: np.ndarray) -> str | None:
-        """A rigid motion (coefficients) by name; None of a motion of a Cartesian kinematics."""
+        """The name of a rigid motion, given by its coefficients; None in Cartesian kinematics."""
         return None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dea_fenicsx.scene.condition import Load, OnSurface, Setting
+from dea_fenicsx.scene.condition import Load, OnSurface, Setting, check_global
 from dea_fenicsx.scene.declarations import (
     ELONGATION,
     TWIST,
@@ -142,7 +142,7 @@ class AxialForce(Load):
     ramp: str = "load"
 
     def check(self, scene: Setting) -> None:
-        scene.kinematics.need(ELONGATION, type(self).__name__)
+        check_global(scene, ELONGATION, self)
         finite(self.newtons, "The axial force")
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
@@ -158,7 +158,7 @@ class Torque(Load):
     ramp: str = "load"
 
     def check(self, scene: Setting) -> None:
-        scene.kinematics.need(TWIST, type(self).__name__)
+        check_global(scene, TWIST, self)
         finite(self.newton_metres, "The torque")
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:

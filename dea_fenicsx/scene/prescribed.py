@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dea_fenicsx.scene.condition import OnSurface, Prescribed, Setting, check_axes
+from dea_fenicsx.scene.condition import OnSurface, Prescribed, Setting, check_axes, check_global
 from dea_fenicsx.scene.declarations import (
     ELONGATION,
     TWIST,
@@ -190,7 +190,7 @@ class AxialStretch(Prescribed):
     ramp: str = "stretch"
 
     def check(self, scene: Setting) -> None:
-        scene.kinematics.need(ELONGATION, type(self).__name__)
+        check_global(scene, ELONGATION, self)
         finite(self.stretch, "The axial stretch")
         if self.stretch <= 0:
             raise InputError(f"The axial stretch is {self.stretch}, but must be > 0.")
@@ -208,7 +208,7 @@ class Twist(Prescribed):
     ramp: str = "stretch"
 
     def check(self, scene: Setting) -> None:
-        scene.kinematics.need(TWIST, type(self).__name__)
+        check_global(scene, TWIST, self)
         finite(self.radians_per_metre, "The twist")
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:

@@ -1,4 +1,4 @@
-"""The scene: which material where, what is imposed, at which fidelity.  Checked at once."""
+"""The scene: materials, conditions, kinematics and elements, checked when it is made."""
 
 from __future__ import annotations
 
@@ -116,7 +116,7 @@ class Scene:
 
 
 def _check_names(scene: Scene) -> None:
-    """Where the mesh lacks several of the names that a scene needs, say all of them at once.
+    """If the mesh lacks several of the names that a scene needs, name all of them at once.
 
     A single one is left to the checks below, which say what it is for.
     """
@@ -163,7 +163,7 @@ def _check_materials(scene: Scene) -> None:
 
 
 def _check_global_unknowns(scene: Scene) -> None:
-    """A global unknown has one value, and a force does nothing where its motion is prescribed."""
+    """Check that no global unknown is prescribed twice, or both prescribed and loaded."""
     given = set()
     for item, value in declared(scene.prescribed, scene, FixedGlobal):
         if value.unknown in given:

@@ -65,7 +65,7 @@ class _Spectrum:
         Its determinant, which saves the digits of a small eigenvalue beside large ones.
     """
 
-    # Below these, series; both are good to 1e-13 in second derivatives on either side.
+    # Below these limits series are used.  On either side second derivatives are exact to 1e-13.
     SPREAD = 1e-6  # J2/m^2: squared spread of all three eigenvalues about their mean m
     GAP = 1e-5  # squared half gap of the pair, over its squared mean
 
@@ -77,7 +77,7 @@ class _Spectrum:
         self.k2 = ufl.inner(dev, dev) / (2 * m * m)
         self.k3 = cofactor(dev)[1] / (m * m * m)
         self.apart = ufl.gt(self.k2, self.SPREAD)
-        # the branch not taken must stay finite: the spread of 3/2, 1, 1/2 stands in
+        # The branch that is not taken must stay finite, so it gets the spread of 3/2, 1, 1/2.
         k2 = ufl.conditional(self.apart, self.k2, 0.25)
         high = ufl.ge(self.k3, 0.0)  # is the largest eigenvalue the one apart, or the smallest?
         sign = ufl.conditional(high, 1.0, -1.0)
@@ -94,7 +94,8 @@ class _Spectrum:
         self.mean = 1 - x / 2  # of the pair
         square = self.mean * self.mean
         unit = det / (m * m * m)
-        # a large eigenvalue is known well by itself; a small one by the product of the other two
+        # A large eigenvalue has a small relative error.  A small one is computed from the product
+        # of the other two.
         pair = ufl.conditional(high, unit / (1 + x), square + 0.75 * x * x - k2)
         self.far = unit / pair
         self.gap = 1 - pair / square

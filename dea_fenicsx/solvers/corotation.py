@@ -1,13 +1,14 @@
-"""A kept factor that turns with the material.
+"""A kept factor that is rotated with the material.
 
-A factor made in one state preconditions the tangent of another.  Where the material has turned by
-R since, the old factor takes axial stiffness for bending stiffness, which in a slender part is a
-hundred times less; a few degrees make it useless.  But for an isotropic material a rotation does no
-more to the tangent than to turn it: K = R K_old R^T (objectivity; exact for a rigid rotation of all
-the material, with dead loads).  So forces are turned back before the old factor and displacements
-forth behind it, by the rotation of F at each node; pressure and potential are scalars and stay.
+A factor of the tangent in one state is the preconditioner in later states.  If the material has
+rotated by R since then, the old factor mistakes bending for axial stretching, which in a slender
+part is a hundred times stiffer.  A rotation of a few degrees already makes the factor useless.  But
+in an isotropic material a rotation of all the material only rotates the tangent, K = R K_old R^T
+(objectivity; this is exact under dead loads).  So we rotate the forces back at each node, apply the
+old factor, and rotate the displacements forward.  R is the rotation of F at the node.  Pressure and
+potential are scalars and are not rotated.
 
-Only the preconditioner knows of it: the equations and their solution are the same.
+Only the preconditioner is changed.  The equations and their solution stay the same.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 
-LEAST = 2e-3
-"""Largest turn since the factorisation, as a change of an entry of R, that is not worth turning."""
+SMALLEST_TURN = 2e-3
+"""Rotations that change each entry of R by less than this (about an angle in rad) are neglected."""
 
 
 class Factor(Protocol):
-    """What preconditions: it reads x and writes y, both PETSc vectors of the free unknowns."""
+    """A preconditioner: it reads x and writes y, both PETSc vectors of the free unknowns."""
 
     def apply(self, _: Any, x: Any, y: Any) -> None: ...
     def apply_transposed(self, _: Any, x: Any, y: Any) -> None: ...
@@ -40,7 +41,7 @@ class Factor(Protocol):
 class Corotation:
     """Rotation of the material at the nodes, since the last factorisation.
 
-    Nodes count whose displacement is free in each direction; the others do not turn.
+    Only nodes whose displacement is free in every direction are rotated.
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ class Corotation:
     Attributes
     ----------
     factor
-        What preconditions at the last factorisation's state, or None.
+        The preconditioner in the state of the last factorisation, or None.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -59,7 +60,7 @@ class Corotation:
         parts = problem.displacement
         self._dim = problem.mesh.topology.dim
         self._turn: np.ndarray | None = None
-        # a helical cell's components are cylindrical, and its plane is not their space
+        # A helical cell has three displacement components in a mesh of two dimensions.
         self._possible = len(parts) == self._dim
         if not self._possible:
             return
@@ -82,7 +83,7 @@ class Corotation:
         self._shared = dolfinx.fem.Function(space)
 
     def start(self, factor: Factor | None) -> None:
-        """A factor was made, or could not be, of the tangent at the present state.  Collective."""
+        """Take the factor of the tangent at the present state, or None.  Collective."""
         self.factor = factor
         self._turn = None
         if self._possible:
@@ -94,11 +95,11 @@ class Corotation:
             return
         turn = np.matmul(self._rotations(), np.swapaxes(self._at_factor, 1, 2))
         most = float(np.max(np.abs(turn - np.eye(self._dim)), initial=0.0))
-        enough = self.problem.comm.allreduce(most, op=MPI.MAX) > LEAST
+        enough = self.problem.comm.allreduce(most, op=MPI.MAX) > SMALLEST_TURN
         self._turn = turn if enough else None
 
     def apply(self, context: Any, x: Any, y: Any) -> None:
-        """What PETSc calls to precondition."""
+        """Apply the preconditioner; PETSc calls this."""
         assert self.factor
         self._turned(self.factor.apply, x, y)
 
@@ -132,7 +133,7 @@ class Corotation:
                 self._shared.x.scatter_reverse(dolfinx.la.InsertMode.add)
                 column[:] = self._shared.x.array
         found = polar(sums[self._nodes].reshape(-1, dim, dim))
-        # cells folded against one another have no common rotation
+        # The mean F of cells that are folded against one another may have no rotation.
         found[~np.isfinite(found).all(axis=(1, 2))] = np.eye(dim)
         return found
 
@@ -146,12 +147,12 @@ def polar(F: np.ndarray) -> np.ndarray:
     R = F
     for _ in range(30):
         cofactor, size = _cofactors(R)
-        size = np.where(size == 0, np.nan, size)  # a trial state may be flat; see `_rotations`
+        size = np.where(size == 0, np.nan, size)  # a trial state may have det F = 0
         scale = np.abs(size)[:, None, None] ** (-1 / F.shape[1])
         new = (R * scale + cofactor / (size[:, None, None] * scale)) / 2
         change = np.max(np.abs(new - R), initial=0.0)
         R = new
-        if change < 1e-6:  # and the error is its square
+        if change < 1e-6:  # Newton's method is quadratic: the error is about 1e-12.
             break
     return R
 

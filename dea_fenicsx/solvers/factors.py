@@ -1,9 +1,9 @@
-"""What preconditions the linear solves: a kept factor of the whole tangent.
+"""The preconditioner of the linear solves: a kept factor of the whole tangent.
 
-`WholeFactor` is L D L^T of the whole tangent, or L U where the tangent is not symmetric.  It is
-exact where it was made, and the signs of the pivots of L D L^T are the tangent's inertia.  In
-single precision it costs half and serves as well to precondition, but its pivots tell nothing.
-See `split_factor` for large problems in space.
+`WholeFactor` is L D L^T of the whole tangent, or L U if the tangent is not symmetric.  It is exact
+for the state in which it was made, and the signs of the pivots of L D L^T give the inertia of the
+tangent.  In single precision it needs half the memory and is as good a preconditioner, but the
+signs of its pivots cannot be trusted.  For large problems in space see `split_factor`.
 """
 
 from __future__ import annotations
@@ -12,33 +12,31 @@ from dataclasses import dataclass
 from typing import Any
 
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.solvers.tangent import SMALL
+from dea_fenicsx.solvers.tangent import MOST_UNKNOWNS_KEPT
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc
 
-WORKSPACE = (60, 200, 600)
-"""Room for delayed pivots that MUMPS is given, in percent, one after another if it wants more."""
+WORKSPACE_MARGINS_PERCENT = (60, 200, 600)
+"""Extra workspace for MUMPS in percent.  If one is too small for it, the next is tried."""
 
-TOO_LITTLE_ROOM = (-8, -9, -14, -15, -17, -20)
-"""MUMPS's error codes for a workspace or a buffer that is too small."""
+WORKSPACE_ERRORS = (-8, -9, -14, -15, -17, -20)
+"""Error codes of MUMPS for a workspace or a buffer that is too small."""
 
 AMF, PORD = 2, 4
-"""MUMPS's numbers of two orderings of the unknowns."""
+"""Numbers by which MUMPS knows two methods to order the unknowns (its control ICNTL(7))."""
 
-PORD_FROM = {2: 100_000, 3: 5_000}
-"""Unknowns from which PORD orders a matrix, by dimension; fewer are ordered by AMF.
+PORD_FROM_UNKNOWNS = {2: 100_000, 3: 5_000}
+"""Number of unknowns, by dimension, from which PORD orders a matrix.  Smaller ones use AMF.
 
-Measured, time and entries of a factor over those with METIS, which MUMPS would take: 0.6, 0.89 by
-AMF in a bender of 21 500 unknowns, 0.53 and 0.87 by PORD in one of 339 000; 0.8 and 0.93 by PORD in
-a strip in space of 53 000, 0.97 and 1.02 in one of 396 000; 0.72 and 0.85 for the 289 000
-displacements of a helix of ten turns.  PORD ends the process where all unknowns are alike, as in a
-single cell.
+PORD must not be used for very small matrices: if all unknowns are equivalent, as in a single cell,
+it aborts the process.  The measured times are in docs/theory.md, "Measured choices of the solver".
 """
 
-FLOPS = 32
-"""Operations of a factorisation that take as long as one entry of the factor in a Krylov iteration.
+FLOPS_PER_ENTRY_READ = 32
+"""Operations of a factorisation that take as long as reading one entry of the factor.
 
-A factorisation computes, an iteration reads: 20 operations a nanosecond, and 16 bytes in 1.6 ns.
+A factorisation is limited by computing (20 operations per ns), a Krylov iteration by memory
+(16 bytes per entry, read in 1.6 ns).
 """
 
 
@@ -55,7 +53,8 @@ class Mumps:
     single
         Whether to keep the factor in single precision, if this PETSc can.
     keep
-        Whether the matrix is kept, to get other entries: the next `make` spares the analysis.
+        Whether the matrix is kept.  The caller may then fill in other values, and the next `make`
+        skips the symbolic analysis.
     symmetric
         Whether the matrix is symmetric.
     """
@@ -69,22 +68,22 @@ class Mumps:
     pc: Any = None
 
     def make(self) -> bool:
-        """Factorise; False if MUMPS fails however much room it gets."""
-        info = self._fill() if self.pc else TOO_LITTLE_ROOM[0]
-        if info in TOO_LITTLE_ROOM:
+        """Factorise; False if MUMPS fails even with the largest workspace."""
+        info = self._fill() if self.pc else WORKSPACE_ERRORS[0]
+        if info in WORKSPACE_ERRORS:
             self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, self.symmetric)
-            for margin in WORKSPACE:
+            for margin in WORKSPACE_MARGINS_PERCENT:
                 self.release()
                 self._set_up(margin)
                 info = self._fill()
-                if info not in TOO_LITTLE_ROOM:
+                if info not in WORKSPACE_ERRORS:
                     break
         if info != 0:
             self.release()
         else:
             self.pc.setReusePreconditioner(True)  # whatever becomes of the matrix
         if info == 0 and not self.keep:
-            # the factor is all that is needed; PETSc would hold on to the matrix
+            # PETSc would keep the matrix in memory, although only its factor is still needed.
             nothing = PETSc.Mat().createAIJ(
                 self.matrix.getSizes(), nnz=0, comm=self.matrix.getComm()
             )
@@ -128,8 +127,9 @@ class Mumps:
         """Krylov iterations that take as long as this factorisation did, by the counts of both."""
         factor = self.pc.getFactorMatrix()
         entries = factor.getMumpsInfog(9)
-        entries = -1e6 * entries if entries < 0 else entries  # MUMPS's way to tell millions
-        return factor.getMumpsRinfog(3) / (FLOPS * max(entries, 1.0))
+        # MUMPS gives large numbers as minus their value in millions.
+        entries = -1e6 * entries if entries < 0 else entries
+        return factor.getMumpsRinfog(3) / (FLOPS_PER_ENTRY_READ * max(entries, 1.0))
 
     def release(self) -> None:
         if self.pc is not None:
@@ -153,7 +153,7 @@ class WholeFactor:
     def __init__(self, problem: Problem, single: bool = False) -> None:
         self.problem = problem
         self.single = single
-        self._keep = problem.unknowns <= SMALL
+        self._keep = problem.unknowns <= MOST_UNKNOWNS_KEPT
         self._factor: Mumps | None = None
 
     def make(self, tangent: Any) -> bool:
@@ -199,7 +199,7 @@ class WholeFactor:
             self._factor.pc.applyTranspose(x, y)
 
     def make_room(self) -> None:
-        """Let a large factor go before the next one's matrix is assembled."""
+        """Delete a large factor before the matrix of the next one is assembled."""
         if not self._keep:
             self.release()
 
@@ -211,4 +211,4 @@ class WholeFactor:
 
 def ordering(unknowns: int, dim: int) -> int:
     """MUMPS's number of an ordering."""
-    return PORD if unknowns >= PORD_FROM[dim] else AMF
+    return PORD if unknowns >= PORD_FROM_UNKNOWNS[dim] else AMF

@@ -20,28 +20,29 @@ from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.solvers.outcome import Counters, Inertia, Outcome
 from dea_fenicsx.solvers.refinement import Solution, solve_to
 from dea_fenicsx.solvers.split_factor import SPLIT_ROLES, SplitFactor
-from dea_fenicsx.solvers.tangent import MASS, Tangent
+from dea_fenicsx.solvers.tangent import SCALAR_MASS, Tangent
 from dea_fenicsx.support.compat import PETSc
 from dea_fenicsx.support.errors import InputError
 
-LARGE = 20_000
-"""Unknowns above which the kept factor is a cheaper one than the whole, unless told otherwise."""
+UNKNOWNS_FOR_CHEAP_FACTOR = 20_000
+"""From this number of unknowns on, ``factor="auto"`` keeps a split or single-precision factor."""
 
-CHEAP_COUNT = {2: 20_000, 3: 5_000}
-"""Unknowns up to which negative eigenvalues are counted at each step, by dimension.
+MOST_UNKNOWNS_COUNTED = {2: 20_000, 3: 5_000}
+"""Largest number of unknowns for a count of negative eigenvalues at each step, by dimension.
 
-The count needs a factor of the tangent at the accepted state, which then serves the next step, too.
+The count needs a factor of the tangent at the accepted state.  The next step then uses this factor
+as its preconditioner.
 """
 
-ASSEMBLY = {2: 15, 3: 30}
-"""Krylov iterations as long as assembling the tangent of a small problem, by dimension."""
+ASSEMBLY_IN_KRYLOV = {2: 15, 3: 30}
+"""Cost of assembling the tangent, in Krylov iterations of a small problem, by dimension."""
 
-BEST = 1.0
-"""Krylov iterations for a digit that a factor of no age may need."""
+KRYLOV_PER_DIGIT_FRESH = 1.0
+"""Krylov iterations per decimal digit that we accept even from a fresh factorisation."""
 
 
 def silent(stage: str) -> None:
-    """What `LinearSolver.notify` does unless told otherwise: nothing."""
+    """The default of `LinearSolver.notify`: it does nothing."""
 
 
 class LinearSolver:
@@ -63,7 +64,7 @@ class LinearSolver:
     counters
         Work done since the start of the run.
     trouble
-        Why the last linear solve failed, if it did.
+        Why the last linear solve failed; `Outcome.CONVERGED` while none has failed.
     notify
         Called on all ranks before each long stage, with its name; what it raises ends the solve.
     """
@@ -98,12 +99,12 @@ class LinearSolver:
 
     @property
     def counts_cheaply(self) -> bool:
-        """Whether negative eigenvalues can be counted at each step for little.
+        """Whether a count of negative eigenvalues at each step costs little.
 
-        The factor that tells them must be the one that serves the next step, too.
+        It does if the factor that gives the count is also the preconditioner of the next step.
         """
         problem = self.problem
-        small = problem.unknowns <= CHEAP_COUNT[problem.mesh.topology.dim]
+        small = problem.unknowns <= MOST_UNKNOWNS_COUNTED[problem.mesh.topology.dim]
         return small and self._preferred is self._whole and problem.forms.is_symmetric
 
     def _splits(self) -> bool:
@@ -121,18 +122,18 @@ class LinearSolver:
             raise InputError(
                 f'NewtonOptions(factor="split") needs {why}; take factor="whole".'
             )
-        large = problem.scene.kinematics.dim == 3 and problem.unknowns >= LARGE
+        large = problem.scene.kinematics.dim == 3 and problem.unknowns >= UNKNOWNS_FOR_CHEAP_FACTOR
         return choice == "split" or (choice == "auto" and possible and large)
 
     def _whole_or_single(self) -> WholeFactor | SplitFactor:
         choice = self.options.factor
-        large = choice == "auto" and self.problem.unknowns >= LARGE
+        large = choice == "auto" and self.problem.unknowns >= UNKNOWNS_FOR_CHEAP_FACTOR
         return WholeFactor(self.problem, True) if choice == "single" or large else self._whole
 
     def linear_solve(
         self, rhs: np.ndarray, rtol: float, patient: bool = False, transposed: bool = False
     ) -> np.ndarray | None:
-        """Solve for the increment; renew the factor where the old one no longer serves.
+        """Solve for the increment.  If GMRES fails with the old factor, make a new one first.
 
         With `transposed` the transpose of the tangent is solved with.
         """
@@ -150,8 +151,9 @@ class LinearSolver:
             if fresh and self._factor is self._whole:
                 break
             if fresh:
-                # a split factor that fails when it is new has met more coupling than it can bear,
-                # one in single precision a tangent too near to singular
+                # A split factor neglects part of the coupling between the fields, and a factor in
+                # single precision is useless near a singular tangent.  If GMRES fails with such a
+                # factor although it is new, the whole tangent is factorised in double precision.
                 self._preferred = self._whole
             if not self._factorise(self._preferred):
                 return None
@@ -160,18 +162,21 @@ class LinearSolver:
         return None
 
     def _judge_factor(self, iterations: int, rtol: float) -> None:
-        """Renew the factor before the next solve once its age has cost as much as a new one.
+        """Decide whether the factor is to be renewed before the next solve.
 
-        The cost of age: iterations beyond what the same number of digits took at its best.  Better
-        than `BEST` does not count: a right-hand side may be easy by chance.
+        We add up the Krylov iterations that the factor needs beyond its best rate (iterations per
+        decimal digit).  The factor is renewed when this sum exceeds the cost of a new one.  The
+        best rate is at least `KRYLOV_PER_DIGIT_FRESH`, because a right-hand side may by chance be
+        easy to solve for.
         """
         digits = -np.log10(rtol)
-        rate = max(iterations / digits, BEST)
+        rate = max(iterations / digits, KRYLOV_PER_DIGIT_FRESH)
         self._best_rate = min(self._best_rate, rate)
         self._wasted += (rate - self._best_rate) * digits
         self._stale = (
             iterations > self.options.krylov_limit
-            or self._wasted > ASSEMBLY[self.problem.mesh.topology.dim] + self._factor.worth
+            or self._wasted
+            > ASSEMBLY_IN_KRYLOV[self.problem.mesh.topology.dim] + self._factor.worth
         )
 
     def _factorise(self, factor: WholeFactor | SplitFactor, counting: bool = False) -> bool:
@@ -197,20 +202,20 @@ class LinearSolver:
         """The tangent as a matrix, which the caller destroys."""
         self.notify("assembling")
         start = time.perf_counter()
-        matrix = self.tangent.matrix(MASS, counting)
+        matrix = self.tangent.matrix(SCALAR_MASS, counting)
         self.counters.assembly_s += time.perf_counter() - start
         return matrix
 
     def refresh_inertia(self, last: bool = False) -> None:
         """Factorise the tangent at the problem's present state, to know its inertia.
 
-        A tangent that is not symmetric has none, and is not factorised.  Where the kept factor is a
-        split one, a cheaper count may prove that the state is stable.
+        A tangent that is not symmetric has none, and is not factorised.  If the kept factor is a
+        split one, we first try a cheaper count, which may prove that the state is stable.
 
         Parameters
         ----------
         last
-            The kept factor is not needed any more, and makes room.
+            True if no solve follows: then the kept factor is deleted first to save memory.
         """
         if not self.problem.forms.is_symmetric:
             self.inertia = Inertia()
@@ -265,7 +270,7 @@ class LinearSolver:
         return True
 
     def forget_factor(self) -> None:
-        """Make a new factor at the next solve: the kept one belongs to a state far off."""
+        """Make a new factor at the next solve, because the kept one belongs to a distant state."""
         self._stale = True
 
     def _krylov(
@@ -289,7 +294,7 @@ class LinearSolver:
         return solution, iterations
 
     def _gmres(self) -> Any:
-        """GMRES, preconditioned from the right by the kept factor as it has turned."""
+        """GMRES, preconditioned from the right by the kept factor, rotated with the material."""
         ksp = PETSc.KSP().create(self.problem.comm)
         ksp.setOptionsPrefix("dea_")
         ksp.setType("fgmres")

@@ -19,24 +19,21 @@ from dea_fenicsx.solvers.residual_norms import References
 LINEARISING = "linearising"
 """The stage with which each Newton iteration begins."""
 
-FORCING = 3e-4
-"""Relative tolerance of each linear solve.
+RAMP_SOLVE_TOLERANCE = 3e-4
+"""Relative tolerance of each linear solve on a ramp.
 
-An iteration of Newton's method costs little more than the Krylov iterations in it.  Measured on
-strips, a bender and a helix: up to a quarter fewer of them than with a tolerance that shrinks with
-the residual (Eisenstat and Walker), which a part that bends makes useless: there the residual falls
-and rises by turns.  1e-3 spares a few more, but leaves so much of a thin part's bending, of which
-the residual tells little, that Newton strays.
+It is constant, because the residual of a bending part does not fall steadily.  See "Measured
+choices of the solver" in docs/theory.md.
 """
 
-LAST = 0.1
-"""Share of the tolerance that Newton's last iteration aims at."""
+FINAL_SOLVE_SHARE = 0.1
+"""The last linear solve of a step aims at this share of Newton's tolerance."""
 
-STAGNANT = 1e3
-"""How far above the tolerance a residual may come to rest and still count as rounding."""
+MOST_ROUNDING_OVER_TOLERANCE = 1e3
+"""Largest residual, in units of Newton's tolerance, that can be explained by rounding errors."""
 
-AT_REST = 1e-6
-"""Largest displacement of an increment, as a share of the device's size, that is none."""
+NEGLIGIBLE_MOTION = 1e-6
+"""Displacements below this share of the device's size are rounding errors."""
 
 
 class NewtonSolver(LinearSolver):
@@ -52,7 +49,7 @@ class NewtonSolver(LinearSolver):
     Attributes
     ----------
     references
-        What each field's residual is compared with.
+        The forces, charges and volumes that the residual of each field is compared with.
     """
 
     def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
@@ -87,14 +84,14 @@ class NewtonSolver(LinearSolver):
             Where Newton's method starts.  Its load is the one that is solved for, and its fixed
             values are those of this load, unless `factors` are given.
         factors
-            Another load, from an equilibrium `start`: its fixed values are reached together with
-            the first Newton step, linearised at `start` (a tangent predictor, safe for large
-            prescribed motions).
+            The load to solve for, if it is not that of `start`; `start` must then be an
+            equilibrium.  The first Newton step is linearised at `start` and also moves the fixed
+            values to the new load (a tangent predictor, safe for large prescribed motions).
         tolerance
-            Instead of that of the options.
+            Newton's tolerance, if it is not that of the options.
         patient
-            Keep an old factor as long as it leads anywhere: for a state beside the path, from which
-            no other is solved.
+            Keep an old factor as long as GMRES converges with it.  This pays for a state beside
+            the path, from which no other state is computed.
         """
         if factors is not None:
             start = self.problem.under(start, factors)
@@ -106,11 +103,14 @@ class NewtonSolver(LinearSolver):
             )
 
     def _iterate(self, tolerance: float, lifted: State | None, patient: bool) -> Attempt:
-        """Newton's method from the present state; first to the `lifted` fixed values, if given."""
+        """Newton's method from the present state.
+
+        If `lifted` is given, the first step moves the fixed values to those of this state.
+        """
         problem = self.problem
         residual = problem.residual()
         norm = self.residual_of(residual)
-        # with the loads lifted, the first residual is that of the old load and says nothing
+        # If the fixed values change, this residual belongs to the old load, so it is not kept.
         history = [] if lifted else [norm]
         iteration, increment = 0, None
         while lifted is not None or norm > tolerance:
@@ -145,33 +145,35 @@ class NewtonSolver(LinearSolver):
     @staticmethod
     def _forcing(norm: float, tolerance: float, lifting: bool) -> float:
         """Relative tolerance of the next linear solve."""
-        if not lifting and norm * FORCING < tolerance / LAST:
-            # the last iteration: well below the tolerance, and no further
-            return min(LAST * tolerance / norm, 0.1)
-        return FORCING
+        if not lifting and norm * RAMP_SOLVE_TOLERANCE < tolerance / FINAL_SOLVE_SHARE:
+            # This is the last iteration: a more exact solve would be wasted.
+            return min(FINAL_SOLVE_SHARE * tolerance / norm, 0.1)
+        return RAMP_SOLVE_TOLERANCE
 
     def _slowness(self, history: list[float], increment: np.ndarray) -> Outcome:
-        """Why Newton has not converged: rounding if all is at rest near the tolerance.
+        """Why Newton has not converged: because of rounding errors, or for another reason.
 
-        At a load just beyond a limit point the residual comes to rest as well, but the state does
-        not: there Newton's increments stay at about the root of the residual.
+        It is rounding if the residual is near the tolerance and the increments are negligible.
+        Just beyond a limit point the residual also stops to fall, but the increments do not vanish:
+        their size is about the square root of the residual.
         """
         moved = float(np.max(np.abs(increment[self.problem.roles.free(Role.MOTION)]), initial=0.0))
-        at_rest = self.problem.comm.allreduce(moved, op=MPI.MAX) < AT_REST
-        near = min(history) <= STAGNANT * self.options.tolerance
+        at_rest = self.problem.comm.allreduce(moved, op=MPI.MAX) < NEGLIGIBLE_MOTION
+        near = min(history) <= MOST_ROUNDING_OVER_TOLERANCE * self.options.tolerance
         return Outcome.ROUNDING if near and at_rest else Outcome.SLOW
 
     def _advance(
         self, start: State, increment: np.ndarray, history: list[float]
     ) -> tuple[np.ndarray, float, Outcome]:
-        """Add an increment, cut back until the state is admissible and the residual acceptable.
+        """Add an increment, halved until the state is admissible and the residual acceptable.
 
-        A trial with det F <= 0, past a chain's lock-up or with a wildly growing residual is
-        refused; energies are never clamped, which would change the material.
+        A trial state is refused if det F <= 0, if a polymer chain is beyond its lock-up, or if the
+        residual grows by more than a factor of 1000.  Energies are never clamped, because this
+        would change the material.
         """
         problem = self.problem
         size = 1.0
-        limit = np.inf  # the first residual says little after a change of load
+        limit = np.inf  # The first residual after a change of load may be of any size.
         if len(history) > 1:
             limit = 1e3 * max(history[-1], self.options.tolerance)
         outcome = Outcome.CONVERGED

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import numpy as np
+from typing import Literal, get_args
 
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared, plain_numbers
+from dea_fenicsx.support.validation import one_of, whole
 
-FACTORS = ("auto", "whole", "single", "split")
+Factorisation = Literal["auto", "whole", "single", "split"]
+FACTORS: tuple[Factorisation, ...] = get_args(Factorisation)
 
 
 @dataclass(frozen=True)
@@ -28,17 +29,17 @@ class NewtonOptions:
     keep_factor
         False factorises at every Newton iteration (plain Newton).
     factor
-        What is factorised: the ``"whole"`` tangent, the same in ``"single"`` precision, or its
-        displacement and its potential ``"split"``, with the pressure condensed; see `factors`.
-        ``"auto"`` splits large problems in space if it can, and takes single precision for other
-        large ones.
+        The matrix that is factorised: ``"whole"`` for the whole tangent, ``"single"`` for the same
+        in single precision, ``"split"`` for a factor of the displacement block and one of the
+        potential block, with the pressure condensed.  ``"auto"`` chooses ``"split"`` for large
+        problems in space if it is possible, and ``"single"`` for other large problems.
     """
 
     tolerance: float = 1e-10
     max_iterations: int = 15
     krylov_limit: int = 30
     keep_factor: bool = True
-    factor: str = "auto"
+    factor: Factorisation = "auto"
 
     def check(self) -> None:
         """Raise InputError for settings with which no step could converge."""
@@ -48,13 +49,6 @@ class NewtonOptions:
                 f"Newton's tolerance is {self.tolerance!r}, but must lie between 1e-14, what "
                 "rounding allows, and 1e-3."
             )
-        if self.factor not in FACTORS:
-            raise InputError(
-                f"Newton's factor is {self.factor!r}, but must be one of {', '.join(FACTORS)}."
-            )
-        for name, least in (("max_iterations", 4), ("krylov_limit", 5)):
-            value = getattr(self, name)
-            if not isinstance(value, int | np.integer) or value < least:
-                raise InputError(
-                    f"Newton's {name} is {value!r}, but must be a whole number of at least {least}."
-                )
+        one_of(self.factor, FACTORS, "Newton's factor")
+        whole(self.max_iterations, "Newton's max_iterations", least=4)
+        whole(self.krylov_limit, "Newton's krylov_limit", least=5)

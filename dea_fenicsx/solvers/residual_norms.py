@@ -1,4 +1,4 @@
-"""What a residual is measured against: the forces, charges and volumes that balance in it."""
+"""The size of a residual, relative to the forces, charges and volumes that balance in it."""
 
 from __future__ import annotations
 
@@ -10,26 +10,31 @@ from mpi4py import MPI
 from dea_fenicsx.model.fields import Field, Role
 from dea_fenicsx.model.problem import Problem
 
-SMALL = 1e-2
-"""Share of the softest dielectric's modulus that counts as a small stress."""
+STRESS_BY_SOFTEST_MODULUS = 1e-2
+"""Reference stress everywhere, in units of the shear modulus of the softest dielectric.
 
-ROUNDING = 1e-3
-"""The same for a region's own modulus, for the sake of rounding there."""
+A stress of this size gives the smallest force with which a displacement residual is compared.
+"""
 
+STRESS_BY_OWN_MODULUS = 1e-3
+"""Reference stress in each region, in units of its own shear modulus.
 
-ROUND_OFF = 100 * np.finfo(float).eps
-"""Share of the charges of a disordered potential that rounding may leave unbalanced.
+Rounding errors of stresses grow with the modulus of the region.
+"""
 
-A potential is a number of relative precision eps, and differences between neighbouring nodes of
-one cell are what makes charges.  So no state can be nearer to balance than some eps times the
-charges that the same potential would bring if it changed its sign from node to node.  Measured
-where all electrodes are at one potential, in cells of side ratios from 1 to 5000: 0.1 to 20 eps.
+CHARGE_ROUNDING = 100 * np.finfo(float).eps
+"""Unbalanced charge that rounding may leave, as a share of the charges of a disordered potential.
+
+A potential is stored with the relative precision eps, and charges come from differences of
+potential between neighbouring nodes of a cell.  The largest charges belong to a potential that
+changes its sign from node to node, so rounding leaves a few eps times these charges.  The measured
+values are in docs/theory.md, "Measured choices of the solver".
 """
 
 
 @dataclass(frozen=True)
 class _Group:
-    """Fields whose residuals are taken together: the first of them, and where they lie."""
+    """Fields whose residuals form one norm: the first of them, and their degrees of freedom."""
 
     name: str
     field: Field
@@ -42,17 +47,18 @@ class _Group:
 
 
 class References:
-    """References of each field's residual.
+    """The reference with which the residual of each field is compared.
 
-    For u the largest of: reactions; loads; the forces of pressure and field, which is what balances
-    in a film that is free all around; and those of small stresses, since a small load is not
-    resolved below what rounding leaves of stresses of the modulus's size.  For phi the charges, for
-    p a volume.  Where all electrodes are at one potential no charges flow, and there is nothing to
-    compare with: so what rounding leaves of the potential counts as 0.
+    The displacement residual is compared with the largest of four forces: the reactions, the
+    applied loads, the forces of pressure and electric field (these balance one another in a film
+    that is free all around), and the forces of a small reference stress.  The last keeps the test
+    reachable when the loads are smaller than rounding errors.  The residual of phi is compared
+    with the charges, that of p with a volume.  If all electrodes have the same potential, there are
+    no charges to compare with, and the charges that rounding of the potential leaves count as 0.
 
-    What accepted states held is remembered, so that a small step is not held to a stricter test
-    than a large one; the huge reactions of a failed trial are not, which would loosen the test of
-    all later steps.
+    The references are the largest of all accepted states, so a small step has no stricter test
+    than a large one.  The huge reactions of a failed trial are not kept, because they would loosen
+    the test of all later steps.
 
     Parameters
     ----------
@@ -64,7 +70,7 @@ class References:
     sizes
         For u and phi the largest reference of any accepted state so far, dimensionless.
     volume
-        Reference of the p rows, which hold int q (J - 1) dX: the size of int |q| dX.
+        Reference of the rows of p, which hold int q (J - 1) dX.  It is the size of int |q| dX.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -96,7 +102,10 @@ class References:
         return out
 
     def remember(self, residual: np.ndarray) -> None:
-        """Keep what balances in the present state, whose residual this is.  Collective."""
+        """Enlarge the references to the forces and charges of the present, accepted state.
+
+        `residual` is the residual of this state.  Collective.
+        """
         forces = max(self._load_size(anew=True), self._pressing(residual))
         for group, everything, _ in self._rows(residual):
             if group.role in (Role.MOTION, Role.POTENTIAL):
@@ -105,16 +114,16 @@ class References:
         self._disorder = self._charges_of_disorder()
 
     def _rounding(self) -> float:
-        """Size of the charges that rounding of the present potential leaves.  Collective."""
+        """Unbalanced charge that rounding of the present potential may leave.  Collective."""
         problem = self.problem
         assert problem.potential is not None
         size = float(np.max(np.abs(problem.w.x.array[problem.potential.dofs]), initial=0.0))
-        return ROUND_OFF * self._disorder * problem.comm.allreduce(size, op=MPI.MAX)
+        return CHARGE_ROUNDING * self._disorder * problem.comm.allreduce(size, op=MPI.MAX)
 
     def _charges_of_disorder(self) -> float:
-        """Size of the charges of a potential of size 1 without any order, as the body is now.
+        """Charges of a disordered potential of size 1 in the present state of the body.
 
-        It is a fast wave, which takes unlike values at neighbouring nodes.
+        The potential is a wave so short that neighbouring nodes have unrelated values.
         """
         problem = self.problem
         part = problem.potential
@@ -147,9 +156,10 @@ class References:
         return float(np.sqrt(self.problem.comm.allreduce(mine, op=MPI.SUM)))
 
     def _load_size(self, anew: bool = False) -> float:
-        """Forces of the loads, kept while the factors stay unless `anew` asks for this state's.
+        """Norm of the forces of the loads, dimensionless.
 
-        A follower pressure's forces go with the state.
+        It is computed again if the load factors have changed, or if `anew` is true: the forces of
+        a follower pressure depend on the state as well.
         """
         problem = self.problem
         now = {ramp: problem.factors[ramp] for ramp in problem.loads.factors}
@@ -175,7 +185,7 @@ class References:
         return self._size_u(residual - without)
 
     def _moduli(self) -> float:
-        """Forces of small stresses: of pressures in the undeformed state."""
+        """Norm of the forces of the reference stresses, as pressures in the undeformed state."""
         problem = self.problem
         scene, part = problem.scene, problem.pressure
         moduli = np.zeros(len(part.dofs))
@@ -184,7 +194,8 @@ class References:
             on = part.space.dofmap.list[scene.device.cells_of(name)].ravel()
             moduli[on] = np.maximum(moduli[on], value)
         here, sizes = problem.state, []
-        for pressure in (np.full(len(moduli), SMALL), ROUNDING * moduli):
+        everywhere = np.full(len(moduli), STRESS_BY_SOFTEST_MODULUS)
+        for pressure in (everywhere, STRESS_BY_OWN_MODULUS * moduli):
             values = problem.space.at_rest.copy()
             values[part.dofs] = pressure
             with problem.at(here.with_values(values)):

@@ -6,13 +6,14 @@
     T = | B   -C    0  |          p, pressure, discontinuous
         | G    0   -K  |          phi, potential
 
-In incompressible regions C = 0.  Internal fields belong to the block of u.  The preconditioner
-puts a compressibility M/(KAPPA mu) in the place of C, with which p goes cell by cell; then phi and
-u are solved in turn, each by a factor of its own: S = A + B^T C^-1 B for u, K for phi.  What that
-leaves out is the coupling G^T K^-1 G in S and 1/KAPPA of the pressure, and GMRES on the true
-tangent makes up for both in a few iterations.  The factor of S has a third of the entries of the
-whole one, needs no pivoting, and bears compression: its blocks far from the diagonal are kept at
-low rank (Amestoy et al. 2019), and where PETSc can, all of it in single precision.
+In incompressible regions C = 0.  There the preconditioner uses the compressibility M/(k mu), with
+k = BULK_OVER_SHEAR_MODULUS, so that p can be eliminated cell by cell.  Then it solves for phi and u
+in turn, each with a factor of its own: S = A + B^T C^-1 B for u, K for phi.  This neglects the
+coupling G^T K^-1 G in S and the share 1/k of the pressure.  GMRES on the true tangent corrects both
+in a few iterations.  The factor of S has a third of the entries of the whole factor and needs no
+pivoting.  It can also be compressed: its blocks far from the diagonal have low rank (Amestoy et
+al., ACM Trans. Math. Softw. 45 (2019) 2), and if PETSc can, it is kept in single precision.
+Internal fields belong to the block of u.
 """
 
 from __future__ import annotations
@@ -30,23 +31,25 @@ from dea_fenicsx.solvers.factors import Mumps, ordering
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
 
-KAPPA = 50.0
-"""Bulk modulus of the preconditioner over the shear modulus, where the material has none.
+BULK_OVER_SHEAR_MODULUS = 50.0
+"""Bulk modulus of incompressible regions in the preconditioner, in units of the shear modulus.
 
-Measured, iterations to 1e-9 on a fresh factor: 10, 7, 7, 7, 16, 34 at 10, 30, 100, 200, 1e3, 1e4; a
-large one leaves too little of single precision.
+A much larger one needs more digits than single precision has.  See "Measured choices of the solver"
+in docs/theory.md.
 """
 
-LOW_RANK = 1e-7
-"""What the low-rank blocks of a split factor may leave out, relative to the matrix.
+LOW_RANK_TOLERANCE = 1e-7
+"""Error of the low-rank blocks of a split factor, relative to the norm of the matrix.
 
-Measured on a helix of five turns, iterations to equilibrium on a fresh factor: 12, 11, 11 at 1e-5,
-1e-6, 1e-7 on one rank, but 54, 21, 12 on two, where MUMPS shares fronts out.  Time and memory of a
-factorisation grow by 4 % with each digit.
+On two ranks a larger error costs many Krylov iterations.  See "Measured choices of the solver" in
+docs/theory.md.
 """
 
-LOW_RANK_FROM = 60_000
-"""Displacements from which blocks at low rank pay: below, they take a third more time to find."""
+LOW_RANK_FROM_UNKNOWNS = 60_000
+"""Number of displacement unknowns from which low-rank blocks are used.
+
+For fewer unknowns the compression takes a third more time than it saves.
+"""
 
 U, P, PHI = BLOCKS = (Role.MOTION, Role.MULTIPLIER, Role.POTENTIAL)
 """The blocks of the tangent."""
@@ -92,7 +95,7 @@ class SplitFactor:
         stiffness = _condensed(
             self._block(tangent, U, U), blocks["Bt"], blocks["1/C"], blocks["B"]
         )
-        self._factors[U] = _definite(stiffness, LOW_RANK, single=True)
+        self._factors[U] = _definite(stiffness, LOW_RANK_TOLERANCE, single=True)
         if PHI in self._rows:
             blocks["G"] = self._block(tangent, PHI, U)
             blocks["Gt"] = self._block(tangent, U, PHI)
@@ -100,19 +103,23 @@ class SplitFactor:
         for name, factor in self._factors.items():
             self._vectors[name] = factor.matrix.createVecs()
         self._vectors[P] = blocks["1/C"].createVecs()
-        tangent.destroy()  # before the factors need the room
+        tangent.destroy()  # The factors need the memory.
         return all([factor.make() for factor in self._factors.values()])
 
     def excess(self, tangent: Any) -> int | None:
-        """Negative eigenvalues beyond those of a stable state if p is given a compressibility.
+        """Negative eigenvalues beyond those of a stable state, for a compressible material.
 
-        Uses up the assembled tangent.  None if MUMPS fails.  What is stable when compressible is
-        stable when it is not: a constraint only takes motions away.  So 0 is a proof, any other
-        number a question.
+        The assembled tangent is destroyed.  None if MUMPS fails.
 
-        Sylvester: the p condensed have one negative eigenvalue each.  Of those left, u is asked
-        first, with phi as it is: to let phi follow adds G^T K^-1 G, which only makes u stiffer, and
-        the factor of u alone costs half.  If that proves nothing, a factor of both is made.
+        If the compressible device is stable, the incompressible one is stable as well, because
+        incompressibility only prevents motions.  So the result 0 proves stability, and any other
+        number proves nothing.
+
+        By Sylvester's law each condensed p has one negative eigenvalue.  Of the other unknowns we
+        first factorise the block of u alone, with phi kept fixed, which costs half.  A potential
+        that follows the motion adds the positive term G^T K^-1 G to this block, so it only makes
+        the device stiffer.  If the block of u has negative eigenvalues, we factorise u and phi
+        together.
         """
         inverse = self._inverse_of_compressibility(tangent)
         found: int | None = None
@@ -127,15 +134,16 @@ class SplitFactor:
         return found
 
     def _negative(self, tangent: Any, names: tuple[Role, ...], inverse: Any) -> int | None:
-        """Negative eigenvalues of some blocks with p condensed, beyond those of phi itself."""
+        """Negative eigenvalues of some blocks with p condensed, without those of the phi block."""
         rows = self._index_set(np.sort(np.concatenate([self._on[name] for name in names])))
         from_p = tangent.createSubMatrix(rows, self._rows[P])
         to_p = tangent.createSubMatrix(self._rows[P], rows)
         matrix = _condensed(tangent.createSubMatrix(rows, rows), from_p, inverse, to_p)
         from_p.destroy()
         to_p.destroy()
-        # a body that is held at points has eigenvalues far below its cells', not to be lost
-        factor = _definite(matrix, 0.1 * LOW_RANK, single=False)
+        # A body that is held at single points has eigenvalues far smaller than those of its cells.
+        # The low-rank blocks must be exact enough to keep their signs.
+        factor = _definite(matrix, 0.1 * LOW_RANK_TOLERANCE, single=False)
         made = factor.make()
         expected = sum(self._negative_in[role] for role in (*names, Role.INTERNAL))
         found = factor.negative - expected if made else None
@@ -206,7 +214,7 @@ class SplitFactor:
         self.apply(context, x, y)
 
     def make_room(self) -> None:
-        """Let the factors go before the next one's matrix is assembled."""
+        """Delete the factors before the matrix of the next ones is assembled."""
         self.release()
 
     def release(self) -> None:
@@ -233,7 +241,7 @@ def _condensed(block: Any, from_p: Any, inverse: Any, to_p: Any) -> Any:
     """A block of the tangent with B^T C^-1 B added to it."""
     half = inverse.matMult(to_p)
     penalty = from_p.matMult(half)
-    # p couples no two unknowns that share no cell
+    # A discontinuous p couples unknowns of one cell only, so the pattern of the block suffices.
     block.axpy(1.0, penalty, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
     half.destroy()
     penalty.destroy()
@@ -241,20 +249,21 @@ def _condensed(block: Any, from_p: Any, inverse: Any, to_p: Any) -> Any:
 
 
 def _definite(matrix: Any, dropped: float, single: bool) -> Mumps:
-    """For u with p condensed, in space: at low rank where the matrix is large."""
+    """A factorisation of the block of u with p condensed, with low-rank blocks if it is large."""
     size = matrix.getSize()[0]
     icntl = {7: ordering(size, 3)}
-    if size < LOW_RANK_FROM:
+    if size < LOW_RANK_FROM_UNKNOWNS:
         return Mumps(matrix, icntl, {}, single)
-    # 35: blocks of low rank in factorisation and solve; 36: compressed before they are
-    # updated; 37: and so are those that wait to be eliminated
+    # ICNTL(35): low-rank blocks in factorisation and solve; ICNTL(36): blocks are compressed
+    # before they are updated; ICNTL(37): contribution blocks are compressed as well
     return Mumps(matrix, icntl | {35: 2, 36: 1, 37: 1}, {7: dropped}, single)
 
 
 def _pressure_cells(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of each owned cell among the pressure's, and the compressibility it is given.
+    """The pressure rows of each owned cell, and the compressibility of the preconditioner there.
 
-    The latter is the integral of p q/(KAPPA mu) where the material is incompressible, 0 elsewhere.
+    The compressibility is the integral of p q/(BULK_OVER_SHEAR_MODULUS mu) over each cell of
+    incompressible material, and 0 elsewhere.
     """
     scene, part = problem.scene, problem.pressure
     space = part.space
@@ -262,7 +271,7 @@ def _pressure_cells(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     for name, material in problem.parameters.materials.items():
         if material.bulk_modulus is None:
             modulus = material.elastic.shear_modulus() / problem.scales.stress
-            soft.x.array[scene.device.cells_of(name)] = 1 / (KAPPA * modulus)
+            soft.x.array[scene.device.cells_of(name)] = 1 / (BULK_OVER_SHEAR_MODULUS * modulus)
     count = scene.device.owned_cells()
     dx = measure(scene.device, [np.arange(count)], scene.elements.quadrature_degree)
     weight = scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))

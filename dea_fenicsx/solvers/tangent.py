@@ -1,13 +1,13 @@
 """The tangent: the residual's derivative by the unknowns, as an action and as a matrix.
 
-Krylov's method only needs products, and the product with one vector costs twice a residual, where
-the matrix costs a hundred.  So the matrix is assembled only to be factorised.
+GMRES only needs products of the tangent with vectors.  Such a product takes as long as two
+residuals, the matrix as long as a hundred.  So the matrix is assembled only for a factorisation.
 
-The pressure or the potential may hold modes that nothing determines: a constant pressure in a block
-that is held along every normal, the pressures of a cell whose faces are all clamped, a constant
-potential in a dielectric that no electrode touches.  The tangent is singular in such a mode, and
-its number of negative eigenvalues is one too small.  So the matrix for a factor gets a tiny
-negative mass on p and phi, see `Tangent.matrix`.
+Some modes of the pressure or the potential may be undetermined: a constant pressure in a block that
+is held along every normal, the pressures of a cell whose faces are all clamped, or a constant
+potential in a dielectric that no electrode touches.  Such a mode has the eigenvalue 0 instead of a
+negative one, so the count of negative eigenvalues would be too small by one.  Therefore a matrix
+that is to be factorised gets a tiny negative mass on p and phi, see `Tangent.matrix`.
 """
 
 from __future__ import annotations
@@ -23,22 +23,24 @@ from dea_fenicsx.model.problem import Problem, assembled
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
 
-MASS = 1e-8
-"""The mass on p and phi in a matrix that is factorised: as a compressibility, mu/kappa.
+SCALAR_MASS = 1e-8
+"""Mass on p and phi in a matrix that is factorised, as a dimensionless compressibility mu/kappa.
 
-It must be small, because a state whose lowest eigenvalue is below it may be counted wrongly, and
-large beside the rounding of a factorisation, some 1e-13.  The counts are the same at 1e-10.
+It must be small, because the count may be wrong if the lowest eigenvalue is smaller than the mass.
+It must be large compared with the rounding errors of a factorisation, which are about 1e-13.  The
+counts are the same with 1e-10.
 """
 
-SMALL = 60_000
-"""Unknowns up to which matrices and factors are kept to be filled anew: some hundred MB at most."""
+MOST_UNKNOWNS_KEPT = 60_000
+"""Largest number of unknowns for which matrix and factor stay in memory (a few hundred MB)."""
 
 
 @dataclass
 class _Product:
-    """What PETSc calls for a product with the operator.
+    """The product with the operator, which PETSc calls.
 
-    It does not own the tangent: a ring of owners that goes through PETSc is never freed.
+    It only holds a weak reference to the tangent.  Python cannot free a cycle of references that
+    goes through PETSc.
     """
 
     tangent: weakref.ref[Tangent]
@@ -65,7 +67,7 @@ class Tangent:
     Attributes
     ----------
     operator
-        PETSc matrix in the free unknowns that multiplies without having entries.
+        PETSc matrix in the free unknowns that has no entries, but multiplies vectors.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -154,8 +156,8 @@ class Tangent:
     def by_load(self, ramp: str) -> np.ndarray:
         """Derivative of the residual by a ramp's factor at fixed free unknowns (owned, free rows).
 
-        Exact: fixed values are linear in the factor and act through the tangent; loads and charges
-        are linear themselves.
+        The derivative is exact, because fixed values, loads and charges are linear in the factor.
+        The fixed values enter the residual through the columns of the tangent.
         """
         problem = self.problem
         changes = ramp in problem.loads.changing or bool(problem.rigid)
@@ -175,10 +177,12 @@ class Tangent:
     def matrix(self, mass: float = 0.0, counting: bool = False) -> Any:
         """Assemble the block in the free unknowns.  Collective.
 
-        Unless it is for counting, it holds a free body's orientation even while dead loads turn
-        the body: a preconditioner made before the loads have brought stresses would be singular.
-        For the caller to destroy.  Of a problem of at most `SMALL` unknowns he may keep it: the
-        next call then fills the same matrix anew, whose pattern a factor knows.
+        For a preconditioner it includes springs on the orientation of a free body even while dead
+        loads turn the body.  Without them it would be singular before the loads cause stresses.
+
+        The caller destroys the matrix.  If the problem has at most `MOST_UNKNOWNS_KEPT` unknowns,
+        the caller may also keep it.  Then the next call fills the same matrix with new values, and
+        a factor need not analyse its pattern again.
 
         Parameters
         ----------
@@ -187,8 +191,8 @@ class Tangent:
             and each phi gives one negative eigenvalue, whether the tangent determines it or not.
             With 0 the matrix is the tangent itself.
         counting
-            Whether its eigenvalues are to be counted, at an equilibrium: then springs hold the
-            orientation only where no dead load acts on it.
+            Whether the negative eigenvalues of an equilibrium are to be counted.  Then springs act
+            on the orientation only where no dead load determines it.
         """
         problem, form = self.problem, self._matrix_form
         whole, free = self._kept
@@ -222,7 +226,7 @@ class Tangent:
             for row, value in self._rigid():
                 free.setValue(first + row, first + row, value, addv=True)
             free.assemble()
-        if problem.unknowns <= SMALL:
+        if problem.unknowns <= MOST_UNKNOWNS_KEPT:
             self._kept = whole, free
         else:
             whole.destroy()
@@ -232,8 +236,9 @@ class Tangent:
 def scalar_masses(problem: Problem) -> np.ndarray:
     """A positive mass of each free unknown (owned) of the fields that have one, else 0.
 
-    Each cell shares out its volume times the field's mass in its material (see `Field.mass`) to its
-    nodes; all dimensionless.  What is tied adds up.  Collective.
+    Each cell distributes its volume, times the mass of the field in its material (see
+    `Field.mass`), equally over its nodes.  The masses of tied unknowns are added.  All values are
+    dimensionless.  Collective.
     """
     device = problem.scene.device
     lumped = dolfinx.fem.Function(problem.W)

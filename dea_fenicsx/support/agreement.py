@@ -1,4 +1,4 @@
-"""What all ranks must do alike: calls that may fail on one of them, and input that must be equal.
+"""Agreement of all ranks: calls that may fail on one of them, and input that must be equal.
 
 A collective call waits for every rank.  So an error that one rank meets alone, or a script that
 gives each rank another input, would leave the ranks waiting for each other for ever.  The functions
@@ -21,8 +21,8 @@ from mpi4py import MPI
 from dea_fenicsx.support import errors
 from dea_fenicsx.support.errors import DeaError, InputError, SolverError
 
-EQUAL = 1e-6
-"""Largest relative difference of an observable between two ranks that counts as rounding."""
+RANK_TOLERANCE = 1e-6
+"""Largest relative difference of an observable between two ranks that may be a rounding error."""
 
 
 class OtherRankFailed(DeaError):
@@ -38,7 +38,7 @@ class OtherRankFailed(DeaError):
 
 
 class RankLeft(DeaError):
-    """Another rank has ended its script without an error, so a collective call never ends."""
+    """Another rank has ended its script without an error, so a collective call cannot end."""
 
     of_another = True
     """The cause lies on another rank, whichever rank tells of it."""
@@ -47,8 +47,8 @@ class RankLeft(DeaError):
 def complete(comm: MPI.Comm, request: MPI.Request) -> None:
     """Wait until all ranks have joined a collective call that was begun.
 
-    A rank that has left after its part of the call leaves it to complete within moments; so a call
-    that does not complete within `errors.GRACE_S` after a rank has left never will.
+    If a rank has ended its script after its part of the call, the call completes within moments.
+    So a call that does not complete within `errors.GRACE_S` after a rank has ended never will.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _arrives(request: MPI.Request, seconds: float) -> bool:
 
 
 def _from_rank(comm: MPI.Comm, first: int, fault: Exception | None, what: str) -> DeaError:
-    """What the ranks without an error raise for the first one that has met one.  Collective."""
+    """The error of ranks that have none themselves, for the first one that has.  Collective."""
     told = None
     if comm.rank == first:
         kind = type(fault) if isinstance(fault, DeaError) else OtherRankFailed
@@ -217,7 +217,7 @@ def _told(value: Any) -> str:
 def _equal(a: float, b: float) -> bool:
     """Whether two values are the same but for rounding; two that are not numbers are."""
     if np.isfinite(a) and np.isfinite(b):
-        return abs(a - b) <= EQUAL * max(abs(a), abs(b))
+        return abs(a - b) <= RANK_TOLERANCE * max(abs(a), abs(b))
     return a == b or bool(np.isnan(a) and np.isnan(b))
 
 

@@ -1,4 +1,4 @@
-"""Types of cells: what gmsh, DOLFINx, XDMF and VTK call them, and how they number their nodes."""
+"""Types of cells: their names in gmsh, DOLFINx, XDMF and VTK, and the orders of their nodes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ SHAPES = {pair: shape for shape, pair in CORNERS.items() if shape != POINT}
 """Shape of a cell by its dimension and number of corners."""
 
 SIMPLICES = (TRIANGLE, TET)
-"""Shapes whose linear map from the reference cell has a constant gradient."""
+"""Shapes whose linear map from the reference cell has a constant gradient.
+
+On these a discontinuous linear pressure is not stable.
+"""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What can go wrong, each with its exit status.
+"""The errors of the package, each with its exit status.
 
 Every message is one sentence: what is wrong, where, and what would be right.  Errors are raised on
 all ranks together, so that no rank is left waiting; only rank 0 prints.
@@ -66,7 +66,7 @@ class NotReached(PathError):
 
 
 class SolverError(PathError):
-    """The numerics failed in a way that says nothing about the device."""
+    """The numerical method failed.  This does not show an instability of the device."""
 
     exit_status = 4
 
@@ -216,7 +216,7 @@ def _tell(
     elif isinstance(error, KeyboardInterrupt):
         print("Interrupted.", file=sys.stderr)
     else:
-        # a name from a file must not tell the terminal what to do
+        # A name from a file may contain control sequences of the terminal.
         told = "".join(c if c.isprintable() else " " for c in str(error))
         print(f"Error{alone}: {told}", file=sys.stderr)
     sys.stderr.flush()

@@ -1,9 +1,9 @@
-"""The folder of compiled forms: where it lies, and how damaged files in it are found and replaced.
+"""The folder of compiled forms: its place, and how damaged files in it are found and replaced.
 
 A form is kept there as C code (``NAME.c``), as a shared library (``NAME.*.so``) and with a mark
 (``NAME.c.cached``) that says that both are complete.  A full disk, a power failure or a copy that
 was broken off can leave a library that is empty or cut short although the mark is there.  To load
-such a library ends the process by a bus error, so each is looked at before.
+such a library ends the process by a bus error, so each library is checked before it is loaded.
 """
 
 from __future__ import annotations

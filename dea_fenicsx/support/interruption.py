@@ -50,7 +50,7 @@ class Interruption:
     ) -> None:
         for number, handler in self._before.items():
             signal.signal(number, handler)
-        # all ranks come here without an error, or none; a signal may have struck one of them alone
+        # All ranks come here without an error, or none.  A signal may have reached only one rank.
         if error is None and self._on_any_rank():
             raise KeyboardInterrupt  # it came after the last check
 

@@ -1,4 +1,4 @@
-"""What a run says while it lasts: one line that is renewed on a terminal, plain lines elsewhere.
+"""Messages of a running run: one line that is renewed on a terminal, plain lines elsewhere.
 
 Rank 0 speaks.  All plain lines also go into run.log in the results folder, however quiet the run.
 """
@@ -78,7 +78,7 @@ class Progress:
             self.say(f"    {what}")
         elif self.renews and time.monotonic() - self._when > _RENEW_S:
             self._when = time.monotonic()
-            # what matters most comes first: a line that is wider than the terminal is cut
+            # A line that is wider than the terminal is cut, so the important part comes first.
             line = "  ".join(part for part in (self._left, what, self._line) if part)
             self._renewed = line[: shutil.get_terminal_size().columns - 1]
             self._put("")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 PLACE = ("PMI", "OMPI_COMM", "OMPI_APP", "OMPI_UNIVERSE", "OMPI_FILE", "PRTE_LAUNCHED", "MPIR",
          "HYDI", "MPIEXEC")  # fmt: skip
-"""Beginnings of the variables that place a process in an MPI job that is under way."""
+"""Beginnings of the environment variables by which a process joins a running MPI job."""
 
 
 def mpirun() -> str | None:

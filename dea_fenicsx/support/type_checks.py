@@ -1,4 +1,4 @@
-"""Whether an object holds what its class declares: numbers where numbers are due, names, tuples.
+"""Checks that an object's values have the types that its class declares: numbers, names, tuples.
 
 A dataclass's annotations are the declaration.  What a value may be within its type (positive, known
 to the mesh) is checked where it matters.

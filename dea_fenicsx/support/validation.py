@@ -53,7 +53,7 @@ def is_positive(value: Any) -> bool:
 
 
 def is_whole(value: Any, least: int) -> bool:
-    """Whether a value is a whole number of at least `least`; a truth value is none."""
+    """Whether a value is a whole number of at least `least`.  True and False are no numbers."""
     return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= least
 
 

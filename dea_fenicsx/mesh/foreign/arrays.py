@@ -1,8 +1,8 @@
 """Cells, regions and facets of a gmsh model as arrays, checked for what DOLFINx takes for granted.
 
-A gmsh model may hold an element twice, in no group, in two groups, or as a facet of no cell.
-DOLFINx ends the process for some of these, and takes one of two groups for others.  So each of
-them is told here, or put right.
+A gmsh model may hold an element twice, in no group, in two groups, or as a facet of no cell.  For
+some of these DOLFINx ends the process; for others it silently takes one of two groups.  So each of
+them is either corrected here or refused with a message.
 """
 
 from __future__ import annotations

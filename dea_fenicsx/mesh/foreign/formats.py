@@ -1,4 +1,4 @@
-"""What a file is, and reading it into gmsh without running anything that it holds.
+"""Recognises the kind of a file and reads it into gmsh without running anything in it.
 
 gmsh takes a file of an unknown kind for a script, whatever its name, and a script can run any
 command.  It also runs the file ``X.msh.opt`` beside a mesh ``X.msh``, and asks the shell to unpack

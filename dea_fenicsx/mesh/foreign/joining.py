@@ -1,13 +1,13 @@
-"""Parts that touch in the drawing, but share no nodes in the mesh, are told.
+"""Finds parts that touch in the drawing, but share no nodes in the mesh.
 
-Two bodies that were drawn on each other and meshed one by one have doubled nodes at their
-interface, or nodes that do not fit.  Nothing then holds one to the other, and the run gives the
-motion of loose sheets.  Such places are found by their shape alone: an exterior face of a cell lies
-on the exterior face of another one.
+If two bodies touch in the drawing and are meshed separately, they have duplicate nodes at their
+interface, or nodes at different places.  Then the two bodies are not connected, and the run gives
+the motion of loose sheets.  Such an interface is found by geometry alone: an exterior face of one
+cell lies on an exterior face of another cell.
 
-A gap that is meant, however thin, is none of these, as long as it is wider than `NEAR` of the faces
-beside it.  Where the surfaces are curved, the faces of the two bodies leave each other by their
-bulge, which is estimated and allowed for.
+An intended gap may be thin, but it must be wider than `CONTACT_SHARE` of the faces beside it.
+On curved surfaces the flat faces of two touching bodies are some distance apart.  This distance is
+estimated from the curvature and allowed for.
 """
 
 from __future__ import annotations
@@ -18,17 +18,20 @@ from scipy.spatial import cKDTree
 from dea_fenicsx.mesh.foreign.arrays import Ints, PlainMesh, element_type, point
 from dea_fenicsx.support.errors import InputError
 
-NEAR = 1e-5
-"""Distance of two faces, as a share of the smaller one's size, up to which they touch."""
+CONTACT_SHARE = 1e-5
+"""Two faces touch if their distance is below this share of the size of the smaller one."""
 
-ROUNDING = 2e-7
-"""The same as a share of the mesh's extent: files with seven digits are common."""
+CONTACT_EXTENT = 2e-7
+"""Two faces also touch if their distance is below this share of the extent of the mesh.
 
-OVERLAP = 0.05
-"""Overlap of two faces, as a share of the smaller one's size, from which it is no rounding."""
+Mesh files often have only seven digits.
+"""
 
-SMOOTH = np.cos(np.radians(30))
-"""Cosine of the angle between neighbouring faces up to which it comes from curvature."""
+SMALLEST_OVERLAP = 0.05
+"""Smallest overlap of two faces, as a share of the smaller one's size, that is not rounding."""
+
+CURVATURE_COSINE = np.cos(np.radians(30))
+"""Cosine of the largest angle between neighbouring faces of one curved surface (30 degrees)."""
 
 
 class Exterior:
@@ -46,7 +49,7 @@ class Exterior:
     bulge : how far the true surface may be away from the flat face
     """
 
-    def __init__(self, mesh: PlainMesh, smooth: float = SMOOTH) -> None:
+    def __init__(self, mesh: PlainMesh, smooth: float = CURVATURE_COSINE) -> None:
         self.smooth = smooth
         blocks = mesh.faces()
         keys = [mesh.keys(corners) for _, _, corners in blocks]
@@ -205,15 +208,16 @@ def _coplanar(faces: Exterior, a: Ints, b: Ints, extent: float) -> np.ndarray:
     sides = [np.einsum("pi,pi->p", faces.inside[j] - faces.middle[i], faces.normal[i]) > 0
              for i, j in ((a, b), (b, a))]  # fmt: skip
     parallel = (cosine > 0.9) | ((cosine < -0.9) & sides[0] & sides[1])
-    allowed = NEAR * np.minimum(faces.size[a], faces.size[b]) + ROUNDING * extent
+    smaller = np.minimum(faces.size[a], faces.size[b])
+    allowed = CONTACT_SHARE * smaller + CONTACT_EXTENT * extent
     bulge = faces.bulge[a] + faces.bulge[b]
     normal, origin = faces.normal[b], faces.middle[b]
     middle = np.abs(np.einsum("pi,pi->p", faces.middle[a] - origin, normal))
     signed = np.einsum("pki,pi->pk", faces.x[a] - origin[:, None], normal)
     near, far = np.abs(signed).min(axis=1), np.abs(signed).max(axis=1)
-    # Two chords of one arc that are turned against each other are equally far apart at both ends,
-    # but they cross.  The middle of each then lies near the other one's plane, which the planes of
-    # two arcs with a gap between them do not do both.
+    # Two crossing chords of one arc have the same distance at both ends.  Then the middle of each
+    # chord lies near the plane of the other one.  This is not so for chords of two different arcs
+    # with a gap between them.
     one_side = (signed > 0).all(axis=1) | (signed < 0).all(axis=1)
     back = np.abs(np.einsum("pi,pi->p", origin - faces.middle[a], faces.normal[a]))
     crossing = ~one_side & (middle <= allowed + bulge / 3) & (back <= allowed + bulge)
@@ -242,5 +246,5 @@ def _overlap(faces: Exterior, a: Ints, b: Ints) -> np.ndarray:
                 one.min(axis=1), two.min(axis=1)
             )
             narrow = np.minimum(np.ptp(one, axis=1), np.ptp(two, axis=1))
-            least = np.where(good, np.minimum(least, shared - OVERLAP * narrow), least)
+            least = np.where(good, np.minimum(least, shared - SMALLEST_OVERLAP * narrow), least)
     return least > 0

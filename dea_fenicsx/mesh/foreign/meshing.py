@@ -13,8 +13,8 @@ from dea_fenicsx.mesh.foreign.arrays import check_known
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.subprocesses import environment
 
-GOOD = 0.02
-"""Scaled Jacobian up to which a curved cell is mended; gmsh's optimisation aims at 0.1."""
+SMALLEST_SCALED_JACOBIAN = 0.02
+"""Curved cells with a smaller scaled Jacobian are mended; gmsh's optimisation aims at 0.1."""
 
 _METHODS = ("HighOrder", "HighOrderElastic", "HighOrder")
 """gmsh's optimisations of curved cells, in the order in which they are tried."""
@@ -61,10 +61,10 @@ def mesh_drawing(model: Any, path: Any, curved: bool = True, mend: bool = False)
         model.mesh.setOrder(max(2, round(gmsh_option("Mesh.ElementOrder"))))
         # gmsh ends the process when it is asked for the quality of cells that it cannot describe
         check_known(model.mesh.getElements(dim)[0], str(path))
-        left = len(_poor(model, dim, GOOD))
+        left = len(_poor(model, dim, SMALLEST_SCALED_JACOBIAN))
         for method in _METHODS if mend and left else ():
             model.mesh.optimize(method)
-            if not len(_poor(model, dim, GOOD)):
+            if not len(_poor(model, dim, SMALLEST_SCALED_JACOBIAN)):
                 break
     except InputError:
         raise

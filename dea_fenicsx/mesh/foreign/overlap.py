@@ -1,4 +1,4 @@
-"""Parts that lie in one another without common nodes are told.
+"""Finds parts that lie in one another without common nodes.
 
 Bodies that were drawn over each other and meshed one by one fill the same place twice.  The run
 would count the material there twice, and nothing would hold one body to the other.
@@ -28,7 +28,12 @@ from dea_fenicsx.mesh.foreign.arrays import (
     element_type,
     point,
 )
-from dea_fenicsx.mesh.foreign.joining import NEAR, ROUNDING, SMOOTH, Exterior
+from dea_fenicsx.mesh.foreign.joining import (
+    CONTACT_EXTENT,
+    CONTACT_SHARE,
+    CURVATURE_COSINE,
+    Exterior,
+)
 from dea_fenicsx.support.errors import InputError
 
 PIECES = {
@@ -39,14 +44,14 @@ PIECES = {
 }  # fmt: skip
 """Corners of the simplices that fill a cell."""
 
-COARSE = np.cos(np.radians(46))
-"""Like `SMOOTH`, where parts may touch: eight chords round a circle are still a curve.
+CURVATURE_COSINE_APART = np.cos(np.radians(46))
+"""The same if parts may touch (46 degrees): eight chords around a circle are one curve.
 
 Where parts must not touch, such coarse chords are refused here, for they do cut into each other.
 """
 
-AT_ONCE = 20_000
-"""Number of points that are looked up together, which bounds the memory."""
+POINTS_PER_LOOKUP = 20_000
+"""Number of points that are looked up together.  It limits the memory."""
 
 
 def check_overlap(mesh: PlainMesh, unit: float, apart: bool = False) -> None:
@@ -68,7 +73,7 @@ def check_overlap(mesh: PlainMesh, unit: float, apart: bool = False) -> None:
     if np.ptp(body_of_node[corners]) == 0:
         return
     cells = _Simplices(mesh, kind.shape, corners, body_of_node[corners[:, 0]])
-    faces = Exterior(mesh, COARSE if apart else SMOOTH)
+    faces = Exterior(mesh, CURVATURE_COSINE_APART if apart else CURVATURE_COSINE)
     found = _first_overlap(mesh, faces, cells, body_of_node)
     if found is None:
         return
@@ -124,7 +129,7 @@ class _Simplices:
             group = members[level == value]
             tree = cKDTree(middle[level == value])
             reach = radius[level == value].max()
-            for part in np.array_split(np.arange(len(x)), len(x) // AT_ONCE + 1):
+            for part in np.array_split(np.arange(len(x)), len(x) // POINTS_PER_LOOKUP + 1):
                 near = tree.query_ball_point(x[part], reach, return_sorted=False)
                 lengths = np.fromiter(map(len, near), dtype=np.int64, count=len(near))
                 if not lengths.sum():
@@ -144,7 +149,7 @@ def _first_overlap(
 ) -> tuple[int, int, np.ndarray] | None:
     """Two regions that lie in one another and a place, shape (3,); None if there are none."""
     body_of_face = body_of_node[faces.corners[:, 0]]
-    tiny = NEAR * faces.size + ROUNDING * np.ptp(mesh.points, axis=0).max()
+    tiny = CONTACT_SHARE * faces.size + CONTACT_EXTENT * np.ptp(mesh.points, axis=0).max()
     # the points stay in the cell behind the face, however thin it is
     height = np.abs(np.einsum("fi,fi->f", faces.middle - faces.inside, faces.normal))
     tiny = np.minimum(tiny, height / 2)

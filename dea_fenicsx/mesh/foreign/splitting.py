@@ -22,7 +22,7 @@ from dea_fenicsx.support.errors import InputError
 SIMPLEX = {(1, 1): 1, (1, 2): 8, (2, 1): 2, (2, 2): 9, (3, 1): 4, (3, 2): 11}
 """gmsh's number of the line, triangle and tetrahedron by (dimension, order)."""
 
-USABLE = {2, 3, 4, 5, 9, 10, 11, 12, 21, 29, 36, 92}
+DOLFINX_TYPES = {2, 3, 4, 5, 9, 10, 11, 12, 21, 29, 36, 92}
 """Types that DOLFINx reads: triangles, quadrilaterals, tetrahedra and bricks up to order 3."""
 
 
@@ -41,7 +41,7 @@ def to_one_shape(mesh: PlainMesh) -> None:
             f"{mesh.label} has cells of orders {' and '.join(map(str, sorted(orders)))}; mesh it "
             "with one order."
         )
-    if len(kinds) == 1 and kinds[0].number in USABLE:
+    if len(kinds) == 1 and kinds[0].number in DOLFINX_TYPES:
         return
     bad = [k.name for k in kinds if k.order > 2 or k.shape not in FACES or (
         k.order == 2 and len(k.local) != _nodes_of_second_order(k.number))]  # fmt: skip

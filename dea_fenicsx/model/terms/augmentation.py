@@ -14,7 +14,7 @@ from dea_fenicsx.scene.kinematics import StrainOf
 
 
 class Augmentation(EnergyTerm):
-    """gamma/2 s(F) (J - 1)^2 in incompressible regions, s a stress of the material's own size.
+    """gamma/2 s(F) (J - 1)^2 in incompressible regions, with a stress s of the material's size.
 
     It is zero where J = 1, and so takes nothing from the exact state; see `Discretisation`.
 
@@ -34,14 +34,14 @@ class Augmentation(EnergyTerm):
         return kernel.is_incompressible
 
     def density(self, at: MaterialPoint) -> Any:
-        # the factor enters as a constant of the form, not of the code
+        # The factor is a constant of the form, so another value needs no compilation.
         stress = _stress_of_strain(at.kernel.elastic, at.strain, at.J)
         stiffness = at.per_stress * at.constant(self.factor) * stress
         return stiffness / 2 * (at.J - 1) ** 2
 
 
 def _stress_of_strain(elastic: Elastic, strain: StrainOf, J: Any) -> Any:
-    """A stress that keeps in step with the material's own, for the augmentation.
+    """A stress s >= 0 that grows with the stress of the material, for the augmentation.
 
     It is 0 at rest and nowhere negative, and grows without limit towards J = 0.  A model may bring
     its own, `stress_size`; for any other it is mu (I1 - 3 - 2 ln J) over the chain margin, with the

@@ -11,9 +11,9 @@ from dea_fenicsx.model.terms.base import EnergyTerm
 
 
 class Elasticity(EnergyTerm):
-    """W(F) - W'(1) ln J where the material keeps its volume, else W of F without its change of it.
+    """W(F) - W'(1) ln J in incompressible regions, else W(J^(-1/3) F).
 
-    The second part of the first form makes the stress vanish at rest with p = 0.
+    The term with ln J makes the stress 0 in the undeformed state with p = 0.
     """
 
     name = "elastic"

@@ -1,4 +1,4 @@
-"""The pressure, which keeps the volume or gives it its bulk modulus."""
+"""The energy of the pressure, which constrains the volume or gives the bulk modulus."""
 
 from __future__ import annotations
 

@@ -15,14 +15,15 @@ from dea_fenicsx.origami import (
     least_fold_width,
     strokes,
 )
+from dea_fenicsx.thesis.errata import PrintedKresling
 from dea_fenicsx.thesis.table import ASSUMED, MISSING, REPRODUCED, WRONG, Row, answer, computed
 
 SIDE, EDGE, HEIGHT, PANEL = 2.125 * INCH, 2.75 * INCH, 1.65 * INCH, 0.02 * INCH  # Table 5.1
 K = 17 * POUND_FORCE / INCH  # k = 17, unit assumed
 READINGS = {
-    "printed_chord_no_twist": Kresling(SIDE, HEIGHT, K, HEIGHT, twist="held", chords="printed"),
+    "printed_chord_no_twist": PrintedKresling(SIDE, HEIGHT, K, HEIGHT, twist="held"),
     "corrected_chord_no_twist": Kresling(SIDE, HEIGHT, K, HEIGHT, twist="held"),
-    "printed_chord_rigid_b_1p65": Kresling(SIDE, HEIGHT, K, HEIGHT, chords="printed"),
+    "printed_chord_rigid_b_1p65": PrintedKresling(SIDE, HEIGHT, K, HEIGHT),
     "corrected_rigid_b_1p65": Kresling(SIDE, HEIGHT, K, HEIGHT),
     "corrected_rigid_b_2p75_h0_1p65": Kresling(SIDE, EDGE, K, HEIGHT),
     "corrected_rigid_b_2p75_h0_1p7455": Kresling(SIDE, EDGE, K),
@@ -121,7 +122,7 @@ def _kinematics() -> list[Row]:
 def _readings() -> list[Row]:
     s, found = "kresling_kinematics", []
     for name, storey in READINGS.items():
-        if storey.chords == "printed" and storey.twist == "free":
+        if not storey.is_solid and storey.twist == "free":
             found.append(computed(s, f"{name}.lowest", storey.lowest, "m", "stops at this height"))
             continue
         found.append(computed(s, f"{name}.F_energy_peak", storey.peak()[1], "N", "dU/dh"))
