@@ -69,6 +69,21 @@ def test_a_loop_over_moduli_gives_what_each_run_gives_alone(strip, monkeypatch):
         assert told == alone.summary["settings"]["materials"]["active"]
 
 
+def test_constants_that_make_sense_together_only_are_taken_together(cube):
+    """A bulk modulus may not be below 2/3 of the shear modulus: both grow at once."""
+    found = []
+    for mu in (1e5, 1e7, 1e5):
+        scene = dea.Scene(
+            cube, {"film": dea.Material(dea.NeoHookean(mu), None, 2 * mu)},
+            supports=[dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")],
+            loads=[dea.DeadLoad("x_max", (mu, 0.0, 0.0))],
+        )
+        length = dea.MeanStretch(("x_min", "x_max"), "x")
+        run = dea.solve(scene, dea.Ramp(steps=2), {"x": length}, quiet=True)
+        found.append(run["x"])
+    assert found[1:] == pytest.approx(found[:1] * 2, rel=1e-9)
+
+
 def test_a_problem_that_can_be_seen_is_left_alone(strip):
     first = solve(bender(strip))
     problem = first.problem

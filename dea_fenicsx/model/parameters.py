@@ -120,12 +120,14 @@ class Parameters(MutableMapping[str, float]):
         return len(self._handles)
 
     def take(self, materials: Mapping[str, Material]) -> None:
-        """Set all constants to those of other materials of the same kinds."""
-        for name, handle in self._handles.items():
-            value = handle.read(materials[handle.region])
-            if value != self[name]:
-                self[name] = value
+        """Set all constants to those of materials of the same kinds, which a scene has checked.
+
+        They are set together, as some of them make sense only together.
+        """
+        for handle in self._handles.values():
+            self._store(handle, materials[handle.region])
         self.materials = dict(materials)
+        self.changes += 1
 
     def _handle(self, name: str) -> _Handle:
         known(name, self._handles, "constant", "the problem")
