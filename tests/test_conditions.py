@@ -200,6 +200,7 @@ EXAMPLES = {
     "FollowerPressure": ("x_max", 5.0), "AxialForce": (1.0,), "Torque": (1.0,),
     "Electrode": ("top", 5.0), "ThinFilm": ("film", 5.0, "voltage", (), 0.0, EDGE),
     "ChargedElectrode": ("top", 1e-9),
+    "Rigid": ("x_max",), "Turn": ("x_max", 1.0), "Moment": ("x_max", 1.0),
 }  # fmt: skip
 
 
@@ -221,6 +222,8 @@ def test_every_condition_checks_and_declares_itself(cube, name):
     item = kind(*EXAMPLES[name])
     needs_cell = name in ("AxialStretch", "Twist", "AxialForce", "Torque")
     scene = Setting(cube, Helical(0.0) if needs_cell else dea.ThreeD())
+    if name in ("Rigid", "Turn", "Moment"):
+        scene.kinematics, scene.supports = dea.PlaneStrain(1e-3), (dea.Rigid("x_max"),)
     item.check(scene)
     told = item.declarations(scene)
     assert told

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from dea_fenicsx.scene.condition import (
     Load,
@@ -51,8 +52,7 @@ class Rigid(OnSurface, Support):
                 f"Rigid on {self.where!r} needs PlaneStrain(depth) or GeneralisedPlaneStrain(depth)"
                 f", but the kinematics is {type(scene.kinematics).__name__}; leave it out."
             )
-        others = [s for s in scene.supports if not isinstance(s, Rigid)]
-        if declared(others, scene, HeldRigidMotions):
+        if declared(scene.supports, scene, HeldRigidMotions):
             raise InputError(
                 f"Rigid on {self.where!r} and FreeBody() do not go together; hold the rigid part, "
                 'as in Rigid(..., held="xy"), or another surface.'
@@ -62,7 +62,7 @@ class Rigid(OnSurface, Support):
                 f"Rigid on {self.where!r} is held along {self.held!r}, but must be held along "
                 f"none or some of {', '.join(axes)}."
             )
-        if sum(isinstance(s, Rigid) and s.where == self.where for s in scene.supports) > 1:
+        if len(_on(self.where, declared(scene.supports, scene, RigidSurface))) > 1:
             raise InputError(f"{self.where!r} is rigid twice; name it once.")
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
@@ -82,7 +82,7 @@ class Turn(OnSurface, Prescribed):
         super().check(scene)
         _check_part(self, self.where, scene)
         finite(self.radians, f"The angle of {self.where!r}")
-        if sum(isinstance(p, Turn) and p.where == self.where for p in scene.prescribed) > 1:
+        if len(_on(self.where, declared(scene.prescribed, scene, RigidAngle))) > 1:
             raise InputError(f"{self.where!r} is turned twice; give one angle.")
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
@@ -102,7 +102,7 @@ class Moment(OnSurface, Load):
         super().check(scene)
         _check_part(self, self.where, scene)
         finite(self.newton_metres, f"The moment on {self.where!r}")
-        if any(isinstance(p, Turn) and p.where == self.where for p in scene.prescribed):
+        if _on(self.where, declared(scene.prescribed, scene, RigidAngle)):
             raise InputError(
                 f"The moment on {self.where!r} has no effect, since its angle is prescribed; "
                 "leave one of the two out."
@@ -112,8 +112,13 @@ class Moment(OnSurface, Load):
         return [RigidMoment(self.where, self.newton_metres, self.ramp)]
 
 
+def _on[T: RigidSurface | RigidAngle](where: str, told: Sequence[tuple[Any, T]]) -> list[T]:
+    """What is declared of one facet group."""
+    return [one for _, one in told if one.surface == where]
+
+
 def _check_part(item: Turn | Moment, where: str, scene: Setting) -> None:
-    if not any(isinstance(s, Rigid) and s.where == where for s in scene.supports):
+    if not _on(where, declared(scene.supports, scene, RigidSurface)):
         raise InputError(
             f"{type(item).__name__} on {where!r} needs a rigid part; add Rigid({where!r}) to the "
             "supports."
