@@ -74,17 +74,6 @@ def test_energies_of_a_homogeneous_film(kinematics):
     assert found == pytest.approx(exact, rel=1e-7)
 
 
-def film_in_space(comm):
-    return film(comm, dea.ThreeD())
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, 3])
-def test_energies_on_more_ranks_than_cells(on_ranks, ranks):
-    found, exact = on_ranks("test_energy_observables", "film_in_space", ranks)
-    assert found == pytest.approx(exact, rel=1e-7)
-
-
 def test_elastic_energy_with_a_bulk_modulus():
     """F = diag(1, 1, J): W = mu/2 (J^(-2/3) (2 + J^2) - 3) + kappa/2 (J - 1)^2."""
     J = 1.2
@@ -151,6 +140,26 @@ def test_energy_balance(kinematics):
         slope = (total[high] - total[low]) / (load[high] - load[low])
         assert slope == pytest.approx(-run.column("loads_J")[mid] / load[mid], rel=1e-6)
     assert abs(run["loads_J"]) > 1e-3 * run["elastic_J"]
+
+
+def test_energy_balance_of_a_charged_electrode():
+    """d(elastic + electric) = V dQ where the charge is given and the potential is found."""
+    Q = 1.5e-8
+    scene = dea.Scene(
+        box((2,)), {"film": FILM}, [dea.ChargedElectrode("bottom", Q), dea.Ground("top")],
+        [dea.Clamp("x_min")], kinematics=dea.PlaneStrain(2e-3),
+    )  # fmt: skip
+    record = {**ENERGIES, "V": dea.Potential("bottom"), "Q": dea.Charge("bottom")}
+    path = dea.Ramp(to=1.001, at=(0.999, 1.0))
+    run = dea.solve(scene, path, record, quiet=True)
+    low, mid, high = (
+        np.flatnonzero(np.isclose(run.column("charge_factor"), f))[0]
+        for f in (0.999, 1.0, 1.001)
+    )
+    total = run.column("elastic_J") + run.column("electric_J")
+    slope = (total[high] - total[low]) / (0.002 * Q)
+    assert slope == pytest.approx(run.column("V_V")[mid], rel=1e-6)
+    assert run["loads_J"] == 0.0 and run["elastic_J"] > 1e-4 * run["electric_J"]
 
 
 # --------------------------------------------------------------------------------- parts and names
@@ -436,9 +445,16 @@ def shared_nodes(comm):
     return [float(run[f"{name}_{units[name[0]]}"]) for name in record]
 
 
+def on_any_ranks(comm):
+    """Energies of one cell, and values at nodes of several."""
+    return [film(comm, dea.ThreeD()), shared_nodes(comm)]
+
+
 @pytest.mark.mpi
-def test_shared_nodes_on_ranks(on_ranks):
+def test_on_ranks(on_ranks):
+    """Also where there are more ranks than cells."""
     alone = shared_nodes(MPI.COMM_SELF)
     for ranks in (2, 3):
-        found = on_ranks("test_energy_observables", "shared_nodes", ranks)
-        assert found == pytest.approx(alone, rel=1e-7)
+        (energies, exact), values = on_ranks("test_energy_observables", "on_any_ranks", ranks)
+        assert energies == pytest.approx(exact, rel=1e-7)
+        assert values == pytest.approx(alone, rel=1e-7)

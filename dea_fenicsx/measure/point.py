@@ -48,13 +48,15 @@ class AtPoint:
         in plane strain, (r, z) in axisymmetry and in a helical cell.
     what
         ``"displacement"``
-            A component of the displacement in m, along `axis`.
+            A component of the displacement in m, along `axis`: of a helical cell one of u_r,
+            u_theta, u_z in the frame that turns with the section, as in `MeanDisplacement`.
         ``"potential"``
             The electric potential in V, in dielectrics and electrodes.
         ``"pressure"``
             Minus a third of the trace of the Cauchy stress in Pa, as in the fields of a run.
         ``"stretch"``
-            The length of a material fibre along `axis`, over its undeformed length: |F e|.
+            The length of a material fibre along `axis`, over its length in the mesh as it is,
+            which a pre-stretch has stretched before: |F e|.
         ``"stress"``
             A component of the Cauchy stress in Pa, electrostatic part included; `axis` names two
             axes, such as "xx" or "xz".
