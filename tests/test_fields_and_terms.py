@@ -11,6 +11,7 @@ import pytest
 from conftest import block
 from mpi4py import MPI
 from scipy.optimize import fsolve
+from test_helical import UNIT, ring
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
@@ -126,6 +127,47 @@ def test_a_new_field(case, factor, with_fields, plain):
     assert np.allclose(run.history["width_m"], plain.history["width_m"], rtol=1e-9, atol=0)
     assert run.summary["unknowns_by_field"][name] == len(values_of(run.problem, name))
     assert run.summary["inertia"] == 0 and run.summary["stable"]
+
+
+class FollowsTwice(EnergyTerm):
+    """Both parts of q become J."""
+
+    name = "parts of q follow J"
+    fields = ("q",)
+
+    def density(self, at):
+        return sum((at.fields["q"][k] - at.J) ** 2 / 2 for k in range(2))
+
+
+def test_a_field_with_parts(with_fields):
+    element = basix.ufl.element("DG", "hexahedron", 0, shape=(2,))
+    field = Field("q", element, Role.INTERNAL, ("one", "two"), at_rest=1.0)
+    with_fields(lambda s: [field], FollowsTwice())
+    run = dea.solve(film(), dea.Ramp(steps=2), quiet=True, options=TIGHT)
+    found = [run.problem.w.x.array[part.dofs] for part in run.problem.space.parts["q"].values()]
+    assert np.allclose(found, volume_ratio(run.problem), rtol=1e-9)
+    assert run.summary["unknowns_by_field"]["q"] == 2
+
+
+def test_which_elements_share_degrees_of_freedom():
+    element, cell = basix.ufl.element, "triangle"
+    shared = [element("P", cell, 1), element("P", cell, 2, shape=(2,)), element("CR", cell, 1)]
+    own = [element("DG", cell, 0), element("DG", cell, 1, shape=(2,)),
+           element("bubble", cell, 3), basix.ufl.quadrature_element(cell, degree=2)]  # fmt: skip
+    for elements, continuous in ((shared, True), (own, False)):
+        for each in elements:
+            assert Field("q", each, Role.INTERNAL).is_continuous is continuous
+
+
+@pytest.mark.usefixtures("quick_compile")
+def test_a_continuous_field_is_tied_at_periodic_ends(with_fields):
+    with_fields(lambda s: [scalar("q", s, 1)], Follows())
+    run = dea.solve(ring(volts=0.3 * UNIT), dea.Ramp(steps=1), quiet=True)
+    problem = run.problem
+    nodes, tied = len(values_of(problem, "q")), problem.conditions.pairs.counts[-1]
+    assert run.summary["unknowns_by_field"]["q"] == nodes - tied < nodes
+    assert np.allclose(values_of(problem, "q"), 1, rtol=1e-8)
+    assert run.summary["inertia"] == 0
 
 
 # --------------------------------------------------------------------- fields on some regions

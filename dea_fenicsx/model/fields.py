@@ -87,8 +87,8 @@ class Field:
 
     @property
     def is_continuous(self) -> bool:
-        """Whether neighbouring cells share degrees of freedom."""
-        return not self.element.discontinuous
+        """Whether neighbouring cells share degrees of freedom, on a vertex, an edge or a face."""
+        return any(n for on_entities in self.element.num_entity_dofs[:-1] for n in on_entities)
 
 
 def declared_fields(scene: Scene) -> list[Field]:
