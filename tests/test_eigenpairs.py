@@ -152,7 +152,7 @@ def first_ones(comm):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_on_several_ranks(ranks, on_ranks):
     """The film has one cell, so that some ranks have none."""
     found, residual = on_ranks("test_eigenpairs", "first_ones", ranks)

@@ -336,6 +336,23 @@ def test_a_symmetric_tangent_is_its_own_transpose():
     assert solver.solve_transposed(0 * b).residual == 0
 
 
+def test_the_transpose_under_a_follower_pressure():
+    """Its surface has a free edge, so that the tangent is not symmetric, though the factor is."""
+    loads = [dea.FollowerPressure("x_max", 2e4)]
+    problem = Problem(replace(film(), loads=loads))
+    solver = NewtonSolver(problem)
+    problem.commit(solver.solve(problem.state, dict.fromkeys(problem.factors, 1.0)).found)
+    rng = np.random.default_rng(2)
+    a, b = (rng.standard_normal(len(problem.free)) for _ in range(2))
+    lack = solver.tangent.times_transposed(a) - solver.tangent.times(a)
+    assert np.linalg.norm(lack) > 1e-3
+    x, y = solver.solve_transposed(a, 1e-12), solver.linear_solve(b, 1e-12)
+    assert x.residual <= 1e-12
+    assert abs(x.values @ b - a @ y) < 1e-10 * np.linalg.norm(x.values) * np.linalg.norm(b)
+    solver.refresh_inertia()
+    assert solver.inertia.excess == 0
+
+
 def test_no_split_factor_without_symmetry(with_fields):
     with_fields(lambda s: [], CrossStress())
     with pytest.raises(dea.InputError, match="needs a symmetric tangent"):

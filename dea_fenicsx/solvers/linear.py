@@ -263,12 +263,6 @@ class LinearSolver:
 
         return solve_to(rhs, rtol, solve, tangent.times_transposed, self.problem.comm)
 
-    def ready_factor(self) -> bool:
-        """Make a factor if there is none that serves; False if MUMPS fails.  Collective."""
-        if self._stale or self._corotation.factor is None:
-            return self._factorise(self._preferred)
-        return True
-
     def forget_factor(self) -> None:
         """Make a new factor at the next solve, because the kept one belongs to a distant state."""
         self._stale = True
