@@ -447,14 +447,18 @@ def shared_nodes(comm):
 
 def on_any_ranks(comm):
     """Energies of one cell, and values at nodes of several."""
-    return [film(comm, dea.ThreeD()), shared_nodes(comm)]
+    return [film(comm, dea.PlaneStrain(2e-3)), shared_nodes(comm)]
+
+
+@pytest.fixture(scope="module")
+def alone():
+    return shared_nodes(MPI.COMM_SELF)
 
 
 @pytest.mark.mpi
-def test_on_ranks(on_ranks):
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_on_ranks(on_ranks, alone, ranks):
     """Also where there are more ranks than cells."""
-    alone = shared_nodes(MPI.COMM_SELF)
-    for ranks in (2, 3):
-        (energies, exact), values = on_ranks("test_energy_observables", "on_any_ranks", ranks)
-        assert energies == pytest.approx(exact, rel=1e-7)
-        assert values == pytest.approx(alone, rel=1e-7)
+    (energies, exact), values = on_ranks("test_energy_observables", "on_any_ranks", ranks)
+    assert energies == pytest.approx(exact, rel=1e-7)
+    assert values == pytest.approx(alone, rel=1e-7)
