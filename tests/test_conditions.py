@@ -150,6 +150,7 @@ def tilted_on(comm):
     return [run["newton_iterations"], run["u_m"], run["w_m"]]
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_own_conditions_on_several_ranks(on_ranks, ranks):
     """Three ranks are more than there are cells."""
