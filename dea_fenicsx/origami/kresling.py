@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
+from inspect import signature
 from typing import Any, ClassVar, Literal, get_args
 from warnings import warn
 
@@ -360,6 +361,12 @@ class Kresling:
             raise InputError(
                 f"Kresling: {what} lies between two states without strain, but this storey has one."
             )
+
+
+# `__new__` takes anything, so that the old option is seen; the fields are those of `__init__`.
+Kresling.__signature__ = signature(Kresling.__init__).replace(  # type: ignore[attr-defined]
+    parameters=list(signature(Kresling.__init__).parameters.values())[1:]
+)
 
 
 def strokes(start: Any, end: Any, collapsed: Any) -> dict[str, Any]:
