@@ -197,6 +197,9 @@ class Branch:
                 return Attempt(fault, iterations, np.inf)
             residual = problem.residual()
             norm = solver.residual_of(residual)
+            if norm <= solver.options.tolerance:
+                # A trial state far off may have had larger load forces, and so a looser test.
+                norm = solver.residual_of(residual, anew=True)
             if norm <= solver.options.tolerance and iterations >= at_least:
                 return Attempt(Outcome.CONVERGED, iterations, norm, state)
             if iterations == solver.options.max_iterations:

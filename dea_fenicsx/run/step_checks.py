@@ -60,7 +60,7 @@ def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -
     """
     problem = solver.problem
     residual = problem.residual()
-    norm = solver.residual_of(residual)
+    norm = solver.residual_of(residual, anew=True)
     probe = problem.probe()
     worst, bounded, bound = volume(problem, solver.options.tolerance * solver.references.volume)
     faults = []

@@ -85,15 +85,19 @@ class References:
         self._disorder = self._charges_of_disorder()
         self._loads: tuple[dict[str, float], float] = ({}, 0.0)
 
-    def norms(self, residual: np.ndarray) -> dict[str, float]:
-        """2-norm of each field's unbalanced rows relative to its reference.  Collective."""
+    def norms(self, residual: np.ndarray, anew: bool = False) -> dict[str, float]:
+        """2-norm of each field's unbalanced rows relative to its reference.  Collective.
+
+        With `anew` the forces of loads that depend on the state are those of this very state.
+        """
+        anew = anew and bool(self.problem.loads.changing)
         out = {}
         for group, everything, mine in self._rows(residual):
             reference = max(self.sizes.get(group.name, 0.0), everything)
             if group.role is Role.MULTIPLIER:
                 reference = self.volume
             elif group.role is Role.MOTION:
-                reference = max(reference, self._load_size())
+                reference = max(reference, self._load_size(anew))
             elif group.role is Role.POTENTIAL:
                 mine = max(mine - self._rounding(), 0.0)
             else:
