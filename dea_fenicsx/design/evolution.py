@@ -90,8 +90,8 @@ def evolve(
         For a start outside the ranges or the bounds, and if no design satisfies the bounds.
     """
     install_hook()
-    require_pymoo()
     chosen = keywords("evolve", options, EvolutionOptions, {"start": ()})
+    require_pymoo()
     population, generations, seed = (
         chosen[name] for name in ("population", "generations", "seed")
     )

@@ -90,11 +90,11 @@ def search(
     InputError
         For wrong input, and if no design satisfies the constraints.
     """
-    require_pymoo()
     chosen = keywords(
         "search", options, SearchOptions,
         {"population": 100, "generations": 100, "seed": 1, "start": ()},
     )  # fmt: skip
+    require_pymoo()
     model = HelicalModel(material_of(material), electrode, inset, turns)
     free, fixed = _within(envelope or {})
     wanted = {}
@@ -196,12 +196,12 @@ def optimise(
     InputError
         For wrong input, and if no design satisfies the constraints.
     """
-    require_pymoo()
     chosen = keywords(
         "optimise", options, OptimiseOptions,
         {"population": 16, "generations": 10, "seed": 1, "start": (), "comm": MPI.COMM_WORLD,
          "quiet": False},
     )  # fmt: skip
+    require_pymoo()
     comm, quiet = chosen["comm"], chosen.pop("quiet")
     free, fixed = ranges(variables)
     wanted, bounds = goals(objectives), limits(constraints or {})
