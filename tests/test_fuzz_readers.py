@@ -42,7 +42,7 @@ forked.SECONDS = 2.0
 KEPT = []
 
 def changing(): os.environ["OTHER"] = "1"
-def handling(): signal.signal(signal.SIGINT, signal.SIG_IGN)
+def handling(): signal.signal(signal.SIGINT, lambda *_: None)
 def opening(): KEPT.append(open("/dev/null"))
 def masking(): os.umask(0o77)
 def leaving(): Path("left").write_text("")
