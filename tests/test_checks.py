@@ -95,7 +95,7 @@ def test_a_failed_trial_does_not_loosen_later_tests(solver):
     """The reactions of a trial state far off leave the references as they were."""
     problem = solver.problem
     before, state = dict(solver.references.sizes), problem.state
-    problem.add_free(0.1 * np.ones(len(problem.free)))
+    problem.commit(problem.moved(problem.state, 0.1 * np.ones(len(problem.free))))
     solver.references.norms(problem.residual())
     assert solver.references.sizes == before
     problem.commit(state)

@@ -184,7 +184,7 @@ def test_kept_matrix_and_factors_are_filled_anew():
     b = rng.standard_normal(len(problem.free))
     kept, solved = [], []
     for factor, exact in zip(factors, (1e-10, 1e-2), strict=True):
-        problem.add_free(0.005 * rng.standard_normal(len(problem.free)))
+        problem.commit(problem.moved(problem.state, 0.005 * rng.standard_normal(len(problem.free))))
         kept.append(tangent.matrix())
         assert factor.make(kept[-1])
         x.array[:] = b

@@ -74,7 +74,7 @@ def test_derivative_by_the_ramp():
     rng = np.random.default_rng(3)
     load = {"prestretch": 0.6, "load": 0.6, "voltage": 1.0}
     problem.commit(problem.imposed(problem.under(problem.state, load)))
-    problem.add_free(1e-3 * rng.standard_normal(len(problem.free)))
+    problem.commit(problem.moved(problem.state, 1e-3 * rng.standard_normal(len(problem.free))))
     start = problem.unbalanced(problem.residual())
     tangent = Tangent(problem)
     slope = sum(tangent.by_load(r) for r in ("prestretch", "load"))

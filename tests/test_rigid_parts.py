@@ -108,7 +108,7 @@ def bent(scene, turn=np.pi, noise=3e-3):
     problem.commit(problem.imposed(problem.state.with_values(values)))
     assert np.abs(problem.w.x.array - values).max() < 1e-14  # the end of an arc is rigid
     random = np.random.default_rng(1)
-    problem.add_free(noise * random.standard_normal(len(problem.free)))
+    problem.commit(problem.moved(problem.state, noise * random.standard_normal(len(problem.free))))
     return problem, random
 
 
@@ -155,7 +155,8 @@ def test_newton_is_quadratic_at_half_a_turn():
     for _ in range(4):
         rest = problem.unbalanced(problem.residual())
         norms.append(float(np.linalg.norm(rest)))
-        problem.add_free(-np.linalg.solve(as_array(tangent.matrix()), rest))
+        step = -np.linalg.solve(as_array(tangent.matrix()), rest)
+        problem.commit(problem.moved(problem.state, step))
     for before, after in pairwise(norms):
         assert after < 10 * before**2 + 1e-12, norms
     assert norms[0] > 1e-3 and norms[3] < 1e-11, norms

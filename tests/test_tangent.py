@@ -40,7 +40,7 @@ def problem_at_a_rough_state(elastic, kappa, cells, kinematics, rng):
     )
     problem = Problem(scene)
     problem.commit(problem.imposed(problem.under(problem.state, dict.fromkeys(scene.ramps, 1.0))))
-    problem.add_free(0.02 * rng.standard_normal(len(problem.free)))
+    problem.commit(problem.moved(problem.state, 0.02 * rng.standard_normal(len(problem.free))))
     return problem
 
 
@@ -62,7 +62,7 @@ def test_taylor_remainder(case, place):
     remainders = []
     for h in steps:
         problem.commit(start)
-        problem.add_free(h * direction)
+        problem.commit(problem.moved(problem.state, h * direction))
         change = problem.residual()[problem.free] - residual - h * y.array_r
         remainders.append(np.linalg.norm(change))
     order = np.polyfit(np.log(steps), np.log(remainders), 1)[0]

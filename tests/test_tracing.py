@@ -163,7 +163,8 @@ def test_load_derivative_is_exact():
     tangent = Tangent(problem)
     factors = {"load": 0.7, "voltage": 0.4}
     problem.commit(problem.imposed(problem.under(problem.state, factors)))
-    problem.add_free(0.01 * np.random.default_rng(1).standard_normal(len(problem.free)))
+    away = 0.01 * np.random.default_rng(1).standard_normal(len(problem.free))
+    problem.commit(problem.moved(problem.state, away))
     for ramp in factors:
         problem.commit(problem.imposed(problem.under(problem.state, factors)))
         exact = tangent.by_load(ramp)

@@ -55,6 +55,8 @@ class Parameters(MutableMapping[str, float]):
     ``"film.elastic.mu[1]"`` the second of several, ``"film.electric.eps_r"`` its relative
     permittivity, and ``"film.bulk_modulus"`` its bulk modulus where it has one.
 
+    A solver scales residuals by the moduli; after a large change of them call its `renew`.
+
     Parameters
     ----------
     scene, scales, kernels
@@ -64,8 +66,6 @@ class Parameters(MutableMapping[str, float]):
     ----------
     materials
         Material of each region, with the present constants.
-    changes
-        How often a constant has been set.  A factor of the tangent from before is then outdated.
 
     Raises
     ------
@@ -75,7 +75,6 @@ class Parameters(MutableMapping[str, float]):
 
     def __init__(self, scene: Scene, scales: Scales, kernels: Sequence[Kernel]) -> None:
         self.materials: dict[str, Material] = dict(scene.materials)
-        self.changes = 0
         self._device, self._scales = scene.device, scales
         self._kernels = {name: kernel for kernel in kernels for name in kernel.regions}
         self._handles = dict(self._all())
@@ -108,7 +107,6 @@ class Parameters(MutableMapping[str, float]):
             raise InputError(f"Region {handle.region!r}, {model}: {faults[0]}.")
         self._store(handle, material)
         self.materials[handle.region] = material
-        self.changes += 1
 
     def __delitem__(self, name: str) -> None:
         raise InputError(f"The constant {name!r} cannot be taken away; give it another value.")
@@ -127,7 +125,6 @@ class Parameters(MutableMapping[str, float]):
         for handle in self._handles.values():
             self._store(handle, materials[handle.region])
         self.materials = dict(materials)
-        self.changes += 1
 
     def _handle(self, name: str) -> _Handle:
         known(name, self._handles, "constant", "the problem")

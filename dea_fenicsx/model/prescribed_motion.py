@@ -13,6 +13,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.mesh.cell_quality import point
+from dea_fenicsx.mesh.neighbours import extent
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.scene.condition import Condition, declared
 from dea_fenicsx.scene.declarations import FixedDisplacement
@@ -122,8 +123,7 @@ def _surfaces(scene: Scene, parts: list[Component]) -> list[_Surface]:
             X = part.space.tabulate_dof_coordinates()[
                 local, scene.kinematics.coordinates.index(told.axis)
             ]
-            low = device.comm.allreduce(float(X.min(initial=np.inf)), op=MPI.MIN)
-            high = device.comm.allreduce(float(X.max(initial=-np.inf)), op=MPI.MAX)
+            low, high = extent(device, X)
         found.append(_Surface(item, told, local, low, high))
     return found
 

@@ -29,8 +29,6 @@ from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 
-__all__ = ["Probe", "Problem", "assembled"]
-
 
 class Problem:
     """The discrete problem of a scene.
@@ -190,11 +188,6 @@ class Problem:
         It keeps it wherever no dead load turns the body.
         """
         return self.turning.anchored(state)
-
-    def add_free(self, increment: np.ndarray) -> None:
-        """Add an increment to the free unknowns (owned) and update what follows them."""
-        self.spread(increment, self._step)
-        self._place(self.w.x.array + self._step.x.array)
 
     def reuse(self, scene: Scene) -> None:
         """Take the constants of a scene that differs by them alone, and go back to the start."""

@@ -168,10 +168,11 @@ class Branch:
         self._by_load = x
         return x
 
-    def aside(self, state: State, factor: float, mode: np.ndarray) -> Point:
+    def aside(self, state: State, mode: np.ndarray) -> Point:
         """A bifurcation as a point whose tangent is its null vector."""
         x = mode[self.problem.free]
-        return Point(state, factor, x / np.sqrt(self.dot(x, 0.0, x, 0.0)), 0.0)
+        length = np.sqrt(self.dot(x, 0.0, x, 0.0))
+        return Point(state, self.factor_of(state), x / length, 0.0)
 
     def step(self, start: Point, arc: float, end: Point | None = None) -> Attempt:
         """Go an arc along the branch: predict a state, then correct it by Newton's method.

@@ -9,15 +9,13 @@ from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.evidence import Evidence
-from dea_fenicsx.path.items import Ramp, Trace, check_path
+from dea_fenicsx.path.items import Ramp
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.snapping import over_the_limit
 from dea_fenicsx.path.verdicts import INCONCLUSIVE_OUTCOMES, is_near_limit, ramp_lost
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 from dea_fenicsx.support.errors import EquilibriumLost, PathError, SolverError
-
-__all__ = ["Cursor", "Ramp", "RampWalk", "Step", "Trace", "check_path"]
 
 SMALLEST_STEP = 2.0**-10
 """Smallest step, in units of the first one.  Below it equilibrium counts as lost."""

@@ -16,8 +16,6 @@ from dea_fenicsx.path.roots import Bracket
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
-__all__ = ["BranchLost", "Trace", "Traced", "Tracer"]
-
 END_TOLERANCE = 1e-7
 """Largest distance from the value at which a trace ends, as a share of the gap of the last step."""
 
@@ -153,8 +151,7 @@ class Tracer:
     def _aside(self, traced: Traced) -> Point:
         """A bifurcation as the first point of the branch that crosses there."""
         assert traced.mode is not None
-        factor = self.branch.factor_of(traced.state)
-        return self.branch.aside(traced.state, factor, np.sign(self.item.switch) * traced.mode)
+        return self.branch.aside(traced.state, np.sign(self.item.switch) * traced.mode)
 
     def _left(self, state: State) -> float | None:
         """How far a state is from the end of the trace, of either sign; None for no end."""

@@ -13,7 +13,8 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.model.fields import Role
-from dea_fenicsx.model.problem import Probe, Problem
+from dea_fenicsx.model.probe import Probe
+from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import SolverError
 

@@ -54,7 +54,28 @@ class DeadLoad(OnSurface, Load):
 
 @dataclass(frozen=True)
 @in_si(pascal="Pa")
-class DeadPressure(OnSurface, Load):
+class _Pressure(OnSurface, Load):
+    """A pressure on a facet group, which presses on the material that it acts on.
+
+    On a surface inside the device the region on which it presses may have to be named.
+    """
+
+    where: str
+    pascal: float
+    on: str | None = None
+    ramp: str = "load"
+
+    @property
+    def region_names(self) -> tuple[str, ...]:
+        return () if self.on is None else (self.on,)
+
+    def check(self, scene: Setting) -> None:
+        super().check(scene)
+        finite(self.pascal, f"The pressure on {self.where!r}")
+
+
+@dataclass(frozen=True)
+class DeadPressure(_Pressure):
     """Nominal pressure along the undeformed normal, pressing on the material it acts on.
 
     On a surface inside the device, between an electrode layer and a dielectric, it presses on the
@@ -71,26 +92,12 @@ class DeadPressure(OnSurface, Load):
         of it alone is dielectric.
     """
 
-    where: str
-    pascal: float
-    on: str | None = None
-    ramp: str = "load"
-
-    @property
-    def region_names(self) -> tuple[str, ...]:
-        return () if self.on is None else (self.on,)
-
-    def check(self, scene: Setting) -> None:
-        super().check(scene)
-        finite(self.pascal, f"The pressure on {self.where!r}")
-
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
         return [DeadNormalPressure(self.where, self.ramp, self.pascal, self.on)]
 
 
 @dataclass(frozen=True)
-@in_si(pascal="Pa")
-class FollowerPressure(OnSurface, Load):
+class FollowerPressure(_Pressure):
     """True pressure: force per deformed area, along the deformed normal, pressing on the body.
 
     Negative values pull, so that on the side of a homogeneous film it is a true stress.  Its
@@ -108,18 +115,8 @@ class FollowerPressure(OnSurface, Load):
         of it alone is dielectric.
     """
 
-    where: str
-    pascal: float
-    on: str | None = None
-    ramp: str = "load"
-
-    @property
-    def region_names(self) -> tuple[str, ...]:
-        return () if self.on is None else (self.on,)
-
     def check(self, scene: Setting) -> None:
         super().check(scene)
-        finite(self.pascal, f"The pressure on {self.where!r}")
         if scene.kinematics.global_unknowns:
             raise InputError(
                 f"FollowerPressure on {self.where!r} is not available in "

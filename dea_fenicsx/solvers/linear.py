@@ -72,29 +72,27 @@ class LinearSolver:
     def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
         self.problem = problem
         self.options = options or NewtonOptions()
+        self.tangent = Tangent(problem)
+        self._whole = WholeFactor(problem)
+        self._corotation = Corotation(problem)
+        self._ksp = self._gmres()
+        self._begin()
+
+    def renew(self) -> None:
+        """Begin anew with other constants of the problem; matrices and analyses are kept."""
+        self.tangent.renew()
+        self._corotation.factor = None
+        self._begin()
+
+    def _begin(self) -> None:
+        """What holds before the first solve.  A split factor depends on the moduli."""
         self.counters = Counters()
         self.inertia = Inertia()
         self.trouble = Outcome.CONVERGED
         self.notify: Callable[[str], None] = silent
-        self.tangent = Tangent(problem)
-        self._whole = WholeFactor(problem)
-        self._split = SplitFactor(problem) if self._splits() else None
+        self._split = SplitFactor(self.problem) if self._splits() else None
         self._preferred = self._split or self._whole_or_single()
         self._factor = self._preferred
-        self._corotation = Corotation(problem)
-        self._ksp = self._gmres()
-        self._stale, self._wasted, self._best_rate = True, 0.0, np.inf
-
-    def renew(self) -> None:
-        """Begin anew with other constants of the problem; matrices and analyses are kept."""
-        self.counters = Counters()
-        self.inertia = Inertia()
-        self.trouble = Outcome.CONVERGED
-        self.notify = silent
-        self._preferred = self._split or self._whole_or_single()
-        self._factor = self._preferred
-        self._corotation.factor = None
-        self.tangent.renew()
         self._stale, self._wasted, self._best_rate = True, 0.0, np.inf
 
     @property

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
-from dea_fenicsx.model.problem import Probe
+from dea_fenicsx.model.probe import Probe
 from dea_fenicsx.model.state import State
 
 

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 import ufl
 
-from dea_fenicsx.model.problem import Problem, assembled
+from dea_fenicsx.model.forms import assembled
+from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
 
