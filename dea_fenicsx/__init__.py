@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         Gent,
         IdealDielectric,
         Material,
+        Maxwell,
         MooneyRivlin,
         NeoHookean,
         Ogden,
@@ -120,7 +121,7 @@ _HOME = {
     ),
     "run.fidelity_ladder": ("speed_vs_error",),
     "materials": (
-        "ArrudaBoyce", "Breakdown", "Conductor", "Gent", "IdealDielectric", "Material",
+        "ArrudaBoyce", "Breakdown", "Conductor", "Gent", "IdealDielectric", "Material", "Maxwell",
         "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh",
     ),
     "mesh.device": ("Device", "read_gmsh"),

@@ -16,6 +16,7 @@ from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.ogden import Ogden
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.presets import Preset, get, names, preset
+from dea_fenicsx.materials.viscous import Maxwell
 
 list = names  # reads well as dea_fenicsx.materials.list(); not among what * imports
 
@@ -34,6 +35,7 @@ __all__ = [
     "Conductor",
     "Dielectric",
     "Material",
+    "Maxwell",
     "bulk_modulus_of",
     "names",
     "get",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any, Protocol, runtime_checkable
 
 from dea_fenicsx.support.validation import is_finite, is_positive
@@ -70,6 +71,17 @@ class Elastic(Protocol):
     def faults(self) -> list[str]:
         """What is unphysical about the constants, each as 'mu is -5, but must be > 0'."""
         ...
+
+
+def constants(model: Any) -> list[str]:
+    """Names of a model's constants: of its fields that are no choice of a form, which is text."""
+    return [f.name for f in fields(model) if not isinstance(getattr(model, f.name), str)]
+
+
+def choices(model: Any) -> tuple[str, ...]:
+    """The choices of a model's form, which decide about its energy like another model's name."""
+    values = (getattr(model, f.name) for f in fields(model))
+    return tuple(value for value in values if isinstance(value, str))
 
 
 def _positive(model: Any, *names: str) -> list[str]:

@@ -53,10 +53,15 @@ _SERIES = (1 / 2, 1 / 20, 11 / 1050, 19 / 7000, 519 / 673750)
 @dataclass(frozen=True)
 @in_si(mu="Pa", lam_m="")
 class ArrudaBoyce:
-    """Eight-chain rubber in its five-term series, W = mu sum_i a_i / lam_m^(2i-2) (I1^i - 3^i).
+    """Eight-chain rubber, W = mu lam_m^2 times the integral of the inverse Langevin function.
 
-    a = 1/2, 1/20, 11/1050, 19/7000, 519/673750.  This is the form that finite-element codes use;
-    being a series it stiffens near the locking stretch, but does not end there.
+    There are two approximations of that function of z = lam/lam_m, lam = sqrt(I1/3):
+
+    - ``"series"``: five terms of its series, W = mu sum_i a_i / lam_m^(2i-2) (I1^i - 3^i) with
+      a = 1/2, 1/20, 11/1050, 19/7000, 519/673750.  This is the form that finite-element codes use;
+      it stiffens near the locking stretch, but does not end there.
+    - ``"pade"``: Cohen's rational function z (3 - z^2)/(1 - z^2), so that
+      W = mu lam_m^2 [z^2/2 - ln(1 - z^2)] less its value at rest.  It ends at the locking stretch.
 
     Parameters
     ----------
@@ -64,17 +69,23 @@ class ArrudaBoyce:
         Rubbery modulus n k T in Pa; the initial shear modulus is slightly larger.
     lam_m
         Locking stretch of a chain, > 1: the chains are taut where I1 = 3 lam_m^2.
+    form
+        ``"series"`` or ``"pade"``.
 
     References
     ----------
-    Arruda and Boyce, J. Mech. Phys. Solids 41 (1993) 389.
+    Arruda and Boyce, J. Mech. Phys. Solids 41 (1993) 389; Cohen, Rheol. Acta 30 (1991) 270.
     """
 
     mu: float
     lam_m: float
+    form: str = "series"
 
     def energy(self, s: Strain) -> Any:
         x, links = s.I1, self.lam_m * self.lam_m
+        if self.form == "pade":
+            rest = 1 - 1 / links
+            return self.mu * ((x - 3) / 6 - links * s.ln(self.chain_margin(s) / rest))
         # Horner's scheme; the constant makes W zero in the undeformed state
         total: Any = 0
         zero: Any = 0
@@ -85,6 +96,8 @@ class ArrudaBoyce:
 
     def shear_modulus(self) -> float:
         links = self.lam_m * self.lam_m
+        if self.form == "pade":
+            return self.mu * (3 - 1 / links) / (3 * (1 - 1 / links))
         slope: Any = 0
         for i, a in reversed(list(enumerate(_SERIES, start=1))):
             slope = i * a + 3 * slope / links
@@ -93,11 +106,15 @@ class ArrudaBoyce:
     def spherical_slope(self) -> float:
         return self.shear_modulus()
 
-    def chain_margin(self, s: Strain) -> None:
+    def chain_margin(self, s: Strain) -> Any | None:
+        if self.form == "pade":
+            return 1 - s.I1 / (3 * self.lam_m * self.lam_m)
         return None
 
     def faults(self) -> list[str]:
         found = _positive(self, "mu")
         if not is_finite(self.lam_m) or not self.lam_m > 1:
             found.append(f"lam_m is {self.lam_m!r}, but a locking stretch is a finite number > 1")
+        if self.form not in ("series", "pade"):
+            found.append(f'form is {self.form!r}, but must be "series" or "pade"')
         return found

@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 
 from dea_fenicsx.materials.base import Elastic
 from dea_fenicsx.materials.electric import Dielectric, Electric
+from dea_fenicsx.materials.viscous import Maxwell
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import in_si, si
@@ -30,12 +31,27 @@ class Material:
         kappa/2 (J - 1)^2 is added (in Abaqus's terms D1 = 2/kappa).
     name
         A name for reports.
+    viscous
+        Viscous branches beside the elastic energy, which is then that of the equilibrium, reached
+        after an infinite time.
     """
 
     elastic: Elastic
     electric: Electric | None = None
     bulk_modulus: float | None = None
     name: str = ""
+    viscous: tuple[Maxwell, ...] = ()
+
+    def __post_init__(self) -> None:
+        if isinstance(self.viscous, list):
+            object.__setattr__(self, "viscous", tuple(self.viscous))
+        elif isinstance(self.viscous, Maxwell):
+            object.__setattr__(self, "viscous", (self.viscous,))
+
+    @property
+    def is_viscous(self) -> bool:
+        """Whether its stress depends on the time."""
+        return bool(self.viscous)
 
     @property
     def is_dielectric(self) -> bool:
@@ -73,6 +89,14 @@ class Material:
             ]
         if self.electric is not None:
             found += self.electric.faults()
+        if not isinstance(self.viscous, tuple):
+            found.append(f"viscous is {shown(self.viscous)}, but must be a list of branches")
+        else:
+            for branch in self.viscous:
+                found += (
+                    branch.faults() if isinstance(branch, Maxwell)
+                    else [f"viscous holds {shown(branch)}, but needs Maxwell(mu, tau)"]
+                )  # fmt: skip
         if self.bulk_modulus is not None and not found:
             kappa, mu = self.bulk_modulus, self.elastic.shear_modulus()
             if not is_finite(kappa) or kappa < 2 / 3 * mu:
