@@ -17,15 +17,15 @@ from test_structure import PACKAGE, ROOMS
 
 PAGE = ROOT / "CONTRIBUTING.md"
 MOST_LINES = 60
-SHOWN = ("material", "support", "load", "observable", "device family")
+SHOWN = ("material", "support", "load", "field", "observable", "device family")
 """Kinds of things whose addition is shown by a diff."""
 
 ADDED = tuple(
     kind
     for kind in SHOWN
-    if kind not in ("support", "load") or (PACKAGE / "scene" / "declarations.py").exists()
+    if kind not in ("support", "load", "field") or (PACKAGE / "scene" / "declarations.py").exists()
 )
-"""Those that this package takes: supports and loads need the declarations of the scene."""
+"""Those that this package takes: some need the declarations of the scene."""
 
 
 def diffs() -> dict[str, list[str]]:

@@ -20,7 +20,7 @@ from dea_fenicsx.model.fields import Field, Role, declared_fields
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.terms import EnergyTerm, WorkTerm, terms_of
 from dea_fenicsx.scene import declarations
-from dea_fenicsx.scene.condition import Load, OnSurface
+from dea_fenicsx.scene.condition import Extension, Load, OnSurface
 from dea_fenicsx.solvers.newton import NewtonSolver
 
 SPONGE = dea.Material(dea.NeoHookean(50e3), dea.IdealDielectric(3.0), bulk_modulus=2e5)
@@ -383,3 +383,25 @@ def transposed_on_ranks(comm):
 def test_the_transpose_on_several_ranks(ranks, on_ranks):
     error, residual = on_ranks("test_fields_and_terms", "transposed_on_ranks", ranks)
     assert error < 1e-10 and residual <= 1e-12
+
+
+@dataclass(frozen=True)
+class Bearing(Extension):
+    """Brings a field of its own, of a name that the test chooses, and the term for it."""
+
+    field: str
+
+    def declarations(self, scene):
+        return [declarations.AddedPhysics((scalar(self.field, scene),), (Follows(),))]
+
+
+def test_a_condition_brings_a_field():
+    """The field q = J = 1 is an unknown of the problem, and no two fields share a name."""
+    rubber, held = {"film": dea.Material(dea.NeoHookean(5e4))}, dea.Clamp("bottom")
+    scene = dea.Scene(block(), rubber, supports=[held, Bearing("q")])
+    problem = Problem(scene)
+    assert [field.name for field in problem.space.fields] == ["u", "p", "q"]
+    assert any(isinstance(term, Follows) for term in problem.forms.terms)
+    twice = dea.Scene(block(), rubber, supports=[held, Bearing("p")])
+    with pytest.raises(dea.InputError, match="two fields of the name 'p'"):
+        Problem(twice)

@@ -13,8 +13,6 @@ from dea_fenicsx.measure.observables import Measurement, group_names
 from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.terms import EnergyTerm
-from dea_fenicsx.scene.condition import declared
-from dea_fenicsx.scene.declarations import GlobalForce, SurfaceWork
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
@@ -111,7 +109,7 @@ class Energy:
             raise InputError(
                 'Energy("loads") has no regions, for loads act on surfaces; leave regions= out.'
             )
-        for load, work in declared(scene.loads, scene, SurfaceWork):
+        for load, work in scene.declared.surface_works:
             if work.follows:
                 raise InputError(
                     f"The work of {type(load).__name__} on {work.surface!r} depends on the path, "
@@ -122,7 +120,7 @@ class Energy:
             # the virtual work of dead loads is linear, so it gives the work on w itself
             on_surfaces = _integral(problem, ufl.action(problem.loads.work, problem.w))
         period = scene.kinematics.period(scene.device) if scene.kinematics.global_unknowns else 0.0
-        forces = [told for _, told in declared(scene.loads, scene, GlobalForce)]
+        forces = scene.declared.global_forces
         places = [scene.kinematics.global_unknowns.index(told.unknown) for told in forces]
 
         def value() -> float:

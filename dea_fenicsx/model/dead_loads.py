@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from dea_fenicsx.model.rigid_motions import FreePart, translations
-from dea_fenicsx.scene.condition import declared
-from dea_fenicsx.scene.declarations import SurfaceWork
 from dea_fenicsx.scene.scene import Scene
 
 PARALLEL_TOLERANCE = 1e-9
@@ -49,7 +47,7 @@ def felt_axes(scene: Scene, part: FreePart | None) -> np.ndarray:
 
 def _dead_loads(scene: Scene) -> list[tuple[str, tuple[float, ...]]]:
     """Ramp and direction of the loads that turn a free body."""
-    told = [work for _, work in declared(scene.loads, scene, SurfaceWork)]
+    told = [work for _, work in scene.declared.surface_works]
     return [(work.ramp, work.direction) for work in told if work.direction is not None]
 
 

@@ -1,12 +1,13 @@
 """The fields of a problem: the unknowns and their roles.
 
-They are declared in this file only.  Residual norms, factors, the count of negative eigenvalues and
-predictors use the role and the declared properties of a field, never its name.
+Those that follow from materials and kinematics are declared in this file; a condition of a scene
+may declare others, see `AddedPhysics`.  Residual norms, factors, the count of negative eigenvalues
+and predictors use the role and the declared properties of a field, never its name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -16,9 +17,8 @@ import basix.ufl
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.scales import Scales
-from dea_fenicsx.scene.condition import declared
-from dea_fenicsx.scene.declarations import RigidSurface
 from dea_fenicsx.scene.scene import SIMPLICES, Scene
+from dea_fenicsx.support.errors import InputError
 
 
 class Role(Enum):
@@ -92,7 +92,13 @@ class Field:
 
 
 def declared_fields(scene: Scene) -> list[Field]:
-    """The fields of a scene's problem, in the order in which they lie in the mixed function."""
+    """The fields of a scene's problem, in the order in which they lie in the mixed function.
+
+    Raises
+    ------
+    InputError
+        If two fields have the same name.
+    """
     cell = scene.device.mesh.topology.cell_name()
     kinematics = scene.kinematics
     axes = tuple(kinematics.axes)
@@ -116,11 +122,20 @@ def declared_fields(scene: Scene) -> list[Field]:
         found.append(
             Field("global", basix.ufl.element("DG", cell, 0, shape=shape), Role.GLOBAL, names)
         )
-    for _, part in declared(scene.supports, scene, RigidSurface):
+    for part in scene.declared.rigid_surfaces:
         names = (*axes, "angle")
         element = basix.ufl.element("DG", cell, 0, shape=(len(names),))
         found.append(Field(part.field, element, Role.GLOBAL, names))
+    found += [field for added in scene.declared.added for field in added.fields]
+    _check_names(found)
     return found
+
+
+def _check_names(fields: Sequence[Field]) -> None:
+    names = [field.name for field in fields]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"The scene has two fields of the name {name!r}; rename one of them.")
 
 
 def pressure_kind(scene: Scene) -> str:

@@ -19,13 +19,7 @@ from dea_fenicsx.model.fields import Field
 from dea_fenicsx.model.free_body import Pin, pins, released
 from dea_fenicsx.model.prescribed_motion import check_agreement, prescriptions
 from dea_fenicsx.model.rigid_motions import FreePart
-from dea_fenicsx.scene.condition import declared
-from dea_fenicsx.scene.declarations import (
-    FixedGlobal,
-    FixedPotential,
-    FloatingPotential,
-    HeldRigidMotions,
-)
+from dea_fenicsx.scene.declarations import FixedPotential
 from dea_fenicsx.scene.electrodes import Conducting
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
@@ -92,7 +86,7 @@ def apply_supports(scene: Scene, parts: list[Component], constraints: Constraint
     check_agreement(scene, parts, given)
     for item in given:
         constraints.fix(parts[item.axis].dofs[item.local], item.values, item.ramp)
-    if declared(scene.supports, scene, HeldRigidMotions):
+    if scene.declared.holds_rigid_motions:
         _hold_free_body(scene, parts, constraints)
 
 
@@ -113,7 +107,7 @@ def apply_overall(
     scene: Scene, parts: dict[str, Component], constraints: Constraints
 ) -> None:
     """Fix the global unknowns that the scene prescribes, dimensionless."""
-    for _, told in declared(scene.prescribed, scene, FixedGlobal):
+    for told in scene.declared.fixed_globals:
         value = told.value * scene.device.length**told.unknown.per_length
         constraints.fix(parts[told.unknown.name].dofs, value, told.ramp)
 
@@ -186,9 +180,9 @@ def apply_electrodes(
         owner[on] = k
         values[on] = mine[on]
         dofs = potential.dofs[on]
-        for _, _floating in declared([electrode], scene, FloatingPotential):
+        if electrode.floats:
             constraints.fixed[dofs] = False
-        for _, told in declared([electrode], scene, FixedPotential):
+        for told in _potentials(scene, electrode):
             constraints.fix(dofs, mine[on] / volt, told.ramp)
         found[electrode.label] = dofs
     return found
@@ -225,5 +219,10 @@ def _agree(
 
 def potential_at(scene: Scene, electrode: Conducting, X: np.ndarray) -> np.ndarray:
     """Given potential in V at undeformed positions X in m, shape (n, 3); 0 where it floats."""
-    told = [fixed for _, fixed in declared([electrode], scene, FixedPotential)]
+    told = _potentials(scene, electrode)
     return told[0].volts(X) if told else np.zeros(len(X))
+
+
+def _potentials(scene: Scene, electrode: Conducting) -> list[FixedPotential]:
+    """The potentials that an electrode is given: none where it floats."""
+    return [told for owner, told in scene.declared.potentials if owner is electrode]

@@ -20,8 +20,6 @@ from dea_fenicsx.materials import Elastic
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.fields import Field, Role
 from dea_fenicsx.model.scales import Scales
-from dea_fenicsx.scene.condition import declared
-from dea_fenicsx.scene.declarations import InitialStretch
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.compat import dolfinx
 
@@ -65,7 +63,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
     """Group the regions of a scene by the shape of their energy."""
     device = scene.device
     groups: dict[tuple, list[str]] = {}
-    prestretches = [told for _, told in declared(scene.prescribed, scene, InitialStretch)]
+    prestretches = scene.declared.initial_stretches
     factors = {item.ramp: dolfinx.fem.Constant(device.mesh, 0.0) for item in prestretches}
     for name in sorted(scene.materials, key=lambda n: device.regions[n]):
         m = scene.materials[name]

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import one_sided
 from dea_fenicsx.model.kernels import measure
-from dea_fenicsx.scene.condition import Load, declared
+from dea_fenicsx.scene.condition import Condition
 from dea_fenicsx.scene.declarations import SurfaceWork
 from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, cofactor
 from dea_fenicsx.scene.scene import Scene
@@ -55,7 +55,7 @@ class Loads:
         self, scene: Scene, stress: float, u: Any, v: Any, helix: GlobalMotion | None = None
     ) -> None:
         mesh = scene.device.mesh
-        loads = declared(scene.loads, scene, SurfaceWork)
+        loads = scene.declared.surface_works
         self.factors = {
             # We keep the order of the loads: a set would have a different order on each rank.
             ramp: dolfinx.fem.Constant(mesh, 0.0)
@@ -150,7 +150,7 @@ class Surface:
         return dolfinx.fem.Constant(self._mesh, np.array(pascal) / self._stress)
 
 
-def _pressed_side(scene: Scene, load: Load, work: SurfaceWork) -> np.ndarray:
+def _pressed_side(scene: Scene, load: Condition, work: SurfaceWork) -> np.ndarray:
     """Facets of a pressure, each with the cell of the material on which it presses."""
     device, materials = scene.device, scene.materials
     pairs = {name: one_sided(device, work.surface, frozenset([device.regions[name]]))

@@ -15,7 +15,7 @@ from mpi4py import MPI
 from dea_fenicsx.mesh.cell_quality import point
 from dea_fenicsx.mesh.neighbours import extent
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.scene.condition import Condition, declared
+from dea_fenicsx.scene.condition import Condition
 from dea_fenicsx.scene.declarations import FixedDisplacement
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
@@ -115,7 +115,7 @@ def _surfaces(scene: Scene, parts: list[Component]) -> list[_Surface]:
     """Each condition's surface along each of its axes; prescribed displacements come first."""
     device, axes = scene.device, scene.kinematics.axes
     found = []
-    for item, told in declared([*scene.prescribed, *scene.supports], scene, FixedDisplacement):
+    for item, told in scene.declared.displacements:
         part = parts[axes.index(told.axis)]
         local = part.on(device.dim - 1, device.facets_of(told.surface))
         low, high = -np.inf, np.inf

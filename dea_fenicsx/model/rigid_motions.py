@@ -19,8 +19,6 @@ from scipy.sparse.csgraph import connected_components
 from dea_fenicsx.mesh.cell_quality import point
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.scene.condition import declared
-from dea_fenicsx.scene.declarations import HeldRigidMotions
 from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
@@ -137,8 +135,7 @@ def check_rigid(
             f"the mesh (which has {part.count} parts), and it"
         )
     words = in_words(part.motions, part.box, kinematics, device.length)
-    tried = bool(declared(scene.supports, scene, HeldRigidMotions))
-    cure = "Fix or Clamp" if tried else "Fix, Clamp or FreeBody"
+    cure = "Fix or Clamp" if scene.declared.holds_rigid_motions else "Fix, Clamp or FreeBody"
     raise InputError(f"{who} can move freely: {words}; add a {cure} that holds it.")
 
 

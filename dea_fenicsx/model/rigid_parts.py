@@ -29,8 +29,7 @@ from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.fixed_values import Constraints
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.tied_unknowns import Group, Rows
-from dea_fenicsx.scene.condition import declared
-from dea_fenicsx.scene.declarations import RigidAngle, RigidMoment, RigidSurface
+from dea_fenicsx.scene.declarations import RigidSurface
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 
@@ -109,7 +108,7 @@ class RigidParts:
         rows: Rows,
     ) -> None:
         self._rows = rows
-        found = [told for _, told in declared(scene.supports, scene, RigidSurface)]
+        found = scene.declared.rigid_surfaces
         self.parts = [_part(scene, told, motion, fields[told.field], rows) for told in found]
         self._told = found
 
@@ -133,7 +132,7 @@ class RigidParts:
         """
         given = np.zeros(len(constraints.fixed), dtype=bool)
         taken = constraints.fixed.copy()
-        angles = {told.surface: told for _, told in declared(scene.prescribed, scene, RigidAngle)}
+        angles = {told.surface: told for told in scene.declared.rigid_angles}
         for part, told in zip(self.parts, self._told, strict=True):
             mine = np.concatenate(part.dofs)
             if self._rows.comm.allreduce(bool(taken[mine].any()), op=MPI.LOR):
@@ -161,7 +160,7 @@ class RigidParts:
 
     def groups(self, scene: Scene, scales: Scales, constraints: Constraints) -> list[Group]:
         """One group for each unknown of a part that is not fixed, with its moments.  Collective."""
-        moments = [told for _, told in declared(scene.loads, scene, RigidMoment)]
+        moments = scene.declared.rigid_moments
         unit = scales.force * scales.length
         found = []
         for part in self.parts:

@@ -15,8 +15,6 @@ from mpi4py import MPI
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.fixed_values import Component, Constraints
 from dea_fenicsx.model.scales import Scales
-from dea_fenicsx.scene.condition import declared
-from dea_fenicsx.scene.declarations import FloatingPotential, GlobalForce
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import InputError
@@ -98,7 +96,7 @@ def floating_groups(
     """
     return [
         Group.of(electrode_dofs[e.label], rows, ((told.ramp, told.coulombs / charge),))
-        for e, told in declared(scene.electrodes, scene, FloatingPotential)
+        for e, told in scene.declared.floating
     ]
 
 
@@ -120,7 +118,6 @@ def global_groups(
         The degrees of freedom that this rank owns.
     """
     found = []
-    forces = [told for _, told in declared(scene.loads, scene, GlobalForce)]
     for unknown in scene.kinematics.global_unknowns:
         part = overall[unknown.name]
         # A rank without cells has none of these degrees of freedom, but must join the reduction.
@@ -131,7 +128,7 @@ def global_groups(
         unit = scales.length**unknown.per_length
         sources = [
             (told.ramp, -told.amount / scales.force / unit * height)
-            for told in forces if told.unknown == unknown
+            for told in scene.declared.global_forces if told.unknown == unknown
         ]  # fmt: skip
         found.append(Group.of(part.dofs, rows, tuple(sources)))
     return found

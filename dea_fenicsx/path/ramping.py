@@ -6,12 +6,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from dea_fenicsx.model.state import Factors, State
+from dea_fenicsx.path.bridging import bridge
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.evidence import Evidence
 from dea_fenicsx.path.items import Ramp
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.snapping import over_the_limit
+from dea_fenicsx.path.stability import Place
 from dea_fenicsx.path.verdicts import INCONCLUSIVE_OUTCOMES, is_near_limit, ramp_lost
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
@@ -26,6 +28,12 @@ SMALLEST_STEP_AT_JUMP = 2.0**-16
 It also holds if no limit point is seen ahead.  In both cases the path may have a sharp bend, which
 is sharper for a smaller imperfection: with two loads that differ by 1e-5 the sheet of Treloar and
 Kearsley needs steps of 1e-4.
+"""
+
+LONGEST_BRIDGE = 2.0**-4
+"""Longest way along the load over which the branch is followed by arc length behind a sharp bend.
+
+In units of the first step.  Behind it the ramp goes on in its own steps.
 """
 
 MOST_NEWTON_FOR_GROWTH = 5
@@ -72,10 +80,13 @@ class RampWalk:
         scene = self.problem.scene
         self.names, self.label = ramp.names(scene), ramp.label(scene)
         self.start = cursor.start
+        self.rates = {n: ramp.to - self.start[n] for n in self.names}
         self.first = 1.0 / ramp.steps
         self.size = cursor.size or self.first
         self.lead = max(self.names, key=lambda name: abs(ramp.to - self.start[name]))
         self.origin = self.problem.state
+        self.limit: float | None = None  # position of the limit point ahead, where it is known
+        self.near_limit: bool | None = None  # whether the last failed step shows one, if asked
         self._start_from(self.origin)
 
     def _start_from(self, state: State) -> None:
@@ -114,31 +125,39 @@ class RampWalk:
             target = landing if near else position + self.size
             attempt = self.predictor.solve(self.factors_at(target), self.evidence.judge)
             if attempt.converged:
-                yield from self._events(position, target, attempt.found)
+                place = self.predictor.between(self.predictor.known[-1], attempt.found)
+                yield from self._events(position, target, attempt.found, place)
                 yield self._accept(position, target, target == landing, attempt, retries)
                 retries = 0
                 continue
             retries += 1
             self.size = (target - position) / 2
             self._tell_retry(target, attempt)
-            lost = self._lost(target, attempt)
-            if lost is None:
+            if self._may_halve(target, attempt):
                 continue
+            left = self.cursor.position
+            for step in self._cross(target, landing, attempt, retries):
+                yield step
+                retries = 0
+            if self.cursor.position > left:
+                continue
+            lost = self._lost(target, attempt)
             if not self.ramp.snap or not isinstance(lost, EquilibriumLost):
                 raise lost
             for step in self._snap(lost):
                 yield replace(step, retries=retries)
                 retries = 0
             self.sentinel.start()
-            self.size = self.first
+            self.size, self.limit = self.first, None
             self._start_from(self.problem.state)
 
-    def _events(self, position: float, target: float, found: State) -> Iterator[Step]:
+    def _events(
+        self, position: float, target: float, found: State, place: Place
+    ) -> Iterator[Step]:
         """Events between the last accepted state and this one, each as a step of its own."""
-        names, last = self.names, self.predictor.known[-1]
-        rates = {n: (target - position) * (self.ramp.to - self.start[n]) for n in names}
+        names = self.names
+        rates = {n: (target - position) * rate for n, rate in self.rates.items()}
         self._tell_change(self.sentinel.excess, self.evidence.count)
-        place = self.predictor.between(last, found)
         for event in self.sentinel.passed(found, place, rates, self.evidence.count):
             self.problem.commit(event.state)
             at = position + event.share * (target - position)
@@ -178,16 +197,51 @@ class RampWalk:
             self.log(f"{self.label}: the number of negative eigenvalues changes from {before} to "
                      f"{after} here")  # fmt: skip
 
-    def _lost(self, target: float, attempt: Attempt) -> PathError | None:
-        """The error that ends the ramp, or None while the step may still be halved."""
+    def _may_halve(self, target: float, attempt: Attempt) -> bool:
+        """Whether a step that has failed is tried again with half its length.  Collective."""
         jumped = attempt.outcome is Outcome.JUMPED
+        self.near_limit = None
         if self.size >= self.first * (SMALLEST_STEP_AT_JUMP if jumped else SMALLEST_STEP):
-            return None
+            return True
         failed = self.factors_at(target)
-        near_limit = is_near_limit(self.predictor, self.origin, failed)
+        self.near_limit = is_near_limit(self.predictor, self.origin, failed)
         may_halve = self.size >= self.first * SMALLEST_STEP_AT_JUMP
-        if not near_limit and attempt.outcome in INCONCLUSIVE_OUTCOMES and may_halve:
-            return None
+        return not self.near_limit and attempt.outcome in INCONCLUSIVE_OUTCOMES and may_halve
+
+    def _cross(
+        self, target: float, landing: float, attempt: Attempt, retries: int
+    ) -> Iterator[Step]:
+        """Follow the branch by arc length where a step has failed although an equilibrium exists.
+
+        Yields nothing if the branch does not lead to a larger load than that of the failed step.
+        """
+        if attempt.outcome not in INCONCLUSIVE_OUTCOMES or self.limit is not None:
+            return
+        position = self.cursor.position
+        wanted = min(landing, position + LONGEST_BRIDGE * self.first)
+        found = bridge(self.solver, self.sentinel, self.rates, self.first, position, wanted)
+        self.solver.forget_factor()  # The factor may belong to a state of another branch.
+        if found.limit is not None:
+            self.limit = found.limit
+            wanted = min(wanted, found.limit - SMALLEST_STEP * self.first)
+        if wanted <= target:
+            return
+        landed = found.at(wanted)
+        if not landed.converged:
+            return
+        state = landed.found.with_factors(self.factors_at(wanted))
+        self.log(f"{self.label}: followed by arc length to {state.factors.told(self.names)}")
+        self.evidence.count = self.sentinel.count(state)
+        yield from self._events(position, wanted, state, found.place(wanted))
+        self.size = wanted - position
+        landed = replace(landed, state=state)
+        yield self._accept(position, wanted, wanted == landing, landed, retries)
+        self._start_from(self.problem.state)
+
+    def _lost(self, target: float, attempt: Attempt) -> PathError:
+        """The error that ends the ramp."""
+        failed = self.factors_at(target if self.limit is None else max(target, self.limit))
+        near_limit = bool(self.near_limit) or self.limit is not None
         return ramp_lost(
             self.names, self.label, self.problem.factors, failed, attempt, near_limit
         )
@@ -195,10 +249,9 @@ class RampWalk:
     def _snap(self, lost: EquilibriumLost) -> Iterator[Step]:
         """The limit point that the ramp has come to, and the state to which the device snaps."""
         ramp, cursor = self.ramp, self.cursor
-        rates = {n: ramp.to - cursor.start[n] for n in self.names}
         try:
             limit, landing = over_the_limit(
-                self.solver, rates, cursor.position, self.first, self.log
+                self.solver, self.rates, cursor.position, self.first, self.log
             )
         except SolverError:
             raise lost from None

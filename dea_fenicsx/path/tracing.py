@@ -20,9 +20,10 @@ END_TOLERANCE = 1e-7
 """Largest distance from the value at which a trace ends, as a share of the gap of the last step."""
 
 SHORTEST_ARC_TO_SEPARATE_EVENTS = 0.1
-"""Largest arc for which a limit point and a bifurcation in one step are accepted as they are.
+"""Largest arc for which several events in one step are accepted as they are.
 
-A longer step with both is halved, so that each of them gets a step of its own.
+A longer step with a limit point and a bifurcation, or with two bifurcations, is halved, so that
+each of them gets a step of its own.  A long step also may have jumped over them to another branch.
 """
 
 
@@ -177,7 +178,7 @@ class Tracer:
                 count = self.sentinel.count(there.state)
                 turns = here.slope * there.slope < 0
                 long = arc > SHORTEST_ARC_TO_SEPARATE_EVENTS
-                if not (turns and long and _mixed(self.sentinel.excess, count)):
+                if not (long and _is_mixed(self.sentinel.excess, count, turns)):
                     self._tell_unexplained(count, turns)
                     return attempt, there, arc, retries, count
                 outcome = Outcome.MIXED_EVENTS
@@ -262,9 +263,16 @@ class Tracer:
         return _Spot(s, Traced(state, arc, float(np.sign(there.slope)), last=True))
 
 
-def _mixed(before: int | None, after: int | None) -> bool:
-    """Whether the inertia has changed by more than one limit point explains."""
-    return before is not None and after is not None and abs(after - before) != 1
+def _is_mixed(before: int | None, after: int | None, turns: bool) -> bool:
+    """Whether the number of negative eigenvalues changes by more than one event explains.
+
+    A limit point changes it by one, and so does a bifurcation in general.  A larger change may be a
+    jump to another branch.
+    """
+    if before is None or after is None:
+        return False
+    change = abs(after - before)
+    return change != 1 if turns else change > 1
 
 
 def _just_beyond(arc: float, was: float | None, left: float | None) -> float:

@@ -120,7 +120,8 @@ class Walk:
             return  # resumed after its last step
         sign = cursor.direction or float(np.sign(item.first))
         tracer = Tracer(self.solver, item, sentinel, lambda: self.gap(number), self.log)
-        points = tracer.follow(cursor.size or 1.0, sign, not cursor.switched)
+        arc = min(cursor.size or 1.0, item.longest)
+        points = tracer.follow(arc, sign, not cursor.switched)
         while True:
             try:
                 found = next(points, None)

@@ -26,7 +26,7 @@ from numpy.lib import format as npy
 
 from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.path.items import Trace
-from dea_fenicsx.results.columns import load_column
+from dea_fenicsx.results.columns import COUNTS, load_column
 from dea_fenicsx.results.history import TEXTS
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
@@ -202,6 +202,8 @@ def _check_rows(rows: Any, columns: Sequence[str], cursor: Cursor) -> None:
             raise Unusable(f"row {number} of its history does not have this run's columns")
         for name, value in row.items():
             good = isinstance(value, str) if name in TEXTS else value is None or is_number(value)
+            if name in COUNTS:
+                good = is_number(value) and 0 <= value < math.inf and value == int(value)
             if not good:
                 raise Unusable(f"row {number} of its history holds {clean(value, 40)!r}")
         time = row["time"]

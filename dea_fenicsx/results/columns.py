@@ -20,6 +20,9 @@ WORK = (
     "factorisations", "retries", "inertia", "inertia_is_of_this_step", "wall_s",
 )  # fmt: skip
 
+COUNTS = ("newton_iterations", "krylov_iterations", "factorisations")
+"""Columns of work that hold a whole number in each row, and whose sums are in summary.json."""
+
 SUMMARY = (
     "status", "message", "stable", "events", "failures", "count_changes", "start", "steps",
     "unknowns", "unknowns_by_field", "cells", "mesh_quality", "volume_m3", "ranks",

@@ -10,7 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.path.items import Ramp, Trace
-from dea_fenicsx.results.columns import load_column
+from dea_fenicsx.results.columns import COUNTS, load_column
 from dea_fenicsx.results.identity import described
 from dea_fenicsx.results.provenance import package_versions
 from dea_fenicsx.scene.scene import Scene
@@ -28,7 +28,6 @@ from dea_fenicsx.support.errors import (
 def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Sizes, iterations, seconds and memory of a run.  Collective."""
     problem, comm = solver.problem, solver.problem.comm
-    counted = ("newton_iterations", "krylov_iterations", "factorisations")
     return {
         "unknowns": problem.unknowns,
         "unknowns_by_field": problem.roles.counts,
@@ -37,7 +36,7 @@ def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str
         "volume_m3": problem.forms.volume * problem.scales.volume,
         "ranks": comm.size,
         "peak_memory_GB": comm.allreduce(_peak_memory_GB(), op=MPI.SUM),
-        **{name: sum(int(row[name]) for row in history) for name in counted},
+        **{name: sum(int(row[name]) for row in history) for name in COUNTS},
         "assembly_s": solver.counters.assembly_s,
         "factor_s": solver.counters.factor_s,
         "krylov_s": solver.counters.krylov_s,

@@ -74,6 +74,13 @@ class Support(Condition):
     """What holds a device at every load."""
 
 
+class Extension(Support):
+    """Fields and terms of one's own, which it declares as `AddedPhysics`.
+
+    No ramp drives it, so it is listed among the supports of a scene.
+    """
+
+
 class Driven(Condition):
     """A condition that is driven by a ramp, whose name is a field of its class."""
 

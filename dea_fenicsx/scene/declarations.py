@@ -16,6 +16,7 @@ these declarations; the model reads them and knows no condition:
 `RigidMoment`          moment on such a body
 `FixedPotential`       potential of an electrode
 `FloatingPotential`    one unknown potential for an electrode of given charge
+`AddedPhysics`         fields and terms beyond those that every problem has
 =====================  =========================================================================
 
 A ramp's factor multiplies each value; where the ramp is None, the value is 0 at every load.
@@ -145,6 +146,25 @@ class GlobalForce(Declaration):
 
     def amounts(self) -> Mapping[str, tuple[float, ...]]:
         return {f"force on the {self.unknown.name}": (self.amount,)}
+
+
+# ---------------------------------------------------------------- fields and terms
+
+
+@dataclass(frozen=True)
+class AddedPhysics(Declaration):
+    """Fields and terms that a problem has in addition to those that follow from its materials.
+
+    Attributes
+    ----------
+    fields
+        The new unknowns, each a `model.fields.Field` whose name no other field has.
+    terms
+        The new terms of the energy or of the virtual work, each a `model.terms.Term`.
+    """
+
+    fields: tuple[Any, ...] = ()
+    terms: tuple[Any, ...] = ()
 
 
 # ------------------------------------------------------------------------- rigid parts

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.scene.condition import Condition, Driven, Load, Prescribed, Support, declared
 from dea_fenicsx.scene.declarations import FixedGlobal, GlobalForce
+from dea_fenicsx.scene.declared import Declared, gathered
 from dea_fenicsx.scene.electrode_checks import check_electrodes
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode
 from dea_fenicsx.scene.elements import SIMPLICES, Discretisation
@@ -92,6 +94,11 @@ class Scene:
     def mechanics(self) -> tuple[Condition, ...]:
         """All conditions but the electrodes."""
         return (*self.supports, *self.prescribed, *self.loads)
+
+    @cached_property
+    def declared(self) -> Declared:
+        """What all conditions declare to the model.  They are asked once, after the checks."""
+        return gathered(self)
 
     @property
     def ramps(self) -> tuple[str, ...]:

@@ -1,8 +1,9 @@
 """Terms of the energy and of the virtual work: each a class in a file of its own.
 
 A term says on which kernels it lives, whether its tangent is symmetric, whether it couples unknowns
-of different cells, and which history it keeps.  `terms_of` is the list of those of a scene; the
-virtual work of loads on surfaces is in `scene.declarations` and `model.loads`.
+of different cells, and which history it keeps.  `terms_of` is the list of those of a scene: the
+terms of this room, and those that conditions declare as `AddedPhysics`.  The virtual work of loads
+on surfaces is in `scene.declarations` and `model.loads`.
 """
 
 from dea_fenicsx.model.terms.augmentation import Augmentation
@@ -17,4 +18,5 @@ __all__ = ["EnergyTerm", "Term", "WorkTerm", "terms_of"]
 
 def terms_of(scene: Scene) -> list[Term]:
     """The terms of a scene, in the order in which they are added up."""
-    return [Elasticity(), Volume(), Augmentation(scene.elements.augmentation), Dielectric()]
+    found = [Elasticity(), Volume(), Augmentation(scene.elements.augmentation), Dielectric()]
+    return [*found, *(term for added in scene.declared.added for term in added.terms)]

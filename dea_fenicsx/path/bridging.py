@@ -1,0 +1,144 @@
+"""What lies behind the last state of a ramp whose steps have become too short.
+
+Newton's method at a given load fails at two kinds of places.  At a limit point there is no
+equilibrium at a larger load.  At a sharp bend there is one, but it lies so far away that each step
+ends on another branch or does not converge.  The last states of the ramp cannot tell the two apart,
+because the speed (displacement per load) grows towards both.  The branch itself can: we follow it
+by arc length in short steps, until its load falls or until the bend lies behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, Point
+from dea_fenicsx.path.events import Sentinel
+from dea_fenicsx.path.stability import Place
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.outcome import Attempt, Outcome
+
+FIRST_ARC = 2.0**-6
+"""First step along the branch, in units of arc.
+
+A sharp bend has to be followed in steps that are short compared with its radius.
+"""
+
+LONGEST_ARC = 1.0
+"""Longest step along the branch, in units of arc."""
+
+ARC_GROWTH = 1.5
+"""Length of the next step over that of the last one, if the last one needed few iterations."""
+
+MOST_NEWTON_FOR_GROWTH = 3
+"""Largest number of Newton iterations of a step after which the next one is longer."""
+
+MOST_POINTS = 60
+"""Largest number of points of the branch.
+
+Their steps reach the longest one after a dozen points.  So the way is at most twice the device's
+size, which is more than a bend needs.
+"""
+
+
+@dataclass(frozen=True)
+class Bridge:
+    """A branch behind the last state of a ramp.
+
+    Attributes
+    ----------
+    branch
+        Steps along it; its load f is the position on the ramp.
+    points
+        Its points, from the last state of the ramp on, with loads that grow.
+    limit
+        Position of the limit point that ends them; None if none was found.
+    """
+
+    branch: Branch
+    points: Sequence[Point]
+    limit: float | None = None
+
+    def at(self, position: float) -> Attempt:
+        """Find the equilibrium at a position."""
+        for low, high in pairwise(self.points):
+            if low.factor <= position <= high.factor:
+                return self.branch.land(low, high, position)
+        return Attempt(Outcome.SLOW, 0, np.inf)
+
+    def place(self, end: float) -> Place:
+        """A function that finds the equilibrium at a share (0 to 1) of the way to a position."""
+        begin = self.points[0].factor
+        return lambda share: self.at((1 - share) * begin + share * end)
+
+
+def bridge(
+    solver: NewtonSolver,
+    sentinel: Sentinel,
+    rates: Mapping[str, float],
+    first: float,
+    position: float,
+    wanted: float,
+) -> Bridge:
+    """Follow the branch from the last state of a ramp to a limit point or to a given load.
+
+    A step is halved if the number of negative eigenvalues changes in it, where this number is
+    counted.  At a limit point it must change by one.  Collective; the problem is left in the state
+    in which it was.
+
+    Parameters
+    ----------
+    solver
+        The solver, in equilibrium at the last state.
+    sentinel
+        Counts negative eigenvalues; holds the number of the last state.
+    rates, first
+        As in `Branch`; the load f is the position on the ramp.
+    position, wanted
+        Position of the last state, and the position to come to.
+
+    Returns
+    -------
+    Bridge
+        Its last point lies at or behind `wanted`, or is a limit point.  It does neither if the
+        branch could not be followed so far.
+    """
+    branch = Branch(solver, rates, first, position)
+    here, arc = branch.point(solver.problem.state, None, 1.0), FIRST_ARC
+    points = [here] if here is not None else []
+    before: Point | None = None
+    while here is not None and len(points) <= MOST_POINTS:
+        attempt, there = branch.advance(here, arc, before)
+        if there is None or not _is_same_branch(sentinel, there):
+            arc /= 2
+            if arc < SHORTEST_ARC:
+                break
+            continue
+        if there.slope < 0:
+            found = branch.limit_point(here, there, arc)
+            if found is None:
+                break
+            return Bridge(branch, [*points, found[0]], limit=found[0].factor)
+        points.append(there)
+        if there.factor >= wanted:
+            break
+        few = attempt.iterations <= MOST_NEWTON_FOR_GROWTH
+        arc = min(arc * (ARC_GROWTH if few else 1.0), LONGEST_ARC)
+        before, here = here, there
+    return Bridge(branch, points)
+
+
+def _is_same_branch(sentinel: Sentinel, there: Point) -> bool:
+    """Whether the number of negative eigenvalues is that of a point on the same branch.
+
+    It is that of the ramp's last state before a limit point, and differs from it by one behind a
+    limit point, where the load falls.
+    """
+    before = sentinel.excess
+    now = sentinel.count(there.state) if before is not None else None
+    if before is None or now is None:
+        return True
+    return abs(now - before) == int(there.slope < 0)

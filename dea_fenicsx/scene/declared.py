@@ -1,0 +1,92 @@
+"""All declarations of a scene, gathered once and sorted by their kind.
+
+The model takes from here what each of its parts needs, so no part asks the conditions by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dea_fenicsx.scene.condition import Condition, Setting
+from dea_fenicsx.scene.declarations import (
+    AddedPhysics,
+    Declaration,
+    FixedDisplacement,
+    FixedGlobal,
+    FixedPotential,
+    FloatingPotential,
+    GlobalForce,
+    HeldRigidMotions,
+    InitialStretch,
+    RigidAngle,
+    RigidMoment,
+    RigidSurface,
+    SurfaceWork,
+)
+from dea_fenicsx.scene.electrodes import Conducting
+
+
+@dataclass(frozen=True, eq=False)
+class Declared:
+    """What the conditions of a scene declare, in the order of the scene.
+
+    Attributes
+    ----------
+    displacements
+        Displacements on facet groups, each with its condition; prescribed ones come first.
+    holds_rigid_motions
+        Whether the rigid motions that all else leaves free are held.
+    initial_stretches
+        Stretches that regions had undergone.
+    fixed_globals, global_forces
+        Values of global unknowns, and what does work on such unknowns.
+    surface_works
+        Loads on surfaces, each with its condition.
+    rigid_surfaces, rigid_angles, rigid_moments
+        Rigid parts, the angles by which they are turned, and the moments on them.
+    potentials, floating
+        Electrodes of given and of unknown potential, each with its declaration.
+    added
+        Fields and terms beyond those that every problem has.
+    """
+
+    displacements: list[tuple[Condition, FixedDisplacement]]
+    holds_rigid_motions: bool
+    initial_stretches: list[InitialStretch]
+    fixed_globals: list[FixedGlobal]
+    global_forces: list[GlobalForce]
+    surface_works: list[tuple[Condition, SurfaceWork]]
+    rigid_surfaces: list[RigidSurface]
+    rigid_angles: list[RigidAngle]
+    rigid_moments: list[RigidMoment]
+    potentials: list[tuple[Conducting, FixedPotential]]
+    floating: list[tuple[Conducting, FloatingPotential]]
+    added: list[AddedPhysics]
+
+
+def gathered(scene: Setting) -> Declared:
+    """Ask each condition of a checked scene for its declarations, once."""
+    conditions = (*scene.prescribed, *scene.supports, *scene.loads)
+    told = [(item, one) for item in conditions for one in item.declarations(scene)]
+    electric = [(item, one) for item in scene.electrodes for one in item.declarations(scene)]
+
+    def of[D: Declaration](kind: type[D]) -> list[D]:
+        return [one for _, one in told if isinstance(one, kind)]
+
+    def with_condition[D: Declaration](kind: type[D]) -> list[tuple[Condition, D]]:
+        return [(item, one) for item, one in told if isinstance(one, kind)]
+
+    return Declared(
+        displacements=with_condition(FixedDisplacement),
+        holds_rigid_motions=bool(of(HeldRigidMotions)),
+        initial_stretches=of(InitialStretch),
+        fixed_globals=of(FixedGlobal),
+        global_forces=of(GlobalForce),
+        surface_works=with_condition(SurfaceWork),
+        rigid_surfaces=of(RigidSurface),
+        rigid_angles=of(RigidAngle),
+        rigid_moments=of(RigidMoment),
+        potentials=[(e, one) for e, one in electric if isinstance(one, FixedPotential)],
+        floating=[(e, one) for e, one in electric if isinstance(one, FloatingPotential)],
+        added=of(AddedPhysics),
+    )
