@@ -1,0 +1,49 @@
+"""The energy of viscous branches over one step of time, with the history at quadrature points."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import ufl
+
+from dea_fenicsx.model.kernels import Kernel
+from dea_fenicsx.model.material_point import MaterialPoint
+from dea_fenicsx.model.terms.base import EnergyTerm
+from dea_fenicsx.scene.strain import cofactor
+
+SMALLEST_SHARE = 1e-13
+"""Smallest step of time in units of a relaxation time.
+
+A step of length 0, or a branch that never relaxes, keeps C_v.  The energy then is a quotient 0/0,
+whose limit this share gives to 13 digits.
+"""
+
+
+class Viscous(EnergyTerm):
+    """The incremental energy of Maxwell branches, whose stress is that at the end of a step.
+
+    A step of length dt from the history H (C_n for backward Euler, a combination of C_n and
+    C_(n-1) for BDF2) ends at C_v = unimodular part of (r C + H), with r = dt/tau, where
+
+        W = 3 mu/(2 r) det(r C + H)^(1/3)
+
+    is stationary.  So the stress is mu C_v^-1, and the tangent is symmetric.  In exactly
+    incompressible regions mu ln J is taken off, so that the stress is 0 in the undeformed state.
+    """
+
+    name = "viscous"
+    stored_as = "viscous"
+    history = ("viscous",)
+
+    def lives_on(self, kernel: Kernel) -> bool:
+        return bool(kernel.branches)
+
+    def density(self, at: MaterialPoint) -> Any:
+        total: Any = 0
+        for branch in at.kernel.branches:
+            share = branch.step + SMALLEST_SHARE
+            _, det = cofactor(share * at.strain.C + branch.tensor)
+            total += branch.mu * (3 / (2 * share) * det ** (1 / 3))
+            if at.kernel.is_incompressible:
+                total -= branch.mu * ufl.ln(at.J)
+        return at.per_stress * total
