@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.materials.base import Elastic
+from dea_fenicsx.materials.base import Elastic, constants
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.stretches import TESTS, log_stretches, nominal_stress, taylor
@@ -309,7 +309,7 @@ def _report(
     spread = np.sum((measured - measured.mean()) ** 2)
     return Fit(
         model=m,
-        uncertainty={f.name: getattr(deviation, f.name) for f in fields(deviation)},
+        uncertainty={name: getattr(deviation, name) for name in constants(deviation)},
         residual=residual,
         r_squared=float(1 - np.sum(error**2) / spread) if spread > 0 else float("nan"),
         stable=all(drucker(m, c.test, c.stretch.min(), c.stretch.max()) > 0 for c in curves),
@@ -372,21 +372,20 @@ def _start(model: type, curves: list[TestData]) -> Any:
 
 
 def _flat(model: Any) -> np.ndarray:
-    return np.concatenate([np.atleast_1d(getattr(model, f.name)) for f in fields(model)]).astype(
-        float
-    )
+    values = [np.atleast_1d(getattr(model, name)) for name in constants(model)]
+    return np.concatenate(values).astype(float)
 
 
 def _shaped(model: Any, x: np.ndarray) -> Any:
     """A model like `model` with the constants x."""
     values: dict[str, Any] = {}
     k = 0
-    for f in fields(model):
-        old = getattr(model, f.name)
+    for name in constants(model):
+        old = getattr(model, name)
         if isinstance(old, tuple):
-            values[f.name] = tuple(float(v) for v in x[k : k + len(old)])
+            values[name] = tuple(float(v) for v in x[k : k + len(old)])
             k += len(old)
         else:
-            values[f.name] = float(x[k])
+            values[name] = float(x[k])
             k += 1
     return replace(model, **values)

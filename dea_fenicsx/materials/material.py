@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from dea_fenicsx.materials.base import Elastic
+from dea_fenicsx.materials.base import Elastic, constants
 from dea_fenicsx.materials.electric import Dielectric, Electric
 from dea_fenicsx.materials.viscous import Maxwell
 from dea_fenicsx.support.errors import InputError
@@ -108,7 +108,7 @@ class Material:
 
     def parameters(self) -> dict[str, float]:
         """The elastic model's constants by name."""
-        return {f.name: getattr(self.elastic, f.name) for f in fields(self.elastic)}  # type: ignore[arg-type]
+        return {name: getattr(self.elastic, name) for name in constants(self.elastic)}
 
 
 def bulk_modulus_of(mu: float, nu: float) -> float:

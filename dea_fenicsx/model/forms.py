@@ -13,6 +13,7 @@ from mpi4py import MPI
 from dea_fenicsx.model.kernels import Kernel, kernels, measure
 from dea_fenicsx.model.loads import Loads
 from dea_fenicsx.model.material_point import MaterialPoint
+from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.probe import Prober
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.terms import EnergyTerm, Term, WorkTerm, terms_of
@@ -83,6 +84,10 @@ class Forms:
         self.compiled: Any = compat.compile_form(self.residual)
         cell = getattr(basix.CellType, mesh.topology.cell_name())
         self.quadrature, _ = basix.make_quadrature(cell, degree)
+        self.memory = Memory(
+            mesh, scene.materials, self.kernels, self.points, self.quadrature,
+            scene.device.cells_of,
+        )  # fmt: skip
         self.prober = Prober(mesh, self.kernels, self.points, self.quadrature)
         self._measure_cells(scene, integral)
 

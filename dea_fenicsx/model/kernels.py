@@ -9,19 +9,45 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import basix.ufl
 import numpy as np
 import ufl
 
 from dea_fenicsx.materials import Elastic
+from dea_fenicsx.materials.base import choices, constants
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.fields import Field, Role
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.compat import dolfinx
+
+
+@dataclass(frozen=True)
+class BoundBranch:
+    """A viscous branch of a kernel, with what the forms take of the history.
+
+    Attributes
+    ----------
+    mu
+        Cell-wise modulus of the spring in Pa.
+    step
+        Cell-wise length of the present step of time over the relaxation time.
+    function
+        The history H at quadrature points, six numbers each; it is shared by all kernels.
+    """
+
+    mu: Any
+    step: Any
+    function: Any
+
+    @property
+    def tensor(self) -> Any:
+        """The history H, symbolic, symmetric 3 x 3."""
+        return _symmetric(self.function)
 
 
 @dataclass(frozen=True)
@@ -52,6 +78,7 @@ class Kernel:
     regions: tuple[str, ...]
     cells: np.ndarray
     fields: tuple[str, ...] = ()
+    branches: tuple[BoundBranch, ...] = ()
 
     @property
     def is_incompressible(self) -> bool:
@@ -70,7 +97,8 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
         alive = tuple(field.name for field in fields_of_problem if field.lives_in(name))
         stretched = any(name in item.regions for item in prestretches)
         groups.setdefault(
-            (type(m.elastic), _shape(m.elastic), alive, m.bulk_modulus is None, stretched), []
+            (type(m.elastic), _shape(m.elastic), alive, m.bulk_modulus is None, stretched,
+             len(m.viscous)), []
         ).append(name)
     constant = dolfinx.fem.functionspace(device.mesh, ("DG", 0))
     owned = device.owned_cells()
@@ -81,6 +109,8 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
     def bulk_modulus(name: str) -> float:
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
 
+    most = max(len(m.viscous) for m in scene.materials.values())
+    histories = quadrature_functions(device, scene.elements.quadrature_degree, most)
     made = []
     charged = {field.name for field in fields_of_problem if field.role is Role.POTENTIAL}
 
@@ -90,7 +120,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
             if item.ramp == ramp and name in item.regions
         )  # fmt: skip
 
-    for (_, _, alive, incompressible, stretched), names in groups.items():
+    for (_, _, alive, incompressible, stretched, branches), names in groups.items():
         cells = {n: device.cells_of(n) for n in names}
 
         def cellwise(value: Callable[[str], float], cells: Any = cells) -> Any:
@@ -114,29 +144,55 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 regions=tuple(names),
                 cells=together[together < owned],
                 fields=alive,
+                branches=tuple(
+                    BoundBranch(
+                        mu=cellwise(lambda n, k=k: scene.materials[n].viscous[k].mu),
+                        step=dolfinx.fem.Function(constant),
+                        function=histories[k],
+                    )
+                    for k in range(branches)
+                ),
             )
         )
     return made
 
 
+def quadrature_functions(device: Device, degree: int, count: int) -> list[Any]:
+    """Functions of six numbers at each quadrature point."""
+    if not count:
+        return []
+    cell = device.mesh.topology.cell_name()
+    element = basix.ufl.quadrature_element(cell, value_shape=(6,), degree=degree)
+    space = dolfinx.fem.functionspace(device.mesh, element)
+    return [dolfinx.fem.Function(space) for _ in range(count)]
+
+
+def _symmetric(six: Any) -> Any:
+    """The symmetric tensor of six numbers xx, yy, zz, yz, xz, xy."""
+    return ufl.as_matrix([
+        [six[0], six[5], six[4]], [six[5], six[1], six[3]], [six[4], six[3], six[2]],
+    ])  # fmt: skip
+
+
 def _shape(elastic: Elastic) -> tuple:
-    """Number of entries of each constant: models with equal shapes share a kernel."""
-    return tuple(np.size(getattr(elastic, f.name)) for f in fields(elastic))  # type: ignore[arg-type]
+    """Sizes of the constants, and the choices of a form: models with equal shapes share a kernel."""
+    sizes = tuple(np.size(getattr(elastic, name)) for name in constants(elastic))
+    return (*sizes, *choices(elastic))
 
 
 def _bind(elastics: dict[str, Elastic], cellwise: Callable) -> Elastic:
     """One elastic model whose constants are cell-wise coefficients over several regions."""
     model = copy.copy(next(iter(elastics.values())))
-    for f in fields(model):  # type: ignore[arg-type]
-        value = getattr(model, f.name)
+    for name in constants(model):
+        value = getattr(model, name)
         if isinstance(value, tuple):
             bound: Any = tuple(
-                cellwise(lambda n, i=i, k=f.name: getattr(elastics[n], k)[i])
+                cellwise(lambda n, i=i, k=name: getattr(elastics[n], k)[i])
                 for i in range(len(value))
             )
         else:
-            bound = cellwise(lambda n, k=f.name: getattr(elastics[n], k))
-        object.__setattr__(model, f.name, bound)
+            bound = cellwise(lambda n, k=name: getattr(elastics[n], k))
+        object.__setattr__(model, name, bound)
     return model
 
 

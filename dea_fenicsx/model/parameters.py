@@ -7,12 +7,13 @@ mesh and no memory.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, MutableMapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from dea_fenicsx.materials import Material
+from dea_fenicsx.materials.base import constants
 from dea_fenicsx.model.kernels import Kernel
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.scene.scene import Scene
@@ -81,14 +82,14 @@ class Parameters(MutableMapping[str, float]):
 
     def _all(self) -> Iterator[tuple[str, _Handle]]:
         for region, material in self.materials.items():
-            for constant in fields(material.elastic):  # type: ignore[arg-type]
-                value = getattr(material.elastic, constant.name)
-                label = f"{region}.elastic.{constant.name}"
+            for constant in constants(material.elastic):
+                value = getattr(material.elastic, constant)
+                label = f"{region}.elastic.{constant}"
                 if isinstance(value, tuple):
                     for k in range(len(value)):
-                        yield f"{label}[{k}]", _Handle(region, "elastic", constant.name, k)
+                        yield f"{label}[{k}]", _Handle(region, "elastic", constant, k)
                 else:
-                    yield label, _Handle(region, "elastic", constant.name)
+                    yield label, _Handle(region, "elastic", constant)
             if self._kernels[region].eps is not None and hasattr(material.electric, "eps_r"):
                 yield f"{region}.electric.eps_r", _Handle(region, "electric", "eps_r")
             if material.bulk_modulus is not None:

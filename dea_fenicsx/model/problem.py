@@ -83,7 +83,9 @@ class Problem:
             {name: scene.reference_voltage(name) for name in scene.ramps},
         )
         self._history: Mapping[str, Any] = {}
+        self._unstrained = self.forms.memory.at_rest()
         self.handed_out = False
+        self._time = 0.0
         check_balance(
             scene, self.scales, self.displacement, self.conditions.fixed_values,
             list(self.forms.loads.unit_work), self.forms.load_vector,
@@ -132,7 +134,7 @@ class Problem:
     @property
     def state(self) -> State:
         """A copy of the present state: the accepted one, or the one that `at` tries."""
-        return State(self.w.x.array.copy(), self.factors, history=self._history)
+        return State(self.w.x.array.copy(), self.factors, self._time, history=self._history)
 
     @contextmanager
     def at(self, state: State) -> Iterator[None]:
@@ -152,7 +154,10 @@ class Problem:
         """Make a state the present one, within a block of `at`, which restores the old state."""
         self._place(state.values)
         self.factors = state.factors
+        self._time = state.time
         self._history = state.history
+        if memory := self.forms.memory:
+            memory.show(state.history.get(memory.NAME) or self._unstrained)
         self.springs = self.turning.springs_of(state)
         for ramp, constant in self.loads.factors.items():
             constant.value = state.factors[ramp]

@@ -3,9 +3,9 @@
 C_v is symmetric with determinant 1.  Over a step of length dt backward Euler and BDF2 give it in
 closed form,
 
-    C_v,new = unimodular part of (r C + H),    r = dt/tau
+    C_v,new = unimodular part of (dt/tau C + H)
     Euler:  H = C_n
-    BDF2:   H = (1 + w) C_n - w^2/(1 + w) C_(n-1),   r = (1 + 2 w)/(1 + w) ... see `combined`
+    BDF2:   H = (1 + w) C_n - w^2/(1 + w) C_(n-1)
 
 with w the length of this step over that of the last one.  Where H is not positive, BDF2 gives way
 to Euler at that point.
@@ -59,17 +59,18 @@ def is_positive(c: np.ndarray) -> np.ndarray:
     return (xx > 0) & (xx * yy - xy * xy > 0) & (determinant(c) > 0)
 
 
-def combined(history: ViscousHistory, second_order: bool = True) -> tuple[np.ndarray, float]:
-    """H of a step, and the factor on dt/tau.
+def combined(history: ViscousHistory, second_order: bool = True) -> np.ndarray:
+    """H of the step from the newest accepted time to the present state, like C_v.
 
-    BDF2 with the ratio w of the steps is
-    (1 + 2w)/(1 + w) y_new - (1 + w) y_n + w^2/(1 + w) y_(n-1) = dt dy/dt.
-    Divided by the first factor's inverse times 1 it reads y_new ~ r C + H, up to a factor that the
-    unimodular part does not see, with r = dt/tau and H = (1 + w) C_n - w^2/(1 + w) C_(n-1).
+    BDF2 with the ratio w of this step to the last one is
+
+        (1 + 2w)/(1 + w) C_new = (1 + w) C_n - w^2/(1 + w) C_(n-1) + dt dC_v/dt,
+
+    in which the part of dC_v/dt along C_v itself only changes a factor, as that of C_new does.
     """
     now = history.strains[0]
     if not second_order or len(history.strains) < 2 or not np.isfinite(history.span):
-        return now, 1.0
+        return now
     w = history.span / (history.times[0] - history.times[1])
     both = (1 + w) * now - w * w / (1 + w) * history.strains[1]
-    return np.where(is_positive(both)[..., None], both, now), 1.0
+    return np.where(is_positive(both)[..., None], both, now)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.materials import Material
+from dea_fenicsx.materials.base import choices, constants
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.folder import Run
 from dea_fenicsx.scene.scene import Scene
@@ -120,7 +121,9 @@ def _plain(value: Any) -> Any:
 def _kind(material: Material) -> tuple[Any, ...]:
     """What of a material shapes the forms: its models and how many constants they have."""
     elastic, electric = material.elastic, material.electric
-    shape = tuple(np.size(getattr(elastic, f.name)) for f in fields(elastic))  # type: ignore[arg-type]
+    shape = (
+        *(np.size(getattr(elastic, name)) for name in constants(elastic)), *choices(elastic),
+    )  # fmt: skip
     return type(elastic), shape, type(electric), material.is_dielectric, (
         material.bulk_modulus is None
-    )
+    ), len(material.viscous)

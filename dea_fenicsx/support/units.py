@@ -27,6 +27,7 @@ DIMENSIONS = {
     "N/m": "a stiffness in N/m",
     "Pa": "a pressure or stress in Pa",
     "V/m": "an electric field in V/m",
+    "s": "a time in s",
 }
 """What can be expected: the SI unit (as pint writes it, empty for none), and in words."""
 
