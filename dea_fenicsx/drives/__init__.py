@@ -1,0 +1,1 @@
+"""Drives: loads as functions of time.  This room imports only `support`."""
