@@ -54,7 +54,18 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.mesh.device import Device, read_gmsh
-    from dea_fenicsx.path.items import Ramp, Trace
+    from dea_fenicsx.drives.waves import (
+        Chirp,
+        Constant,
+        Function,
+        Rise,
+        Sine,
+        Square,
+        Step,
+        Table,
+        Triangle,
+    )
+    from dea_fenicsx.path.items import March, Ramp, Trace
     from dea_fenicsx.results.folder import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
@@ -142,7 +153,10 @@ _HOME = {
     "scene.scene": ("Scene",),
     "run.parser": ("Parser",),
     "solvers.options": ("NewtonOptions",),
-    "path.items": ("Ramp", "Trace"),
+    "drives.waves": (
+        "Chirp", "Constant", "Function", "Rise", "Sine", "Square", "Step", "Table", "Triangle",
+    ),
+    "path.items": ("March", "Ramp", "Trace"),
     "results.per_turn": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}

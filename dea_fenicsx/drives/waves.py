@@ -27,10 +27,11 @@ class Wave(ABC):
 
     Attributes
     ----------
-    end
-        Time in s up to which it is known; infinite for most waves.
+    begin, end
+        Times in s between which it is known; infinite for most waves.
     """
 
+    begin: float = -math.inf
     end: float = math.inf
 
     @abstractmethod
@@ -268,12 +269,21 @@ class Table(Wave):
 
     def __post_init__(self) -> None:
         for name in ("times", "values"):
-            given = np.asarray(getattr(self, name), dtype=float).ravel()
+            try:
+                given = np.asarray(getattr(self, name), dtype=float).ravel()
+            except (TypeError, ValueError):
+                raise InputError(
+                    f"The {name} of a Table are {shown(getattr(self, name))}, but must be numbers."
+                ) from None
             object.__setattr__(self, name, tuple(float(x) for x in given))
 
     @property
+    def begin(self) -> float:  # type: ignore[override]
+        return self.times[0] if self.times else math.inf
+
+    @property
     def end(self) -> float:  # type: ignore[override]
-        return self.times[-1]
+        return self.times[-1] if self.times else -math.inf
 
     def __call__(self, t: float) -> float:
         k = bisect_right(self.times, t)

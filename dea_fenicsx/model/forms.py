@@ -84,12 +84,11 @@ class Forms:
         self.compiled: Any = compat.compile_form(self.residual)
         cell = getattr(basix.CellType, mesh.topology.cell_name())
         self.quadrature, _ = basix.make_quadrature(cell, degree)
-        self.memory = Memory(
-            mesh, scene.materials, self.kernels, self.points, self.quadrature,
-            scene.device.cells_of,
-        )  # fmt: skip
+        self.memory = Memory(mesh, self.kernels, self.points, self.quadrature)
         self.prober = Prober(mesh, self.kernels, self.points, self.quadrature)
         self._measure_cells(scene, integral)
+        if self.memory:
+            self.memory.weigh(self.cell_volumes, scene.materials, scene.device.cells_of)
 
     def _split(self, function: Any) -> tuple[dict[str, Any], GlobalMotion | None]:
         """The fields of a mixed function or test function by name, and its global motion."""

@@ -32,8 +32,8 @@ class BoundBranch:
 
     Attributes
     ----------
-    mu
-        Cell-wise modulus of the spring in Pa.
+    mu, tau
+        Cell-wise modulus of the spring in Pa, and relaxation time in s; 0 outside of the kernel.
     step
         Cell-wise length of the present step of time over the relaxation time.
     function
@@ -41,6 +41,7 @@ class BoundBranch:
     """
 
     mu: Any
+    tau: Any
     step: Any
     function: Any
 
@@ -147,6 +148,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 branches=tuple(
                     BoundBranch(
                         mu=cellwise(lambda n, k=k: scene.materials[n].viscous[k].mu),
+                        tau=cellwise(lambda n, k=k: scene.materials[n].viscous[k].tau),
                         step=dolfinx.fem.Function(constant),
                         function=histories[k],
                     )

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.model.kernels import Kernel
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.viscous_history import (
     PAIRS,
+    Rule,
     ViscousHistory,
     combined,
+    contracted,
+    inverse,
     unimodular,
 )
 from dea_fenicsx.support import compat
+
+LEVELS = 4
+"""Number of accepted times whose viscous strains are kept: a parabola and one more."""
 
 RELAXED = 1e30
 """Length of a step in s that stands for an infinite one: each branch with a tau relaxes in it."""
@@ -28,14 +35,10 @@ class Memory:
 
     Parameters
     ----------
-    materials
-        Material of each region, for the relaxation times.
     kernels, points
         Regions that share one integral, and for each the fields at a point, symbolic.
     quadrature
         Quadrature points of the reference cell.
-    cells_of
-        Gives the local cells of a region.
 
     Attributes
     ----------
@@ -48,14 +51,14 @@ class Memory:
     def __init__(
         self,
         mesh: Any,
-        materials: dict[str, Material],
         kernels: Sequence[Kernel],
         points: Sequence[MaterialPoint],
         quadrature: np.ndarray,
-        cells_of: Any,
     ) -> None:
-        self._mesh, self._kernels = mesh, [k for k in kernels if k.branches]
+        self._mesh = mesh
+        self._kernels = [k for k in kernels if k.branches]
         self.branches = max((len(k.branches) for k in kernels), default=0)
+        self._shown: ViscousHistory | None = None
         self._functions: list[Any] = []
         for kernel in self._kernels:
             if len(kernel.branches) > len(self._functions):
@@ -63,11 +66,6 @@ class Memory:
         imap = mesh.topology.index_map(mesh.topology.dim)
         self._cells = imap.size_local + imap.num_ghosts
         self._per_cell = len(quadrature)
-        # One over the relaxation time, of each branch in each local cell; 0 where there is none.
-        self._rates = np.zeros((self.branches, self._cells))
-        for region, material in materials.items():
-            for k, branch in enumerate(material.viscous):
-                self._rates[k, cells_of(region)] = 1 / branch.tau
         self._strain = [
             (kernel, compat.expression(
                 ufl.as_vector([point.strain.C[i, j] for i, j in PAIRS]), quadrature
@@ -75,8 +73,23 @@ class Memory:
             for kernel, point in zip(kernels, points, strict=True) if kernel.branches
         ]  # fmt: skip
 
+    @property
+    def _rates(self) -> np.ndarray:
+        """One over the relaxation time of each branch in each local cell; 0 where there is none."""
+        found = np.zeros((self.branches, self._cells))
+        for kernel in self._kernels:
+            for k, branch in enumerate(kernel.branches):
+                tau = branch.tau.x.array
+                found[k, tau > 0] = 1 / tau[tau > 0]
+        return found
+
     def __bool__(self) -> bool:
         return self.branches > 0
+
+    @property
+    def columns(self) -> int:
+        """Numbers in each cell at each time."""
+        return self.branches * self._per_cell * 6
 
     def at_rest(self) -> ViscousHistory:
         """The history of a body that has never been strained."""
@@ -86,13 +99,14 @@ class Memory:
 
     def show(self, history: ViscousHistory) -> None:
         """Put the history of a state into the coefficients of the forms."""
-        tensor = combined(history)
-        span = min(history.span, RELAXED)
-        for k, function in enumerate(self._functions):
-            function.x.array[:] = tensor[k].ravel()
+        if history is not self._shown:
+            for function, tensor in zip(self._functions, combined(history), strict=True):
+                function.x.array[:] = tensor.ravel()
+            self._shown = history
+        span, rates = min(history.span, RELAXED), self._rates
         for kernel in self._kernels:
             for k, branch in enumerate(kernel.branches):
-                branch.step.x.array[:] = span * self._rates[k]
+                branch.step.x.array[:] = span * rates[k]
 
     def strains(self) -> np.ndarray:
         """C at the quadrature points of each local cell, of shape (cells, points, 6)."""
@@ -104,16 +118,68 @@ class Memory:
                 found[kernel.cells] = values.reshape(len(kernel.cells), self._per_cell, 6)
         return found
 
+    def strained(self, history: ViscousHistory) -> np.ndarray:
+        """The viscous strains of the present state, which belongs to this history."""
+        if history.span == 0:
+            return history.strains[0]
+        share = min(history.span, RELAXED) * self._rates
+        return unimodular(share[..., None, None] * self.strains() + combined(history))
+
     def settled(self, history: ViscousHistory, time: float) -> ViscousHistory:
-        """The history after the step of the problem's present state has been accepted.
+        """The history after the problem's present state has been accepted at a time in s.
 
         Its span is 0: the state is in equilibrium with the viscous strains that it has now.
         """
         if history.span == 0:
             return history
-        tensor = combined(history)
-        share = min(history.span, RELAXED) * self._rates
-        new = unimodular(share[..., None, None] * self.strains() + tensor)
-        kept = (new, *history.strains[:2]) if np.isfinite(history.span) else (new,)
-        times = (time, *history.times[:2])[: len(kept)]
-        return ViscousHistory(kept, times, 0.0)
+        new, past = self.strained(history), int(history.rule is Rule.STAGE)
+        if np.isinf(history.span):
+            return ViscousHistory((new,), (time,))
+        strains = (new, *history.strains[past:])[:LEVELS]
+        return ViscousHistory(strains, (time, *history.times[past:])[:LEVELS])
+
+    def weigh(self, volumes: np.ndarray, materials: Mapping[str, Material], cells_of: Any) -> None:
+        """Take the volumes of the owned cells and the moduli, by which errors are weighted."""
+        self._weights = np.zeros((self.branches, len(volumes)))
+        for region, material in materials.items():
+            cells = cells_of(region)
+            cells = cells[cells < len(volumes)]
+            moduli = [branch.mu for branch in material.viscous]
+            total = material.elastic.shear_modulus() + sum(moduli)
+            for k, mu in enumerate(moduli):
+                self._weights[k, cells] = volumes[cells] * mu / total
+        inside = np.any(self._weights > 0, axis=0)
+        comm = self._mesh.comm
+        self._volume = comm.allreduce(float(volumes[inside].sum()), op=MPI.SUM)
+
+    def size(self, strains: np.ndarray) -> float:
+        """Root mean square of a change of the viscous strains; see `path.items.March`.  Collective."""
+        owned = self._weights.shape[1]
+        squares = contracted(strains[:, :owned], strains[:, :owned]).mean(axis=-1)
+        total = self._mesh.comm.allreduce(float((self._weights * squares).sum()), op=MPI.SUM)
+        return float(np.sqrt(total / self._volume))
+
+    def relaxation_times(self) -> tuple[float, float]:
+        """The shortest and the longest finite relaxation time in s.  Collective."""
+        rates = self._rates
+        mine = rates[rates > 0]
+        high, low = np.max(mine, initial=0.0), np.min(mine, initial=np.inf)
+        comm = self._mesh.comm
+        return 1 / comm.allreduce(float(high), op=MPI.MAX), 1 / comm.allreduce(
+            float(low), op=MPI.MIN
+        )
+
+    def rates(self, strains: np.ndarray) -> np.ndarray:
+        """dC_v/dt in 1/s of the viscous strains in the present state."""
+        found = np.zeros_like(strains)
+        C = self.strains()
+        for k, rate in enumerate(self._rates):
+            inside = np.flatnonzero(rate)
+            v = strains[k, inside]
+            share = contracted(C[inside], inverse(v)) / 3
+            found[k, inside] = rate[inside, None, None] * (C[inside] - share[..., None] * v)
+        return found
+
+    def second_rates(self, strains: np.ndarray) -> np.ndarray:
+        """The size of the second time derivative of C_v in 1/s^2, at held strain."""
+        return self.rates(strains) * self._rates[..., None, None]

@@ -31,12 +31,20 @@ class _Handle:
     place: int | None = None
 
     def read(self, material: Material) -> float:
+        if self.part == "viscous":
+            return float(getattr(material.viscous[self.place or 0], self.name))
         owner = getattr(material, self.part) if self.part else material
         value = getattr(owner, self.name)
         return float(value if self.place is None else value[self.place])
 
     def changed(self, material: Material, value: float) -> Material:
         """The material with another value of the constant."""
+        if self.part == "viscous":
+            branches = list(material.viscous)
+            branches[self.place or 0] = replace(
+                branches[self.place or 0], **{self.name: value}
+            )
+            return replace(material, viscous=tuple(branches))
         owner = getattr(material, self.part) if self.part else material
         new: Any = value
         if self.place is not None:
@@ -55,6 +63,7 @@ class Parameters(MutableMapping[str, float]):
     ``"film.elastic.mu"`` is the constant `mu` of the elastic model of the region ``film``,
     ``"film.elastic.mu[1]"`` the second of several, ``"film.electric.eps_r"`` its relative
     permittivity, and ``"film.bulk_modulus"`` its bulk modulus where it has one.
+    ``"film.viscous[0].mu"`` and ``"film.viscous[0].tau"`` are those of its first viscous branch.
 
     A solver scales residuals by the moduli; after a large change of them call its `renew`.
 
@@ -90,6 +99,9 @@ class Parameters(MutableMapping[str, float]):
                         yield f"{label}[{k}]", _Handle(region, "elastic", constant, k)
                 else:
                     yield label, _Handle(region, "elastic", constant)
+            for k in range(len(material.viscous)):
+                for name in ("mu", "tau"):
+                    yield f"{region}.viscous[{k}].{name}", _Handle(region, "viscous", name, k)
             if self._kernels[region].eps is not None and hasattr(material.electric, "eps_r"):
                 yield f"{region}.electric.eps_r", _Handle(region, "electric", "eps_r")
             if material.bulk_modulus is not None:
@@ -137,6 +149,9 @@ class Parameters(MutableMapping[str, float]):
         if handle.part == "electric":
             coefficient, value = kernel.eps, material.dielectric.permittivity()
             value /= scales.permittivity
+        elif handle.part == "viscous":
+            branch = kernel.branches[handle.place or 0]
+            coefficient, value = getattr(branch, handle.name), handle.read(material)
         elif handle.part == "":
             coefficient, value = kernel.kappa, handle.read(material) / scales.stress
         else:

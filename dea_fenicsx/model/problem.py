@@ -25,6 +25,7 @@ from dea_fenicsx.model.probe import Probe
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.model.unknowns import Unknowns
+from dea_fenicsx.model.viscous_history import ViscousHistory
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
@@ -51,6 +52,8 @@ class Problem:
         The constants of the materials, to be read and set by name.
     factors
         The present load.
+    time
+        The present time in s.
     springs
         Springs that keep the present orientation of a free body.
     displacement
@@ -85,7 +88,7 @@ class Problem:
         self._history: Mapping[str, Any] = {}
         self._unstrained = self.forms.memory.at_rest()
         self.handed_out = False
-        self._time = 0.0
+        self.time = 0.0
         check_balance(
             scene, self.scales, self.displacement, self.conditions.fixed_values,
             list(self.forms.loads.unit_work), self.forms.load_vector,
@@ -134,7 +137,13 @@ class Problem:
     @property
     def state(self) -> State:
         """A copy of the present state: the accepted one, or the one that `at` tries."""
-        return State(self.w.x.array.copy(), self.factors, self._time, history=self._history)
+        return State(self.w.x.array.copy(), self.factors, self.time, history=self._history)
+
+    @property
+    def history(self) -> ViscousHistory | None:
+        """The viscous strains that belong to the present state; None without viscous branches."""
+        memory = self.forms.memory
+        return (self._history.get(memory.NAME) or self._unstrained) if memory else None
 
     @contextmanager
     def at(self, state: State) -> Iterator[None]:
@@ -154,10 +163,10 @@ class Problem:
         """Make a state the present one, within a block of `at`, which restores the old state."""
         self._place(state.values)
         self.factors = state.factors
-        self._time = state.time
+        self.time = state.time
         self._history = state.history
-        if memory := self.forms.memory:
-            memory.show(state.history.get(memory.NAME) or self._unstrained)
+        if history := self.history:
+            self.forms.memory.show(history)
         self.springs = self.turning.springs_of(state)
         for ramp, constant in self.loads.factors.items():
             constant.value = state.factors[ramp]
@@ -197,6 +206,8 @@ class Problem:
     def reuse(self, scene: Scene) -> None:
         """Take the constants of a scene that differs by them alone, and go back to the start."""
         self.parameters.take(scene.materials)
+        if memory := self.forms.memory:
+            memory.weigh(self.forms.cell_volumes, scene.materials, scene.device.cells_of)
         self.scene = scene
         self.commit(self._rest)
 

@@ -1,21 +1,41 @@
 """The viscous strain of Maxwell branches at quadrature points, from one step of time to the next.
 
-C_v is symmetric with determinant 1.  Over a step of length dt backward Euler and BDF2 give it in
-closed form,
+C_v is symmetric with determinant 1.  A step of each rule ends at
 
-    C_v,new = unimodular part of (dt/tau C + H)
-    Euler:  H = C_n
-    BDF2:   H = (1 + w) C_n - w^2/(1 + w) C_(n-1)
+    C_v,new = unimodular part of (h/tau C + H)
 
-with w the length of this step over that of the last one.  Where H is not positive, BDF2 gives way
-to Euler at that point.
+    backward Euler  h = dt            H = C_n
+    BDF2            h = dt (1 + w)/(1 + 2 w),   H = [(1 + w)^2 C_n - w^2 C_(n-1)] / (1 + 2 w)
+    SDIRK2          two stages with h = g dt, g = 1 - 1/sqrt(2); the first is one of backward Euler
+                    and ends at C_1, the second has H = C_n + (1 - g)/g (C_1 - C_n)
+
+with w the length of this step over that of the last one (for BDF2 only the ratio of h to H counts,
+and the code divides both by (1 + w)/(1 + 2 w)).  BDF2 needs two earlier values, so that SDIRK2
+makes the first steps.  Where H is not positive, C_n takes its place.
+
+Sources: A. V. Shutov, R. Landgraf, J. Ihlemann, Comput. Methods Appl. Mech. Eng. 265 (2013) 213;
+R. Alexander, SIAM J. Numer. Anal. 14 (1977) 1006.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
+
+STAGE_SHARE = 1 - 1 / math.sqrt(2)
+"""Length of each stage of SDIRK2, as a share of the step."""
+
+
+class Rule(Enum):
+    """The rule by which a step of time goes from the history to the present."""
+
+    EULER = "backward Euler"
+    BDF2 = "BDF2"
+    STAGE = "second stage of SDIRK2"
+
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 """Places of the six numbers of a symmetric tensor."""
@@ -33,19 +53,51 @@ class ViscousHistory:
     times
         Those times in s, the newest first.
     span
-        Time in s from the newest of them to the present state; 0 in an accepted state, and
-        infinite where all branches are relaxed.
+        Time in s that the present state is behind the newest of them; 0 in an accepted state, and
+        infinite where all branches are relaxed.  In the second stage of SDIRK2, whose newest
+        strains are those of the first stage, it is the length of a stage.
+    rule
+        How the present strains follow from them.
     """
 
     strains: tuple[np.ndarray, ...]
     times: tuple[float, ...]
     span: float = 0.0
+    rule: Rule = Rule.BDF2
+
+    @property
+    def settled(self) -> bool:
+        """Whether it is that of an accepted state."""
+        return self.span == 0
+
+    def restarted(self) -> ViscousHistory:
+        """The same without earlier values, for the rates jump here."""
+        return replace(self, strains=self.strains[:1], times=self.times[:1])
+
+    def ahead(self, span: float, rule: Rule = Rule.BDF2) -> ViscousHistory:
+        """The same for a state that lies later by a time in s."""
+        return replace(self, span=span, rule=rule)
 
 
 def determinant(c: np.ndarray) -> np.ndarray:
     """Determinants of symmetric tensors of shape (..., 6)."""
     xx, yy, zz, yz, xz, xy = np.moveaxis(c, -1, 0)
     return xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+
+
+def inverse(c: np.ndarray) -> np.ndarray:
+    """Inverses of symmetric tensors of shape (..., 6)."""
+    xx, yy, zz, yz, xz, xy = np.moveaxis(c, -1, 0)
+    adjugate = (
+        yy * zz - yz * yz, xx * zz - xz * xz, xx * yy - xy * xy,
+        xy * xz - xx * yz, xy * yz - yy * xz, xz * yz - zz * xy,
+    )  # fmt: skip
+    return np.stack(adjugate, axis=-1) / determinant(c)[..., None]
+
+
+def contracted(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The double contraction a : b of symmetric tensors of shape (..., 6)."""
+    return np.asarray(a[..., :3] * b[..., :3]).sum(-1) + 2 * (a[..., 3:] * b[..., 3:]).sum(-1)
 
 
 def unimodular(c: np.ndarray) -> np.ndarray:
@@ -59,18 +111,16 @@ def is_positive(c: np.ndarray) -> np.ndarray:
     return (xx > 0) & (xx * yy - xy * xy > 0) & (determinant(c) > 0)
 
 
-def combined(history: ViscousHistory, second_order: bool = True) -> np.ndarray:
-    """H of the step from the newest accepted time to the present state, like C_v.
-
-    BDF2 with the ratio w of this step to the last one is
-
-        (1 + 2w)/(1 + w) C_new = (1 + w) C_n - w^2/(1 + w) C_(n-1) + dt dC_v/dt,
-
-    in which the part of dC_v/dt along C_v itself only changes a factor, as that of C_new does.
-    """
-    now = history.strains[0]
-    if not second_order or len(history.strains) < 2 or not np.isfinite(history.span):
-        return now
-    w = history.span / (history.times[0] - history.times[1])
-    both = (1 + w) * now - w * w / (1 + w) * history.strains[1]
+def combined(history: ViscousHistory) -> np.ndarray:
+    """H of the step to the present state, laid out like C_v.  See the head of this file."""
+    strains, rule = history.strains, history.rule
+    if rule is Rule.EULER or len(strains) < 2 or not 0 < history.span < np.inf:
+        return strains[0]
+    if rule is Rule.STAGE:
+        now = strains[1]
+        both = now + (1 - STAGE_SHARE) / STAGE_SHARE * (strains[0] - now)
+    else:
+        now = strains[0]
+        w = history.span / (history.times[0] - history.times[1])
+        both = (1 + w) * now - w * w / (1 + w) * strains[1]
     return np.where(is_positive(both)[..., None], both, now)

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -30,7 +31,7 @@ from scipy.optimize import brentq
 
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.model.state import Factors, State
+from dea_fenicsx.model.state import State
 from dea_fenicsx.path.roots import Bracket
 from dea_fenicsx.path.stability import Place, load_derivative
 from dea_fenicsx.solvers.newton import LINEARISING, NewtonSolver
@@ -76,6 +77,55 @@ class Point:
     slope: float
 
 
+class Course(Protocol):
+    """What the load f of a branch means for a problem."""
+
+    def loaded(self, state: State, factor: float) -> State:
+        """A state with the load f and the fixed values of this load.  Its free unknowns stay."""
+
+    def factor_of(self, state: State) -> float:
+        """The load f of a state."""
+
+    def derivative(self) -> np.ndarray:
+        """dR/df in the free rows at the problem's present state."""
+
+
+class LoadCourse:
+    """The load of some ramps.
+
+    Parameters
+    ----------
+    solver
+        The nonlinear solver.
+    rates
+        Change of each ramp's factor with the load f.
+    factor
+        The present f.
+    """
+
+    def __init__(
+        self, solver: NewtonSolver, rates: Mapping[str, float], factor: float
+    ) -> None:
+        self.solver, self.problem, self.rates = solver, solver.problem, rates
+        self._lead = max(rates, key=lambda name: abs(rates[name]))
+        now = self.problem.factors
+        self._origin = now | {name: now[name] - rate * factor for name, rate in rates.items()}
+
+    def loaded(self, state: State, factor: float) -> State:
+        """A state with the load f and the fixed values of this load.  Its free unknowns stay."""
+        moved = {name: self._origin[name] + rate * factor for name, rate in self.rates.items()}
+        return self.problem.imposed(self.problem.under(state, self._origin | moved))
+
+    def factor_of(self, state: State) -> float:
+        """The load f of a state."""
+        name = self._lead
+        return (state.factors[name] - self._origin[name]) / self.rates[name]
+
+    def derivative(self) -> np.ndarray:
+        """dR/df in the free rows at the problem's present state."""
+        return load_derivative(self.solver.tangent, self.rates)
+
+
 class Branch:
     """Steps and tangents along a branch of equilibria.
 
@@ -83,23 +133,17 @@ class Branch:
     ----------
     solver
         The nonlinear solver, whose problem is in equilibrium.
-    rates
-        Change of each ramp's factor with the load f.
+    course
+        What the load f is.
     first
         The first step's f.
-    factor
-        The present f.
     """
 
-    def __init__(
-        self, solver: NewtonSolver, rates: Mapping[str, float], first: float, factor: float
-    ) -> None:
+    def __init__(self, solver: NewtonSolver, course: Course, first: float) -> None:
         self.solver = solver
         self.problem: Problem = solver.problem
-        self.rates = rates
-        self._lead = max(rates, key=lambda name: abs(rates[name]))
-        now = self.problem.factors
-        self._origin = now | {name: now[name] - rate * factor for name, rate in rates.items()}
+        self.course = course
+        self.factor_of, self.loaded = course.factor_of, course.loaded
         self.load_unit = abs(first)
         x = self.problem.displacement
         here = [c.space.tabulate_dof_coordinates() for c in x]
@@ -118,20 +162,6 @@ class Branch:
         """Scalar product of two directions, each a vector of free unknowns and a load."""
         mine = np.array([x[self.u] @ y[self.u]])
         return float(self._sum(mine)[0]) * self.weight + f * g / self.load_unit**2
-
-    def factors_at(self, factor: float) -> Factors:
-        """Factor of each ramp at a load f."""
-        moved = {name: self._origin[name] + rate * factor for name, rate in self.rates.items()}
-        return self._origin | moved
-
-    def factor_of(self, state: State) -> float:
-        """The load f of a state."""
-        name = self._lead
-        return (state.factors[name] - self._origin[name]) / self.rates[name]
-
-    def loaded(self, state: State, factor: float) -> State:
-        """A state with the load f and the fixed values of this load.  Its free unknowns stay."""
-        return self.problem.imposed(self.problem.under(state, self.factors_at(factor)))
 
     def point(self, state: State, along: Point | None, sign: float = 1.0) -> Point | None:
         """An equilibrium with its tangent, which points forward along the tangent of `along`.
@@ -153,7 +183,7 @@ class Branch:
 
         The iteration starts from dx/df of the last state.
         """
-        rhs = -load_derivative(self.solver.tangent, self.rates)
+        rhs = -self.course.derivative()
         rest, share = rhs, 1.0
         if self._by_load is not None:
             left = rhs - self.solver.tangent.times(self._by_load)

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, Point
+from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, LoadCourse, Point
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.stability import Place
 from dea_fenicsx.solvers.newton import NewtonSolver
@@ -106,8 +106,23 @@ def bridge(
         Its last point lies at or behind `wanted`, or is a limit point.  It does neither if the
         branch could not be followed so far.
     """
-    branch = Branch(solver, rates, first, position)
-    here, arc = branch.point(solver.problem.state, None, 1.0), FIRST_ARC
+    branch = Branch(solver, LoadCourse(solver, rates, position), first)
+    return follow(branch, sentinel, wanted)
+
+
+def follow(branch: Branch, sentinel: Sentinel, wanted: float) -> Bridge:
+    """Follow a branch from the problem's present state, as `bridge` does.  Collective.
+
+    Parameters
+    ----------
+    branch
+        The branch.
+    sentinel
+        Counts negative eigenvalues; holds the number of the present state.
+    wanted
+        The load f to come to.
+    """
+    here, arc = branch.point(branch.problem.state, None, 1.0), FIRST_ARC
     points = [here] if here is not None else []
     before: Point | None = None
     while here is not None and len(points) <= MOST_POINTS:

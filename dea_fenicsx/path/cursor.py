@@ -22,6 +22,7 @@ class Cursor:
     start : factors at the start of the current ramp
     direction : in a trace, sign of the load's change
     switched : whether a trace has left its first branch
+    began : time in s at the start of the current item
     """
 
     step: int = 0
@@ -31,6 +32,7 @@ class Cursor:
     start: dict[str, float] = field(default_factory=dict)
     direction: float = 0.0
     switched: bool = False
+    began: float = 0.0
 
 
 @dataclass(frozen=True)

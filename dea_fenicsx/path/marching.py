@@ -1,125 +1,361 @@
-"""A path in time: steps of BDF2 whose size follows an error estimate, or is fixed.
+"""A march: steps in time whose length follows an error estimate, or is fixed.
 
-Sizes are taken from a fixed ladder, so that rounding on another number of ranks does not choose
-others.  A step lands on corners of the drive and on asked times.  A step that fails is halved; it
-is no verdict.
-
-The local error of a step is estimated from the difference between the viscous strains and the
-parabola through the three values before.  With the third derivative y''' and steps h, h1, h2 (the
-newest first) BDF2 is wrong by E y''' and the parabola by -P y''',
-
-    E = h^2 (h + h1)^2 / (6 (2 h + h1)),    P = h (h + h1)(h + h1 + h2) / 6,
-
-so that the error of BDF2 is E/(E + P) of the difference.
+A step lands on corners of the drive and on asked times.  A jump of the drive is a ramp in no time,
+to which the branches respond instantaneously.  A step that fails is halved, and this is no verdict:
+equilibrium is lost where the branch of states over the length of the step, its history held, turns
+back, and where this step is short enough to be exact.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 
-import numpy as np
-
-from dea_fenicsx.drives.waves import Wave
+from dea_fenicsx.drives.waves import ROUNDING, Wave
 from dea_fenicsx.model.state import State
-from dea_fenicsx.model.viscous_history import ViscousHistory
+from dea_fenicsx.model.viscous_history import Rule
+from dea_fenicsx.path.cursor import Cursor, Step
+from dea_fenicsx.path.events import Sentinel
+from dea_fenicsx.path.items import March, Ramp
+from dea_fenicsx.path.ramping import RampWalk
+from dea_fenicsx.path.step_lengths import Ladder
+from dea_fenicsx.path.time_limit import follow_time
+from dea_fenicsx.path.time_stepping import TimeStepper
+from dea_fenicsx.path.verdicts import march_lost, march_stuck, march_too_exact
+from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.outcome import Attempt
+from dea_fenicsx.support.errors import EquilibriumLost
 
-RUNG = math.sqrt(2.0)
-"""Ratio of neighbouring sizes on the ladder; BDF2 is stable up to a growth of 2.41."""
+LOST = "loss of equilibrium"
+"""The event of the state beyond which there is no equilibrium."""
 
-SAFETY = 0.8
-"""Share of the step that the error estimate allows."""
+FEWEST_STEPS = 10
+"""Steps between two corners of the drive at least, where no error is estimated."""
 
-GROWTH_MARGIN = 1.2
-"""The step grows by a rung only if the estimate allows this many times the larger size."""
+SHORTEST_STEP = 2.0**-30
+"""Shortest step, in units of the longest one.  Below it the march is given up."""
+
+EXACT_SHARE = 2.0**-8
+"""Longest step to a limit point, in units of a fixed step, that counts as exact."""
+
+HALVINGS_BEFORE_ARC = 2
+"""How often a step is halved before the branch is followed over the length of the step."""
+
+FIRST_STEP_SHARE = 2.0**-10
+"""Longest first step after a jump whose length is adapted, in units of the longest one."""
+
+FIRST_ERROR_SHARE = 0.1
+"""Share of the tolerance that the first step of a march aims at."""
 
 
 @dataclass(frozen=True)
-class Ladder:
-    """The sizes of steps: the longest one over powers of sqrt(2).
+class Jump(Ramp):
+    """A ramp of several loads, each to a factor of its own.
 
     Attributes
     ----------
-    longest
-        In s.
+    targets
+        Factor at the end, by ramp.
     """
 
-    longest: float
+    targets: Mapping[str, float] = field(default_factory=dict)
 
-    def size(self, rung: int) -> float:
-        """Size in s of a rung; rung 0 is the longest."""
-        return self.longest * RUNG**-rung
+    def goals(self, scene: Scene) -> dict[str, float]:
+        return dict(self.targets)
 
-    def at_most(self, seconds: float) -> int:
-        """The rung of the longest size that is not longer than this."""
-        return max(0, math.ceil(math.log(self.longest / seconds) / math.log(RUNG) - 1e-9))
+    def names(self, scene: Scene) -> tuple[str, ...]:
+        return tuple(self.targets)
 
-    def next_rung(self, rung: int, allowed: float) -> int:
-        """The rung after a step whose error allows a size, at most two rungs up."""
-        wanted = SAFETY * allowed
-        if wanted < self.size(rung):
-            return self.at_most(wanted)
-        for up in (2, 1):
-            if rung >= up and wanted > GROWTH_MARGIN * self.size(rung - up):
-                return rung - up
-        return rung
+    def label(self, scene: Scene) -> str:
+        return "march"
 
 
-def estimate(new: ViscousHistory) -> np.ndarray | None:
-    """Estimated error of the newest viscous strains, like them; None with too short a history.
-
-    With two values before, the step was one of Euler from rest or after a jump, and the difference
-    to the straight line is compared; with one there is none.
-    """
-    times, strains = new.times, new.strains
-    if len(times) < 3:
-        return None
-    h, h1 = times[0] - times[1], times[1] - times[2]
-    if len(times) == 3:
-        line = strains[1] + h / h1 * (strains[1] - strains[2])
-        return np.asarray((strains[0] - line) * h / (2 * h + h1))
-    h2 = times[2] - times[3]
-    weights = _lagrange(np.array(times[1:4]), times[0])
-    parabola = sum(w * s for w, s in zip(weights, strains[1:4], strict=True))
-    wrong = h**2 * (h + h1) ** 2 / (6 * (2 * h + h1))
-    off = h * (h + h1) * (h + h1 + h2) / 6
-    return np.asarray((strains[0] - parabola) * wrong / (wrong + off))
-
-
-def _lagrange(nodes: np.ndarray, x: float) -> np.ndarray:
-    others = [np.delete(nodes, k) for k in range(len(nodes))]
-    return np.array([np.prod((x - o) / (n - o)) for n, o in zip(nodes, others, strict=True)])
-
-
-class Stepper:
-    """Makes single steps in time of a problem.
+class MarchWalk:
+    """Follows one march from a cursor to its end.
 
     Parameters
     ----------
     solver
-        The nonlinear solver.
-    drive
-        The wave of each ramp that is driven.
-    start
-        Time in s of the problem at which the drive's time is 0.
+        The nonlinear solver; its problem is in equilibrium at the cursor.
+    march
+        The march.
+    cursor
+        Where the march is taken up.
+    is_last
+        Whether it is the last item of the path.
+    sentinel
+        Watches for events.
+    log
+        Called with a line of text for every retry.
     """
 
     def __init__(
-        self, solver: NewtonSolver, drive: Mapping[str, Wave], start: float = 0.0
+        self,
+        solver: NewtonSolver,
+        march: March,
+        cursor: Cursor,
+        is_last: bool,
+        sentinel: Sentinel,
+        log: Callable[[str], None],
     ) -> None:
         self.solver, self.problem = solver, solver.problem
-        self.drive, self.start = drive, start
-        self.known: list[State] = [self.problem.state]
+        self.march, self.cursor, self.is_last = march, cursor, is_last
+        self.sentinel, self.log = sentinel, log
+        self.drive: dict[str, Wave] = march.waves
+        self.room = ROUNDING * march.seconds
+        self.stepper = TimeStepper(solver, self.drive, cursor.began, march.order)
+        self.adaptive = march.steps is None and bool(self.stepper.memory)
+        self.stops = self._stops()
+        self.ladder = Ladder(self._longest())
+        self.limit: float | None = None  # time of the limit point ahead, as known so far
+        self.rung = self.ladder.at_most(cursor.size) if cursor.size else 0
 
-    def trial(self, state: State, time: float, span: float) -> State:
-        """A state that is to be solved for at a later time, with the values of another one."""
-        memory = self.problem.forms.memory
-        history = state.history[memory.NAME]
-        local = time - self.start
-        moved = self.problem.under(
-            state, {name: wave.before(local) for name, wave in self.drive.items()}
+    def _stops(self) -> list[float]:
+        """Times since the beginning of the march at which a step ends."""
+        end = self.march.seconds
+        inside = {t for wave in self.drive.values() for t in wave.corners(0.0, end)}
+        inside |= {t for t in self.march.at if t < end - self.room}
+        found: list[float] = []
+        for t in sorted(inside):
+            if not found or t > found[-1] + self.room:
+                found.append(t)
+        return [*found, end]
+
+    def _longest(self) -> float:
+        """Longest step in s."""
+        end = self.march.seconds
+        if self.march.steps is not None:
+            return end / self.march.steps
+        finest = min((wave.finest() for wave in self.drive.values()), default=math.inf)
+        return min(end if self.adaptive else end / FEWEST_STEPS, finest)
+
+    # ------------------------------------------------------------------ the march
+
+    def follow(self) -> Iterator[Step]:
+        """Yield the accepted steps, one after another.
+
+        Raises
+        ------
+        EquilibriumLost
+            If there is no equilibrium beyond a time, or beyond a load within a jump of the drive.
+        SolverError
+            If the linear solver or the method fails however short the step.
+        """
+        if self.cursor.position == 0:
+            self._restart()
+        retries, failures = 0, 0
+        while True:
+            yield from self._jump()
+            now = self.stepper.now
+            if now >= self.march.seconds - self.room:
+                return
+            if self.adaptive and len(self.stepper.known) == 1 and not self.cursor.size:
+                self.rung = self.ladder.at_most(self._first_step())
+            stop = next(t for t in self.stops if t > now + self.room)
+            seconds = self._length(now, stop)
+            lands = now + seconds >= stop - self.room
+            if not self.stepper.memory:
+                yield from self._elastic(now, seconds, stop if lands else now + seconds)
+                continue
+            attempt = self.stepper.step(seconds)
+            if not attempt.converged:
+                self._tell_retry(now + seconds, attempt)
+                retries, failures = retries + 1, failures + 1
+                if failures > HALVINGS_BEFORE_ARC:
+                    yield from self._look_for_limit(now, seconds, retries)
+                if self._halve(seconds) < SHORTEST_STEP:
+                    raise march_stuck(now, seconds, attempt)
+                continue
+            settled = self.stepper.settled(attempt.found)
+            error = None
+            if self.adaptive:
+                rule = self.stepper.rule()
+                error = self.stepper.error(settled, rule)
+                if error is not None and error > self.march.tolerance:
+                    self.rung = max(
+                        self.rung + 1, self.ladder.at_most(self._allowed(seconds, error, rule))
+                    )
+                    if self.ladder.size(self.rung) < SHORTEST_STEP * self.ladder.longest:
+                        raise march_too_exact(now, self.march.tolerance, error)
+                    continue
+                self._grow(seconds, error, rule)
+            elif self.rung > 0 and not failures:
+                self.rung -= 1
+            yield from self._events(now, seconds, settled)
+            yield self._accept(stop if lands else now + seconds, settled, retries)
+            retries = failures = 0
+            if self.limit is not None:
+                now = self.stepper.now
+                yield from self._look_for_limit(now, 2 * max(self.limit - now, 0.0), 0)
+
+    def _length(self, now: float, stop: float) -> float:
+        seconds = self.ladder.portion(self.rung, stop - now)
+        if self.limit is not None and self.limit > now:
+            seconds = min(seconds, (self.limit - now) / 2)
+        return seconds
+
+    def _halve(self, seconds: float) -> float:
+        """Take half of a length for the next step; returns its share of the longest one."""
+        self.rung = max(self.rung + 1, self.ladder.at_most(seconds / 2))
+        return seconds / 2 / self.ladder.longest
+
+    def _allowed(self, seconds: float, error: float, rule: Rule) -> float:
+        """The length of a step whose error is the tolerance."""
+        order = 3 if rule is Rule.BDF2 else 2
+        return seconds * (self.march.tolerance / max(error, 1e-30)) ** (1 / order)
+
+    def _grow(self, seconds: float, error: float | None, rule: Rule) -> None:
+        """Choose the rung of the next step after one that is accepted."""
+        if error is None:
+            return
+        used = self.ladder.at_most(seconds * (1 + 1e-9))
+        if used > self.rung:  # the step was cut short by a landing, and tells less of the next one
+            return
+        self.rung = self.ladder.next_rung(self.rung, self._allowed(seconds, error, rule))
+
+    def _first_step(self) -> float:
+        """Length of the first step after a jump, in which the error of backward Euler is small."""
+        with self.problem.at(self.stepper.base):
+            rates = self.stepper.memory.second_rates(self.stepper.history.strains[0])
+            size = self.stepper.memory.size(rates)
+        first = FIRST_STEP_SHARE * self.ladder.longest
+        if size == 0:
+            return first
+        wanted = 2 * FIRST_ERROR_SHARE * self.march.tolerance / size
+        return min(first, math.sqrt(wanted))
+
+    def _restart(self) -> None:
+        """Forget what was before the present state, since the rates jump here."""
+        self.stepper.restart(self.problem.state, jump=True)
+        self.problem.commit(self.stepper.base)
+
+    def _elastic(self, now: float, seconds: float, end: float) -> Iterator[Step]:
+        """A step of a body without memory: a ramp of its loads, with its evidence and its events."""
+        goals = self._due(end, before=True)
+        share = replace(self.cursor, position=0.0, size=0.0, start=dict(self.problem.factors))
+        if not goals:
+            yield self._accept(end, replace(self.problem.state, time=self._clock(end)), 0)
+            return
+        for step in self._ramp(goals, share):
+            time = end if step.cursor.position == 1.0 else now + step.cursor.position * seconds
+            state = replace(step.state, time=self._clock(time))
+            self.problem.commit(state)
+            self.cursor = replace(
+                self._moved(time, self.ladder.longest), step=step.cursor.step
+            )
+            last = self._is_end(time) and not step.event and not self._due(time)
+            yield replace(step, cursor=self.cursor, state=state, last=last)
+        self.stepper.restart(self.problem.state)
+
+    def _clock(self, now: float) -> float:
+        """Time of the problem at a time of the drive, in s."""
+        return self.cursor.began + now
+
+    def _ramp(self, goals: Mapping[str, float], start: Cursor) -> Iterator[Step]:
+        """The steps of a ramp in no time."""
+        ramp = Jump(steps=1, targets=goals)
+        try:
+            yield from RampWalk(
+                self.solver, ramp, start, False, self.sentinel, self.log
+            ).follow()
+        except EquilibriumLost as error:
+            error.args = (f"{error} The march had come to {self.stepper.now:.9g} s.",)
+            raise
+
+    # ------------------------------------------------------------------ jumps, events, ends
+
+    def _due(self, now: float, before: bool = False) -> dict[str, float]:
+        """Factors of the drive at a time, or just before it, of ramps that are elsewhere."""
+        factors = self.problem.factors
+        goals = {
+            name: wave.before(now) if before else wave(now) for name, wave in self.drive.items()
+        }
+        return {
+            name: goal for name, goal in goals.items()
+            if abs(goal - factors[name]) > ROUNDING * max(1.0, abs(goal))
+        }  # fmt: skip
+
+    def _jump(self) -> Iterator[Step]:
+        """Go to the load of the drive in no time, if it is not the present one."""
+        goals = self._due(self.stepper.now)
+        if not goals:
+            return
+        self._restart()
+        here = self.cursor
+        start = replace(here, position=0.0, size=0.0, start=dict(self.problem.factors))
+        for step in self._ramp(goals, start):
+            self.cursor = replace(here, step=step.cursor.step, size=0.0)
+            last = self._is_end(self.stepper.now) and not self._due(self.stepper.now)
+            yield replace(step, cursor=self.cursor, last=last)
+        self.stepper.restart(self.problem.state, jump=True)
+        self.limit = None
+
+    def _is_end(self, now: float) -> bool:
+        return self.is_last and now >= self.march.seconds - self.room
+
+    def _events(self, now: float, seconds: float, settled: State) -> Iterator[Step]:
+        """Events between the last accepted state and this one, each as a step of its own."""
+        before, count = self.sentinel.excess, self.sentinel.count(settled)
+        if before is not None and count is not None and before != count:
+            self.log(
+                f"march: the number of negative eigenvalues changes from {before} to {count} "
+                f"between {now:.6g} s and {now + seconds:.6g} s"
+            )
+        rates = {n: settled.factors[n] - self.problem.factors[n] for n in self.drive}
+
+        def place(share: float) -> Attempt:
+            return self.stepper.place(share * seconds)
+
+        for event in self.sentinel.passed(settled, place, rates, count):
+            self.problem.commit(event.state)
+            at = now + event.share * seconds
+            self.cursor = self._moved(at, self.cursor.size)
+            self.log(f"march: {event.name} at {at:.9g} s")
+            yield Step(
+                self.cursor, "march", event.state, event=event.name, mode=event.mode
+            )
+
+    def _moved(self, now: float, size: float) -> Cursor:
+        """The cursor of the next step."""
+        share = min(now / self.march.seconds, 1.0)
+        return replace(self.cursor, step=self.cursor.step + 1, position=share, size=size)
+
+    def _accept(self, now: float, settled: State, retries: int) -> Step:
+        self.problem.commit(settled)
+        self.stepper.accept(settled)
+        self.cursor = self._moved(now, self.ladder.size(self.rung))
+        last = self._is_end(now) and not self._due(now)
+        return Step(self.cursor, "march", settled, retries, last)
+
+    def _tell_retry(self, time: float, attempt: Attempt) -> None:
+        self.log(
+            f"march: no equilibrium at {time:.9g} s ({attempt.outcome.value}, "
+            f"{attempt.iterations} Newton iterations); step halved"
         )
-        told = {**moved.history, memory.NAME: replace(history, span=span)}
-        return replace(moved, time=time, history=told)
+
+    def _look_for_limit(self, now: float, seconds: float, retries: int) -> Iterator[Step]:
+        """Look for a limit point within a step of some length, its history held.
+
+        Raises
+        ------
+        EquilibriumLost
+            If there is one, and the step to it is short enough to be exact.
+        """
+        limit = follow_time(self.stepper, self.sentinel, seconds) if seconds else None
+        self.limit = None if limit is None else now + limit.seconds
+        if limit is None:
+            return
+        settled = self.stepper.settled(limit.state)
+        if self.adaptive:
+            error = self.stepper.error(settled, limit.rule)
+            exact = error is not None and error <= self.march.tolerance
+        else:
+            exact = limit.seconds <= EXACT_SHARE * self.ladder.longest
+        if not exact:
+            return
+        self.problem.commit(settled)
+        self.cursor = self._moved(self.limit, 0.0)
+        yield Step(self.cursor, "march", settled, retries, self.is_last, event=LOST)
+        raise march_lost(self.problem.scene, settled, self.limit, list(self.drive))

@@ -80,10 +80,11 @@ class RampWalk:
         scene = self.problem.scene
         self.names, self.label = ramp.names(scene), ramp.label(scene)
         self.start = cursor.start
-        self.rates = {n: ramp.to - self.start[n] for n in self.names}
+        self.goals = ramp.goals(scene)
+        self.rates = {n: self.goals[n] - self.start[n] for n in self.names}
         self.first = 1.0 / ramp.steps
         self.size = cursor.size or self.first
-        self.lead = max(self.names, key=lambda name: abs(ramp.to - self.start[name]))
+        self.lead = max(self.names, key=lambda name: abs(self.rates[name]))
         self.origin = self.problem.state
         self.limit: float | None = None  # position of the limit point ahead, where it is known
         self.near_limit: bool | None = None  # whether the last failed step shows one, if asked
@@ -101,7 +102,7 @@ class RampWalk:
         It is a weighted mean of both ends, so that position 1 gives the end to the last bit.
         """
         moved = {
-            n: (1 - position) * self.start[n] + position * self.ramp.to for n in self.names
+            n: (1 - position) * self.start[n] + position * self.goals[n] for n in self.names
         }
         return self.problem.factors | moved
 
@@ -180,7 +181,9 @@ class RampWalk:
         if not cut and self.ramp.at is None:
             self.size = min(self.size, self.first)
         cursor = self.cursor
-        self.cursor = Cursor(cursor.step + 1, cursor.ramp, target, self.size, dict(self.start))
+        self.cursor = replace(
+            cursor, step=cursor.step + 1, position=target, size=self.size, start=dict(self.start)
+        )
         last = target == 1.0 and self.is_last
         return Step(self.cursor, self.label, found, retries, last)
 
@@ -258,7 +261,7 @@ class RampWalk:
         factors = self.factors_at(limit.factor)
         cursor = replace(cursor, step=cursor.step + 1, position=limit.factor, size=0.0)
         # "maximum" refers to the size of the load: a voltage may have either sign.
-        outwards = factors[self.lead] * (ramp.to - cursor.start[self.lead]) > 0
+        outwards = factors[self.lead] * self.rates[self.lead] > 0
         top = limit.state.with_factors(factors)
         self.problem.commit(top)
         yield Step(cursor, self.label, top, event="maximum" if outwards else "minimum")

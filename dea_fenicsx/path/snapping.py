@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, Point
+from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, LoadCourse, Point
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import SolverError
 
@@ -47,7 +47,7 @@ def over_the_limit(
     SolverError
         If no limit point is found.
     """
-    branch = Branch(solver, rates, first, factor)
+    branch = Branch(solver, LoadCourse(solver, rates, factor), first)
     here, arc = branch.point(solver.problem.state, None, 1.0), 1.0
     before: Point | None = None
     limit: Point | None = None

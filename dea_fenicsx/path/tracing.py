@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, Point
+from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, LoadCourse, Point
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import Trace
 from dea_fenicsx.path.roots import Bracket
@@ -101,7 +101,7 @@ class Tracer:
         self.solver, self.problem, self.item = solver, solver.problem, item
         self.sentinel, self.gap, self.log = sentinel, gap, log
         now = self.problem.factors[item.what]
-        self.branch = Branch(solver, {item.what: 1.0}, item.first, now)
+        self.branch = Branch(solver, LoadCourse(solver, {item.what: 1.0}, now), item.first)
 
     def follow(self, arc: float, sign: float, may_switch: bool = True) -> Iterator[Traced]:
         """Yield the accepted points, one after another.

@@ -11,6 +11,7 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.stability import path_slope
+from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 from dea_fenicsx.support.errors import EquilibriumLost, NotReached, PathError, SolverError
 
@@ -163,4 +164,54 @@ def trace_short(what: str, column: str, value: float, gap: float, steps: int) ->
     return NotReached(
         f"The trace in {what} used up its {steps} steps at {column} = {value + gap:.6g}, before "
         f"{column} = {value:.6g}; give it more steps, or a longer first one."
+    )
+
+
+def march_lost(
+    scene: Scene, state: State, seconds: float, driven: Sequence[str]
+) -> EquilibriumLost:
+    """The error that ends a march at a time beyond which there is no equilibrium.
+
+    Parameters
+    ----------
+    scene, state
+        The scene, and the state at that time.
+    seconds
+        The time since the beginning of the march.
+    driven
+        The ramps that the march drives.
+    """
+    names = [name for name, factor in state.factors.items() if factor or name in driven]
+    at = f" at {state.factors.told(names)}" if names else ""
+    electric = any(scene.is_electric(name) and state.factors[name] for name in names)
+    error = EquilibriumLost(
+        f"Equilibrium was lost {seconds:.9g} s after the beginning of the march{at}: "
+        f"{'a pull-in' if electric else 'a limit point'} in time.  The state there is the last one "
+        "that is kept."
+    )
+    error.reached = error.failed = dict(state.factors)
+    error.ramps = tuple(names)
+    return error
+
+
+def march_stuck(now: float, seconds: float, attempt: Attempt) -> PathError:
+    """The error that ends a march whose steps have become too short."""
+    if attempt.outcome.is_linear_failure:
+        return SolverError(
+            f"The linear solver failed {now:.9g} s after the beginning of the march "
+            f"({attempt.outcome.value}); check supports and material constants."
+        )
+    return SolverError(
+        f"No step from {now:.9g} s of the march could be made, however short (last trial: "
+        f"{seconds:.3g} s, {attempt.outcome.value}), and no limit point was found ahead; this is a "
+        "failure of the method and no pull-in; all steps before it are kept."
+    )
+
+
+def march_too_exact(now: float, tolerance: float, error: float) -> SolverError:
+    """The error that ends a march whose tolerance is below what rounding leaves."""
+    return SolverError(
+        f"The estimated error of a step at {now:.9g} s of the march stays at {error:.2g}, above its "
+        f"tolerance {tolerance:g}, however short the step; give March a larger tolerance, or a "
+        "smaller NewtonOptions(tolerance=...)."
     )

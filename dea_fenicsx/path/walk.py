@@ -11,9 +11,11 @@ import numpy as np
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
-from dea_fenicsx.path.items import Ramp, Trace, check_path
+from dea_fenicsx.path.items import Item, March, Ramp, Trace, check_path
 from dea_fenicsx.path.load_orientation import turn_to_loads
+from dea_fenicsx.path.marching import MarchWalk
 from dea_fenicsx.path.ramping import RampWalk
+from dea_fenicsx.path.relaxing import respond, settle
 from dea_fenicsx.path.tracing import BranchLost, Tracer
 from dea_fenicsx.path.verdicts import trace_lost, trace_short
 from dea_fenicsx.scene.scene import Scene
@@ -29,7 +31,7 @@ class Walk:
     solver
         The nonlinear solver with its problem.
     path
-        Ramps and traces, one after another.
+        Ramps, traces and marches, one after another.
     sentinel
         Watches for events; without one, only limit points of traces are noticed.
     log
@@ -42,7 +44,7 @@ class Walk:
     """
 
     solver: NewtonSolver
-    path: Sequence[Ramp | Trace]
+    path: Sequence[Item]
     sentinel: Sentinel | None = None
     log: Callable[[str], None] = lambda line: None
     gap: Callable[[int], float | None] = lambda item: None
@@ -74,7 +76,7 @@ class Walk:
                 problem.state, dict.fromkeys(scene.ramps, 0.0)
             )
             check_path(scene, self.path, origin.factors)
-            cursor = Cursor(start=dict(origin.factors))
+            cursor = Cursor(start=dict(origin.factors), began=origin.time)
             problem.commit(origin)
             yield Step(cursor, self.path[0].label(scene), problem.state)
         else:
@@ -84,21 +86,31 @@ class Walk:
         while cursor.ramp < len(self.path):
             item = self.path[cursor.ramp]
             self._orient(item)
+            if not isinstance(item, March):
+                respond(self.solver, item, self.log)
             is_last = cursor.ramp == len(self.path) - 1
-            steps = (
-                self._trace(item, cursor, is_last, sentinel)
-                if isinstance(item, Trace)
-                else RampWalk(self.solver, item, cursor, is_last, sentinel, self.log).follow()
-            )
-            for step in steps:
+            for step in self._steps(item, cursor, is_last, sentinel):
                 cursor = step.cursor
                 yield step
+            settle(problem)
             cursor = replace(
                 cursor, ramp=cursor.ramp + 1, position=0.0, size=0.0,
                 start=dict(problem.factors), direction=0.0, switched=False,
+                began=problem.state.time,
             )  # fmt: skip
 
-    def _orient(self, item: Ramp | Trace) -> None:
+    def _steps(
+        self, item: Item, cursor: Cursor, is_last: bool, sentinel: Sentinel
+    ) -> Iterator[Step]:
+        """The steps of one item of the path."""
+        if isinstance(item, Trace):
+            return self._trace(item, cursor, is_last, sentinel)
+        if isinstance(item, March):
+            march = MarchWalk(self.solver, item, cursor, is_last, sentinel, self.log)
+            return march.follow()
+        return RampWalk(self.solver, item, cursor, is_last, sentinel, self.log).follow()
+
+    def _orient(self, item: Item) -> None:
         """Turn a free body to where the loads that begin to act have no moment."""
         problem = self.solver.problem
         problem.commit(problem.anchored(problem.state))
@@ -132,9 +144,9 @@ class Walk:
             problem.commit(found.state)
             done = item.steps if found.last else done + 1
             switched = cursor.switched or (bool(item.switch) and found.event == "bifurcation")
-            cursor = Cursor(
-                cursor.step + 1, cursor.ramp, done / item.steps, found.arc, dict(cursor.start),
-                found.direction, switched,
+            cursor = replace(
+                cursor, step=cursor.step + 1, position=done / item.steps, size=found.arc,
+                start=dict(cursor.start), direction=found.direction, switched=switched,
             )  # fmt: skip
             last = done >= item.steps and is_last
             yield Step(
@@ -147,8 +159,10 @@ class Walk:
                 return
 
 
-def _rates(item: Ramp | Trace, scene: Scene, factors: Mapping[str, float]) -> dict[str, float]:
+def _rates(item: Item, scene: Scene, factors: Mapping[str, float]) -> dict[str, float]:
     """Change of the factor of each ramp over an item of a path, or over its first step."""
     if isinstance(item, Trace):
         return {item.what: item.first}
+    if isinstance(item, March):
+        return {name: wave(item.seconds) - factors[name] for name, wave in item.waves.items()}
     return {name: item.to - factors[name] for name in item.names(scene)}

@@ -25,9 +25,10 @@ import numpy as np
 from numpy.lib import format as npy
 
 from dea_fenicsx.path.cursor import Cursor
-from dea_fenicsx.path.items import Trace
+from dea_fenicsx.path.items import Item, March, Trace
 from dea_fenicsx.results.columns import COUNTS, load_column
 from dea_fenicsx.results.history import TEXTS
+from dea_fenicsx.results.moment import moment_told
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean
@@ -160,7 +161,7 @@ def cursor_of(
     rows = told.get("history")
     _check_rows(rows, columns, cursor)
     assert isinstance(rows, list)
-    _check_start(cursor, factors, rows, scene)
+    _check_start(cursor, factors, rows, scene, path[cursor.ramp])
     _check_place(cursor, factors, rows, scene, path)
     _check_rest(told, fields)
     return cursor
@@ -177,6 +178,8 @@ def _load(found: Any, scene: Scene) -> dict[str, float]:
 
 def _cursor(found: Any, scene: Scene, path: Sequence[Any]) -> Cursor:
     names = [field.name for field in dataclasses.fields(Cursor)]
+    if isinstance(found, dict):
+        found = {"began": 0.0} | found  # which the checkpoints of before there was time lack
     if not isinstance(found, dict) or set(found) != set(names):
         raise Unusable("its place on the path is missing or not of this version")
     cursor = Cursor(**found)
@@ -185,7 +188,7 @@ def _cursor(found: Any, scene: Scene, path: Sequence[Any]) -> Cursor:
     except InputError as error:
         raise Unusable("its place on the path holds what is no number") from error
     _load(cursor.start, scene)
-    if not all(map(math.isfinite, (cursor.position, cursor.size, cursor.direction))):
+    if not all(map(math.isfinite, (cursor.position, cursor.size, cursor.direction, cursor.began))):
         raise Unusable("its place on the path holds what is no finite number")
     if not (0 <= cursor.ramp < len(path) and 0 <= cursor.position <= 1 and cursor.size >= 0):
         raise Unusable("its place lies outside of the path")
@@ -227,15 +230,20 @@ def _factors(row: Mapping[str, Any], scene: Scene) -> dict[str, float]:
 
 
 def _check_start(
-    cursor: Cursor, factors: Mapping[str, float], rows: list[Any], scene: Scene
+    cursor: Cursor,
+    factors: Mapping[str, float],
+    rows: list[Any],
+    scene: Scene,
+    item: Item,
 ) -> None:
     """Check that the loads are those of the last row of the history.
 
-    The loads at the start of the item must be those of the row at which the item began.
+    The loads at the start of the item must be those of the row at which the item began, unless it
+    is a march, which may begin with a jump.
     """
     begun = [row for row in rows if row["time"] <= cursor.ramp + TIME_TOLERANCE]
     pairs = [(factors, _factors(rows[-1], scene))]
-    if cursor.ramp + cursor.position > 0:
+    if cursor.ramp + cursor.position > 0 and not isinstance(item, March):
         pairs.append((cursor.start, _factors(begun[-1], scene)))
     for mine, theirs in pairs:
         for ramp, factor in mine.items():
@@ -258,10 +266,23 @@ def _check_place(
         if not ended and round(cursor.position * item.steps) > taken:
             raise Unusable("its place on the trace is beyond the steps of its history")
         return
+    if isinstance(item, March):
+        _check_march(cursor, factors, item)
+        return
     for ramp in item.names(scene):
         here = (1 - cursor.position) * cursor.start[ramp] + cursor.position * item.to
         if not abs(factors[ramp] - here) <= NUMBER_TOLERANCE * max(1.0, abs(here)):
             raise Unusable("its load factors are not those of its place on the path")
+
+
+def _check_march(cursor: Cursor, factors: Mapping[str, float], item: March) -> None:
+    """Check that the loads are those of the drive, or lie within its present jump."""
+    now = cursor.position * item.seconds
+    for ramp, wave in item.waves.items():
+        ends = [wave(now), wave.before(now), *([cursor.start[ramp]] if now == 0 else [])]
+        room = NUMBER_TOLERANCE * max(1.0, *map(abs, ends))
+        if not min(ends) - room <= factors[ramp] <= max(ends) + room:
+            raise Unusable("its load factors are not those of the drive at its place on the path")
 
 
 def _reached(item: Trace, row: Mapping[str, Any]) -> bool:
@@ -282,6 +303,8 @@ def _check_rest(told: Mapping[str, Any], fields: Sequence[str]) -> None:
         raise Unusable("its references of the residual are not usable")
     if not isinstance(failures, list) or not all(isinstance(f, dict) for f in failures):
         raise Unusable("its list of failures is not usable")
+    if moment_told(told.get("moment")) is None:
+        raise Unusable("it does not say at which time its state is")
     if not _is_start(told.get("start")):
         raise Unusable("it does not say where it started")
     if not is_number(seconds) or not 0 <= float(seconds or 0) < math.inf:

@@ -9,11 +9,15 @@ from typing import Any
 from dea_fenicsx.measure.failures import ElectricalBreakdown, Gauge, LossOfTension, StretchLimit
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.path.items import March
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, plain, shown
 
 FIRST = ("step", "time", "ramp", "event")
+TIME = ("time_s",)
+"""Columns of a path with time."""
+
 FIELD = ("max_field_V_per_m", "max_field_x_m", "max_field_y_m", "max_field_z_m")
 WORK = (
     "min_J", "volume_error", "residual", "newton_iterations", "krylov_iterations",
@@ -46,12 +50,22 @@ def load_column(scene: Scene, ramp: str) -> tuple[str, float]:
     return (f"{ramp}_V", volts) if volts else (f"{ramp}_factor", 1.0)
 
 
+def has_time(path: Iterable[Any]) -> bool:
+    """Whether time passes on a path."""
+    return any(isinstance(item, March) for item in path)
+
+
 def names(
-    scene: Scene, record: Mapping[str, Any], failures: Iterable[Any], potential: bool
+    scene: Scene,
+    record: Mapping[str, Any],
+    failures: Iterable[Any],
+    potential: bool,
+    timed: bool = False,
 ) -> list[str]:
     """Columns of a run's history."""
     return [
         *FIRST,
+        *(TIME if timed else ()),
         *(load_column(scene, ramp)[0] for ramp in scene.ramps),
         *(column_of(name, observable) for name, observable in record.items()),
         *(FIELD if potential else ()),
@@ -115,7 +129,7 @@ def check_names(scene: Scene, record: Mapping[str, Any], failures: Iterable[Any]
     for ramp in scene.ramps:
         _check_plain(ramp, "The name of a ramp")
     watched = (*failures, ElectricalBreakdown, LossOfTension, StretchLimit)
-    taken = dict.fromkeys((*FIRST, *FIELD, *WORK), "the history")
+    taken = dict.fromkeys((*FIRST, *TIME, *FIELD, *WORK), "the history")
     for failure in failures:
         _check_plain(failure.column, "The column of a failure")
     taken |= {failure.column: "the history" for failure in watched}

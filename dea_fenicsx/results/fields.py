@@ -18,6 +18,7 @@ from dea_fenicsx.mesh.device import group_size
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
+from dea_fenicsx.results.moment import NO_MOMENT, Moment, stacked, unstacked
 from dea_fenicsx.results.grids import Grid, SurfaceGrid, surface_grid
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.cell_types import BY_DEGREE
@@ -25,23 +26,10 @@ from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import known
 
-__all__ = ["FieldWriter", "Grid", "SurfaceGrid", "step_time"]
+__all__ = ["FieldWriter", "Grid", "SurfaceGrid"]
 
 Fields = dict[str, np.ndarray]
 """Values by the name of the field."""
-
-
-def step_time(state: State, position: float) -> float:
-    """The time value of a step: the state's time in s, or the place on a path without time.
-
-    Parameters
-    ----------
-    state
-        The accepted state; its time is 0 on a path without time.
-    position
-        Number of path items that are behind, and the share of the present one.
-    """
-    return float(state.time or position)
 
 
 class FieldWriter:
@@ -310,20 +298,30 @@ class FieldWriter:
     # -------------------------------------------------------------- whole states
 
     def gather_state(self) -> np.ndarray | None:
-        """The mixed function's values in each cell, in the order of the mesh file, on rank 0."""
-        table = self.problem.W.dofmap.list[: self.owned_cells]
-        return self.gather(self.problem.w.x.array[table])
+        """The mixed function's values in each cell, in the order of the mesh file, on rank 0.
 
-    def fits(self, values: np.ndarray | None) -> bool:
+        Behind them stand the viscous strains of the history, if the problem keeps one.
+        """
+        table = self.problem.W.dofmap.list[: self.owned_cells]
+        values = self.problem.w.x.array[table]
+        if history := self.problem.history:
+            values = np.hstack([values, stacked(history, self.owned_cells)])
+        return self.gather(values)
+
+    def fits(self, values: np.ndarray | None, moment: Moment = NO_MOMENT) -> bool:
         """Whether what `gather_state` gave (on rank 0) is a state of this problem.  Collective."""
-        table = self.problem.W.dofmap.list
+        columns = self.problem.W.dofmap.list.shape[1]
+        columns += self.problem.forms.memory.columns * len(moment.times)
         cells = self.problem.comm.allreduce(self.owned_cells, op=MPI.SUM)
+        kept = bool(moment.times) or not self.problem.forms.memory
         good = values is None or (
-            values.shape == (cells, table.shape[1]) and bool(np.isfinite(values).all())
+            kept and values.shape == (cells, columns) and bool(np.isfinite(values).all())
         )
         return bool(self.problem.comm.bcast(good, root=0))
 
-    def scattered(self, values: np.ndarray | None, factors: Factors) -> State:
+    def scattered(
+        self, values: np.ndarray | None, factors: Factors, moment: Moment = NO_MOMENT
+    ) -> State:
         """The state that `gather_state` gave (on rank 0) at a load, on any number of ranks."""
         problem = self.problem
         shape = problem.comm.bcast(None if values is None else values.shape, root=0)
@@ -333,9 +331,13 @@ class FieldWriter:
         problem.comm.Bcast(values, root=0)
         table = problem.W.dofmap.list[: self.owned_cells]
         carry = dolfinx.fem.Function(problem.W)
-        carry.x.array[table.ravel()] = values[self.original].ravel()
+        mine = values[self.original]
+        carry.x.array[table.ravel()] = mine[:, : table.shape[1]].ravel()
         carry.x.scatter_forward()
-        return State(carry.x.array.copy(), factors)
+        memory, history = problem.forms.memory, {}
+        if memory:
+            history[memory.NAME] = unstacked(mine[:, table.shape[1] :], moment, memory.at_rest())
+        return State(carry.x.array.copy(), factors, moment.now, history=history)
 
 
 _VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

@@ -263,12 +263,12 @@ class Folder(SharedFolder):
     ) -> None:
         """Write the document of the device or of a surface, whose data lie in a group."""
         grids = []
-        for row in history:
+        for row, time in zip(history, field_times(history), strict=True):
             step = int(row["step"])
             file, prefix = self._where(self._part(step), f"step_{step:05d}/", whole)
             if file.exists():
                 place = (file, prefix + group)
-                grids.append(self._grid_xml(step, float(row["time"]), place, group, whole))
+                grids.append(self._grid_xml(step, time, place, group, whole))
         text = xdmf.document("".join(grids), name)
         replace_file(self.path / file_name, lambda target: target.write_text(text, "utf-8"))
 

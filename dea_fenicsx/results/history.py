@@ -109,3 +109,23 @@ def columns_of(names: Iterable[str], rows: Sequence[Mapping[str, str]]) -> Colum
         except ValueError:
             columns[name] = np.array(values)
     return columns
+
+
+EQUAL_TIMES_APART = 1e-9
+"""Distance of states at one time in ParaView's files, as a share of the whole time."""
+
+
+def field_times(rows: Sequence[Mapping[str, Any]]) -> list[float]:
+    """The time value of each row in files for ParaView: in s, or the place on a path without time.
+
+    States at one time, such as those of a jump, are moved apart, since ParaView shows one of them
+    only.
+    """
+    if not rows or "time_s" not in rows[0]:
+        return [float(row["time"]) for row in rows]
+    found: list[float] = []
+    apart = EQUAL_TIMES_APART * float(rows[-1]["time_s"]) or EQUAL_TIMES_APART
+    for row in rows:
+        time = float(row["time_s"])
+        found.append(max(time, found[-1] + apart) if found else time)
+    return found

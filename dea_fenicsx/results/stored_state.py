@@ -27,6 +27,7 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results import checkpoint
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.identity import mesh_facts
+from dea_fenicsx.results.moment import NO_MOMENT, Moment, moment_of, moment_told
 from dea_fenicsx.results.untrusted import Foreign, inside
 from dea_fenicsx.scene.amounts import amounts_of
 from dea_fenicsx.support.errors import InputError
@@ -53,6 +54,8 @@ class StoredState:
         What `mesh_facts` says of its mesh.
     folder, step
         Its results folder, if it has one, and the number of the step.
+    moment
+        Its time, and the times of its viscous strains.
     """
 
     values: np.ndarray | None
@@ -61,6 +64,7 @@ class StoredState:
     mesh: Mapping[str, Any]
     folder: str | None
     step: int
+    moment: Moment = NO_MOMENT
 
     @property
     def place(self) -> str:
@@ -90,6 +94,7 @@ def of_run(problem: Problem, folder: str | None, step: int) -> StoredState:
     return StoredState(
         writer.gather_state(), dict(problem.factors), about(problem),
         mesh_facts(problem, writer.grid), folder, step,
+        moment_of(problem.state, problem.history),
     )  # fmt: skip
 
 
@@ -131,7 +136,7 @@ def _read(folder: Path) -> StoredState:
         raise InputError(f"The run in {name} cannot be started from: its checkpoint {why}.")
     return StoredState(
         values, told["factors"], told["about"], told["fingerprint"]["mesh"], str(folder),
-        int(told["cursor"]["step"]),
+        int(told["cursor"]["step"]), moment_told(told.get("moment")) or NO_MOMENT,
     )  # fmt: skip
 
 
@@ -155,6 +160,8 @@ def _fault(told: Mapping[str, Any]) -> str | None:
     )
     if not good:
         return "does not hold together in what it says of its fields and ramps"
+    if moment_told(told.get("moment")) is None:
+        return "does not say at which time its state is"
     step = cursor.get("step") if isinstance(cursor, dict) else None
     if not isinstance(step, int) or isinstance(step, bool) or step < 0:
         return "does not say which step it is of"

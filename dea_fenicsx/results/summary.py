@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.path.items import Ramp, Trace
+from dea_fenicsx.path.items import Item, Trace
 from dea_fenicsx.results.columns import COUNTS, load_column
 from dea_fenicsx.results.identity import described
 from dea_fenicsx.results.provenance import package_versions
@@ -94,7 +94,7 @@ def count_changes(history: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def ending(
-    scene: Scene, history: Sequence[Mapping[str, Any]], path: Sequence[Ramp | Trace]
+    scene: Scene, history: Sequence[Mapping[str, Any]], path: Sequence[Item]
 ) -> tuple[str, str]:
     """Status and message of a path that was followed to its end.
 
@@ -113,7 +113,7 @@ def ending(
 
 
 def loads_not_passed(
-    scene: Scene, history: Sequence[Mapping[str, Any]], path: Sequence[Ramp | Trace]
+    scene: Scene, history: Sequence[Mapping[str, Any]], path: Sequence[Item]
 ) -> list[str]:
     """A sentence for each trace that has no step at some of the loads that it was asked for."""
     found = []

@@ -11,7 +11,7 @@ import numpy as np
 
 from dea_fenicsx.measure.failures import Failure
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.items import Ramp, Trace, check_path
+from dea_fenicsx.path.items import Item, March, Ramp, Trace, check_path
 from dea_fenicsx.results.folder import Run
 from dea_fenicsx.run.starting import Start
 from dea_fenicsx.scene.scene import Scene
@@ -94,9 +94,9 @@ class Arguments:
     settings: Mapping[str, Any] | None
 
     @property
-    def items(self) -> list[Ramp | Trace]:
+    def items(self) -> list[Item]:
         """The items of the path."""
-        return [self.path] if isinstance(self.path, Ramp | Trace) else list(self.path)
+        return [self.path] if isinstance(self.path, Item) else list(self.path)
 
     def compared(self) -> dict[str, Any]:
         """What all ranks must be given alike."""
@@ -114,7 +114,8 @@ def check_arguments(given: Arguments) -> None:
     """Raise InputError, with one sentence, for an argument that `solve` cannot use."""
     for value, kind, what in (
         (given.scene, Scene, "a Scene"),
-        (given.path, Ramp | Trace | list | tuple, "a Ramp, a Trace or a list of them"),
+        (given.path, Ramp | Trace | March | list | tuple,
+         "a Ramp, a Trace, a March or a list of them"),
         (given.record, Mapping | None, "a dictionary of observables by name"),
         (given.out, str | os.PathLike | None, "a path, or None to write nothing"),
         (given.resume, bool | np.bool_, "resume=True or False"),

@@ -19,7 +19,7 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_motions import components, regions_in
-from dea_fenicsx.path.items import Ramp, Trace
+from dea_fenicsx.path.items import Item, March, Trace
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
@@ -43,7 +43,7 @@ NOWHERE: Mapping[str, float] = MappingProxyType({})
 
 
 def check_volume(
-    problem: Problem, path: Sequence[Ramp | Trace], start: Mapping[str, float] = NOWHERE
+    problem: Problem, path: Sequence[Item], start: Mapping[str, float] = NOWHERE
 ) -> None:
     """Raise InputError if a path prescribes a change of an incompressible volume.  Collective.
 
@@ -99,7 +99,7 @@ def _check_chamber(chamber: _Chamber, factors: Mapping[str, float]) -> None:
 
 
 def _loads(
-    problem: Problem, path: Sequence[Ramp | Trace], start: Mapping[str, float]
+    problem: Problem, path: Sequence[Item], start: Mapping[str, float]
 ) -> Iterator[dict[str, float]]:
     """Ramp factors along the path, one after another."""
     scene = problem.scene
@@ -107,6 +107,12 @@ def _loads(
     for item in path:
         if isinstance(item, Trace):
             yield factors | {item.what: factors[item.what] + item.first}
+            continue
+        if isinstance(item, March):
+            for share in RAMP_SHARES:
+                time = share * item.seconds
+                factors |= {name: wave(time) for name, wave in item.waves.items()}
+                yield dict(factors)
             continue
         names, start = item.names(scene), dict(factors)
         factors |= dict.fromkeys(names, float(item.to))

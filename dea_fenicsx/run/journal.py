@@ -13,11 +13,13 @@ import numpy as np
 from dea_fenicsx.measure.failures import Gauge, Worst
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.path.cursor import Cursor, Step
-from dea_fenicsx.path.items import Ramp, Trace
+from dea_fenicsx.path.items import Item, Trace
+from dea_fenicsx.path.marching import LOST
 from dea_fenicsx.results import columns
-from dea_fenicsx.results.fields import FieldWriter, step_time
+from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
+from dea_fenicsx.results.moment import moment_of
 from dea_fenicsx.results.stored_state import about
 from dea_fenicsx.run.step_checks import Checked, check_step
 from dea_fenicsx.solvers.newton import NewtonSolver
@@ -34,7 +36,7 @@ class Journal:
     solver
         The nonlinear solver; its problem holds the state of the step that is accepted.
     path
-        The ramps and traces.
+        The ramps, traces and marches.
     stability
         When negative eigenvalues are counted, see `solve`.
     measurements
@@ -58,7 +60,7 @@ class Journal:
     """
 
     solver: NewtonSolver
-    path: Sequence[Ramp | Trace]
+    path: Sequence[Item]
     stability: str
     measurements: Mapping[str, Measurement]
     gauges: Sequence[Gauge]
@@ -101,7 +103,7 @@ class Journal:
     def accept(self, step: Step) -> None:
         """Measure, write and tell of an accepted step.  Collective."""
         solver, cursor = self.solver, step.cursor
-        known = solver.inertia.settled and solver.inertia.factors == step.state.factors
+        known = solver.inertia.is_of(step.state)
         wanted = self.stability == "every" or (self.stability == "last" and step.last)
         if wanted and not known:
             solver.refresh_inertia(last=step.last)
@@ -119,6 +121,9 @@ class Journal:
         worst = {failure.name: found for failure, found, _ in read}
         if step.event in worst:
             self._note_failure(step.event, row, worst[step.event])
+        elif step.event == LOST:
+            electric = any(f and self.scene.is_electric(n) for n, f in step.state.factors.items())
+            self._note_failure("pull-in" if electric else LOST, row, None)
         elif self._is_pull_in(step):
             self._note_failure("pull-in", row, None)
         if self.folder and self.writer:
@@ -139,10 +144,12 @@ class Journal:
         cursor = step.cursor
         row: dict[str, Any] = {
             "step": cursor.step,
-            "time": step_time(step.state, cursor.ramp + cursor.position),
+            "time": cursor.ramp + cursor.position,
             "ramp": step.label,
             "event": step.event,
         }
+        if columns.has_time(self.path):
+            row["time_s"] = step.state.time
         for name in self.scene.ramps:
             key, unit = columns.load_column(self.scene, name)
             row[key] = step.state.factors[name] * unit
@@ -171,9 +178,7 @@ class Journal:
             "factorisations": spent[2],
             "retries": step.retries,
             "inertia": inertia.excess,
-            "inertia_is_of_this_step": int(
-                inertia.settled and inertia.factors == step.state.factors
-            ),
+            "inertia_is_of_this_step": int(inertia.is_of(step.state)),
         }
 
     # ------------------------------------------------------------------ writing and telling
@@ -186,6 +191,7 @@ class Journal:
         told = None if step.event else {
             "cursor": asdict(step.cursor),
             "factors": dict(step.state.factors),
+            "moment": moment_of(step.state, self.solver.problem.history).told,
             "history": self.history,
             "fingerprint": self.fingerprint,
             "about": self.about,
@@ -225,6 +231,8 @@ class Journal:
     def _note_failure(self, mode: str, row: Mapping[str, Any], worst: Worst | None) -> None:
         """Keep where and at which load a failure first occurred."""
         entry: dict[str, Any] = {"mode": mode, "step": row["step"], **self.loads(row)}
+        if "time_s" in row:
+            entry["time_s"] = row["time_s"]
         if worst is not None:
             entry |= {"region": worst.region, "place_m": [float(x) for x in worst.place]}
         self.found.append(entry)

@@ -17,6 +17,7 @@ from dea_fenicsx.results.checkpoint import Unusable, cursor_of
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.identity import difference
+from dea_fenicsx.results.moment import NO_MOMENT, moment_told
 from dea_fenicsx.run.step_checks import check_step
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import InputError, SolverError
@@ -89,8 +90,11 @@ def carry_on(
     except Unusable as error:
         why = f"its checkpoint is damaged, for {error}"
     agree(why)
-    agree(None if writer.fits(state) else "its checkpoint is damaged, for its state does not fit")
-    if not _restored(solver, writer.scattered(state, factors), cursor, told["references"]):
+    moment = moment_told(told.get("moment")) or NO_MOMENT
+    fits = writer.fits(state, moment)
+    agree(None if fits else "its checkpoint is damaged, for its state does not fit")
+    kept = writer.scattered(state, factors, moment)
+    if not _restored(solver, kept, cursor, told["references"]):
         agree("its last state is no equilibrium of this scene")
     agree(None if told["digest_agrees"] else "its checkpoint was changed after it was written")
     agree(_other_value(problem.scales, told["history"], record, measurements))

@@ -12,7 +12,7 @@ from dea_fenicsx.measure.failures import Failure, Gauge, default_failures
 from dea_fenicsx.measure.observables import Measurement, Observable
 from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.path.events import Alarm, Sentinel
-from dea_fenicsx.path.items import Ramp, Trace, check_path
+from dea_fenicsx.path.items import Item, check_path
 from dea_fenicsx.path.walk import Walk
 from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter
@@ -49,7 +49,7 @@ from dea_fenicsx.support.validation import keywords
 
 def solve(
     scene: Scene,
-    path: Ramp | Trace | Sequence[Ramp | Trace],
+    path: Item | Sequence[Item],
     record: Mapping[str, Observable] | None = None,
     out: str | Path | None = None,
     **options: Unpack[SolveOptions],
@@ -111,7 +111,7 @@ class _Session:
 
     given: Arguments
     scene: Scene
-    path: list[Ramp | Trace]
+    path: list[Item]
     record: dict[str, Observable]
     failures: Sequence[Failure]
 
@@ -263,7 +263,9 @@ class _Session:
         """Restore the last accepted step of an earlier run, or None if there is none."""
         assert journal.folder and journal.writer
         potential = journal.solver.problem.potential is not None
-        known = columns.names(self.scene, self.record, self.failures, potential)
+        known = columns.names(
+            self.scene, self.record, self.failures, potential, columns.has_time(self.path)
+        )
         found = carry_on(
             journal.folder, journal.writer, journal.solver, self.path, journal.fingerprint, known,
             {columns.column_of(name, o): o for name, o in self.record.items()},
@@ -285,7 +287,7 @@ class _Session:
 
 
 def ends_of(
-    path: Sequence[Ramp | Trace], known: Mapping[str, Measurement]
+    path: Sequence[Item], known: Mapping[str, Measurement]
 ) -> dict[int, tuple[Measurement, float]]:
     """For each trace of a path that ends at a value: how to measure it, and the value.
 

@@ -104,7 +104,7 @@ def _own(problem: Problem, state: State) -> State:
     for ramp, factor in state.factors.items():
         volts, unit = state.factors.volts(ramp), problem.scene.reference_voltage(ramp)
         factors[ramp] = volts / unit if volts is not None and unit else factor
-    return State(state.values, _load(problem, factors), history=state.history)
+    return State(state.values, _load(problem, factors), state.time, history=state.history)
 
 
 def _load(problem: Problem, given: dict[str, float]) -> Factors:
@@ -130,7 +130,7 @@ def _converted(problem: Problem, writer: FieldWriter, stored: StoredState) -> St
         if name in mine["amounts"] else factor
         for name, factor in stored.factors.items()
     }  # fmt: skip
-    raw = writer.scattered(stored.values, _load(problem, factors))
+    raw = writer.scattered(stored.values, _load(problem, factors), stored.moment)
     values = raw.values.copy()
     for field in problem.space.fields:
         ratio = stored.about["units"][field.name] / mine["units"][field.name]
@@ -157,7 +157,13 @@ def _check_same(
             f"{_listed(here)}, which differ in {_listed(other)}; start from a run with the same "
             "kinematics and elements, with electrodes if this scene has some."
         )
-    if not writer.fits(stored.values):
+    if bool(stored.moment.times) != bool(problem.forms.memory):
+        has, lacks = ("has", "has none") if stored.moment.times else ("has no", "has some")
+        raise InputError(
+            f"{_begun(stored)} {has} viscous branches, but this scene {lacks}; start from a run "
+            "with the same number of branches."
+        )
+    if not writer.fits(stored.values, stored.moment):
         raise InputError(f"{_begun(stored)} holds no state of its own mesh; it is damaged.")
 
 

@@ -191,7 +191,9 @@ class LinearSolver:
         if not ok:
             self.trouble = Outcome.FACTORISATION
         elif factor is self._whole:
-            self.inertia = Inertia(self._whole.excess, self.problem.factors)
+            self.inertia = Inertia(
+                self._whole.excess, self.problem.factors, time=self.problem.time
+            )
         self._stale, self._wasted, self._best_rate = not ok, 0.0, np.inf
         self.counters.factor_s += time.perf_counter() - start
         return ok
@@ -223,7 +225,9 @@ class LinearSolver:
             self._corotation.factor = None
             self._stale = True
         if self._split and self._proves_stable(self._split):
-            self.inertia = Inertia(0, self.problem.factors, settled=True)
+            self.inertia = Inertia(
+                0, self.problem.factors, settled=True, time=self.problem.time
+            )
         elif self._factorise(self._whole, counting=True):
             self.inertia.settled = True
         else:

@@ -92,10 +92,15 @@ class Inertia:
     """Negative pivots of the latest factor beyond those of a stable state.
 
     Zero on a stable path.  It belongs to the tangent that was factorised, at the ramp factors
-    given; `None` before the first factorisation.  `settled` tells the tangent of an equilibrium,
+    and the time [s] given; `None` before the first factorisation.  `settled` tells the tangent of an equilibrium,
     factorised on purpose, from that of one of Newton's iterates on the way to it.
     """
 
     excess: int | None = None
     factors: Mapping[str, float] = field(default_factory=dict)
     settled: bool = False
+    time: float = 0.0
+
+    def is_of(self, state: State) -> bool:
+        """Whether it belongs to an accepted state."""
+        return self.settled and self.factors == state.factors and self.time == state.time

@@ -1,0 +1,102 @@
+"""The lengths of steps in time, and the estimated error of a step.
+
+Sizes are taken from a fixed ladder, so that rounding on another number of ranks does not choose
+others.
+
+The local error of a step of BDF2 is estimated from the difference between the viscous strains and
+the parabola through the three values before.  With the third derivative y''' and steps h, h1, h2
+(the newest first) BDF2 is wrong by E y''' and the parabola by -P y''',
+
+    E = h^2 (h + h1)^2 / (6 (2 h + h1)),    P = h (h + h1)(h + h1 + h2) / 6,
+
+so that the error of BDF2 is E/(E + P) of the difference.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dea_fenicsx.model.viscous_history import ViscousHistory
+
+RUNG = math.sqrt(2.0)
+"""Ratio of neighbouring sizes on the ladder; BDF2 is stable up to a growth of 2.41."""
+
+SAFETY = 0.8
+"""Share of the step that the error estimate allows."""
+
+GROWTH_MARGIN = 1.2
+"""The step grows by a rung only if the estimate allows this many times the larger size."""
+
+LONGEST_LAST_STEP = 1.25
+"""Largest remainder before a landing, in units of the present step, that is gone in one step."""
+
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """The sizes of steps: the longest one over powers of sqrt(2).
+
+    Attributes
+    ----------
+    longest
+        In s.
+    """
+
+    longest: float
+
+    def size(self, rung: int) -> float:
+        """Size in s of a rung; rung 0 is the longest."""
+        return self.longest * RUNG**-rung
+
+    def at_most(self, seconds: float) -> int:
+        """The rung of the longest size that is not longer than this."""
+        return max(0, math.ceil(math.log(self.longest / seconds) / math.log(RUNG) - 1e-9))
+
+    def portion(self, rung: int, left: float) -> float:
+        """Length of the next step, where so much time is left before a landing.
+
+        A remainder of up to two steps is halved, so that no step is much shorter than the last.
+        """
+        size = self.size(rung)
+        if left < LONGEST_LAST_STEP * size:
+            return left
+        return left / 2 if left < 2 * size else size
+
+    def next_rung(self, rung: int, allowed: float) -> int:
+        """The rung after a step whose error allows a size, at most two rungs up."""
+        wanted = SAFETY * allowed
+        if wanted < self.size(rung):
+            return self.at_most(wanted)
+        for up in (2, 1):
+            if rung >= up and wanted > GROWTH_MARGIN * self.size(rung - up):
+                return rung - up
+        return rung
+
+
+def estimate(new: ViscousHistory, order: int = 2) -> np.ndarray | None:
+    """Estimated error of the newest viscous strains, like them; None with too short a history.
+
+    A step of BDF2 is compared with the parabola, one of backward Euler (`order` 1) with the
+    straight line through the two values before, whose error is -h (h + h1)/2 y'' against h^2/2 y''.
+    """
+    times, strains = new.times, new.strains
+    if len(times) < order + 2:
+        return None
+    h, h1 = times[0] - times[1], times[1] - times[2]
+    if order == 1:
+        line = strains[1] + h / h1 * (strains[1] - strains[2])
+        return np.asarray((strains[0] - line) * h / (2 * h + h1))
+    h2 = times[2] - times[3]
+    weights = _lagrange(np.array(times[1:4]), times[0])
+    parabola = sum(w * s for w, s in zip(weights, strains[1:4], strict=True))
+    wrong = h**2 * (h + h1) ** 2 / (6 * (2 * h + h1))
+    off = h * (h + h1) * (h + h1 + h2) / 6
+    return np.asarray((strains[0] - parabola) * wrong / (wrong + off))
+
+
+def _lagrange(nodes: np.ndarray, x: float) -> np.ndarray:
+    others = [np.delete(nodes, k) for k in range(len(nodes))]
+    return np.array([np.prod((x - o) / (n - o)) for n, o in zip(nodes, others, strict=True)])

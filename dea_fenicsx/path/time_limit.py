@@ -1,0 +1,105 @@
+"""The states over the length of one step in time, its history held, followed by arc length.
+
+A viscous body that is about to lose its equilibrium moves ever faster.  Over the length of a step
+its states then form a branch that turns back at a limit point, as a static branch does over the
+load.  The length of the step takes the place of the load.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dea_fenicsx.model.state import State
+from dea_fenicsx.model.viscous_history import Rule
+from dea_fenicsx.path.arclength import Branch
+from dea_fenicsx.path.bridging import follow
+from dea_fenicsx.path.events import Sentinel
+from dea_fenicsx.path.time_stepping import TimeStepper
+
+DIFFERENCE = 1e-5
+"""Step of the difference that gives the derivative by the length of the step, in the latter's unit.
+
+The derivative only aims Newton's corrections; their end does not depend on it.
+"""
+
+
+class TimeCourse:
+    """The length of a step in time as the load of a branch.
+
+    Parameters
+    ----------
+    stepper
+        Gives the states and their history.
+    seconds
+        The unit of length in s.
+    """
+
+    def __init__(self, stepper: TimeStepper, seconds: float) -> None:
+        self.stepper, self.problem, self.unit = stepper, stepper.problem, seconds
+        has_past = len(stepper.history.strains) > 1 and stepper.order > 1
+        self.rule = Rule.BDF2 if has_past else Rule.EULER
+
+    def loaded(self, state: State, share: float) -> State:
+        """The unknowns of a state at the end of a step of this length, its fixed values set."""
+        seconds = max(share, 0.0) * self.unit
+        target = self.stepper.target(seconds, self.stepper.history.ahead(seconds, self.rule))
+        return self.problem.imposed(target.with_values(state.values))
+
+    def factor_of(self, state: State) -> float:
+        """Length of the step that ends in a state."""
+        return float(state.history[self.stepper.memory.NAME].span) / self.unit
+
+    def derivative(self) -> np.ndarray:
+        """Derivative of the residual in the free rows by the length, at the present state."""
+        here = self.problem.state
+        share = self.factor_of(here)
+        first = max(share - DIFFERENCE, 0.0)
+        rows = []
+        for place in (first, first + DIFFERENCE, first + 2 * DIFFERENCE):
+            with self.problem.at(self.loaded(here, place)):
+                rows.append(self.problem.unbalanced(self.problem.residual()))
+        at = (share - first) / DIFFERENCE
+        weights = (at - 1.5, 2 - 2 * at, at - 0.5)
+        return np.asarray(sum(w * r for w, r in zip(weights, rows, strict=True)) / DIFFERENCE)
+
+
+@dataclass(frozen=True)
+class TimeLimit:
+    """The limit point of a step.
+
+    Attributes
+    ----------
+    seconds
+        The length of the step there, in s.
+    state
+        The equilibrium there, not settled.
+    rule
+        The rule of the step.
+    """
+
+    seconds: float
+    state: State
+    rule: Rule
+
+
+def follow_time(stepper: TimeStepper, sentinel: Sentinel, seconds: float) -> TimeLimit | None:
+    """Look for a limit point within a step that has failed.  Collective.
+
+    Parameters
+    ----------
+    stepper
+        Holds the last accepted state.
+    sentinel
+        Counts negative eigenvalues.
+    seconds
+        Length of the step that has failed, in s.
+    """
+    course = TimeCourse(stepper, seconds)
+    with stepper.problem.at(stepper.base):
+        found = follow(Branch(stepper.solver, course, 1.0), sentinel, 1.0)
+    stepper.solver.forget_factor()
+    if found.limit is None:
+        return None
+    return TimeLimit(found.limit * seconds, found.points[-1].state, course.rule)
