@@ -111,6 +111,7 @@ class MarchWalk:
         self.ladder = Ladder(self._longest())
         self.limit: float | None = None  # time of the limit point ahead, as known so far
         self.rung = self.ladder.at_most(cursor.size) if cursor.size else 0
+        self.fresh = not cursor.size  # whether the first step since a jump is still to come
 
     def _stops(self) -> list[float]:
         """Times since the beginning of the march at which a step ends."""
@@ -151,8 +152,8 @@ class MarchWalk:
             now = self.stepper.now
             if now >= self.march.seconds - self.room:
                 return
-            if self.adaptive and len(self.stepper.known) == 1 and not self.cursor.size:
-                self.rung = self.ladder.at_most(self._first_step())
+            if self.adaptive and self.fresh:
+                self.rung, self.fresh = self.ladder.at_most(self._first_step()), False
             stop = next(t for t in self.stops if t > now + self.room)
             seconds = self._length(now, stop)
             lands = now + seconds >= stop - self.room
@@ -290,7 +291,7 @@ class MarchWalk:
             last = self._is_end(self.stepper.now) and not self._due(self.stepper.now)
             yield replace(step, cursor=self.cursor, last=last)
         self.stepper.restart(self.problem.state, jump=True)
-        self.limit = None
+        self.limit, self.fresh = None, True
 
     def _is_end(self, now: float) -> bool:
         return self.is_last and now >= self.march.seconds - self.room
