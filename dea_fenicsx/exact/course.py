@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -12,8 +13,9 @@ from dea_fenicsx.exact.film import Film
 from dea_fenicsx.exact.integration import Part, Place
 from dea_fenicsx.exact.viscous_film import ViscousFilm
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.validation import one_of
 
-NODES = 10
+NODES = 12
 """Points of a step at which work is integrated."""
 
 
@@ -47,6 +49,18 @@ class Moments:
     energy: np.ndarray
     dissipation: np.ndarray
     dissipated: np.ndarray
+
+
+DRAWN: dict[str, tuple[str, Callable[[Moments], np.ndarray]]] = {
+    "time": ("time in s", lambda m: m.time),
+    "stretch": ("stretch 1", lambda m: m.stretches[0]),
+    "second stretch": ("stretch 2", lambda m: m.stretches[1]),
+    "stress": ("nominal stress 1 in kPa", lambda m: m.stress[0] / 1e3),
+    "voltage": ("voltage in kV", lambda m: m.voltage / 1e3),
+    "nominal field": ("nominal field in MV/m", lambda m: m.nominal_field / 1e6),
+    "charge": ("charge per undeformed area in mC/m²", lambda m: m.charge * 1e3),
+}
+"""What `Course.draw` draws: its label, and its values."""
 
 
 @dataclass(frozen=True)
@@ -261,6 +275,27 @@ class Course:
             energy=W + spring + M * J / 2, dissipation=state.dissipation(f.x),
             dissipated=w * state.scale,
         )  # fmt: skip
+
+    def draw(self, x: str = "time", y: str = "stretch", ax: Any = None) -> Any:
+        """Draw one quantity over another, a hysteresis loop for instance; returns the axes.
+
+        Parameters
+        ----------
+        x, y
+            Names of `DRAWN`.
+        ax
+            Axes of matplotlib; made if None.
+        """
+        import matplotlib.pyplot as plt
+
+        for name in (x, y):
+            one_of(name, tuple(DRAWN), "What is drawn")
+        ax = ax or plt.subplots()[1]
+        m = self.sampled(8)
+        ax.plot(DRAWN[x][1](m), DRAWN[y][1](m))
+        ax.set_xlabel(DRAWN[x][0])
+        ax.set_ylabel(DRAWN[y][0])
+        return ax
 
     # ------------------------------------------------------------------ energies
 

@@ -30,10 +30,13 @@ SOFT, FIRM = 0.1, 0.2
 STIFF = 3000.0
 """Length of a piece over the shortest relaxation time, above which an implicit method is taken."""
 
+FEWEST_STEPS = 24
+"""Steps of a piece at least, so that what is drawn or integrated between them is exact too."""
+
 TOLERANCE = 1e-11
 """Relative error of a step of the explicit method, of order 8."""
 
-IMPLICIT_TOLERANCE = 1e-10
+IMPLICIT_TOLERANCE = 1e-8
 """The same of the implicit one, whose estimate is of order 3 and its steps of order 5."""
 
 
@@ -128,8 +131,13 @@ class Integrator:
             return np.append(film.flow(f.x).ravel(), film.dissipation(f.x).sum() / film.scale)
 
         u = np.append(place.a.ravel(), place.w)
-        step = min(high - place.t, 4 * self.loads.finest())
-        solver = self._solver(rate, place.t, u, high, step, (high - low) / self.shortest)
+        step = min((high - low) / FEWEST_STEPS, 4 * self.loads.finest())
+
+        def jacobian(t: float, u: np.ndarray) -> np.ndarray:
+            return film.flow_slope(settled(t, u)[1])
+
+        stiffness = (high - low) / self.shortest
+        solver = self._solver(rate, place.t, u, high, step, stiffness, jacobian)
         dense, nodes, ys = [], [place.t], [place.y]
         while solver.status == "running":
             solver.step()
@@ -145,12 +153,12 @@ class Integrator:
         if not dense:
             return place
         t = np.array(nodes)
-        sol, guess = OdeSolution(t, dense), np.array(ys).reshape(-1, n)
+        sol, guess = OdeSolution(t, dense), np.array(ys).reshape(len(t), n)
 
         def states(p: np.ndarray) -> tuple[np.ndarray, ...]:
             u = sol(p)
-            a, loads = u[: 2 * K].reshape(K, 2, -1), self.loads.several(p, low, high)
-            y = np.array([np.interp(p, t, g) for g in guess.T]).reshape(n, -1)
+            a, loads = u[: 2 * K].reshape(K, 2, len(p)), self.loads.several(p, low, high)
+            y = np.array([np.interp(p, t, g) for g in guess.T]).reshape(n, len(p))
             return p, a, u[2 * K], film.equilibrium(y, a, loads)[0], loads
 
         self.parts.append(Part("time", t, t, states))
@@ -158,12 +166,13 @@ class Integrator:
         return Place(float(t[-1]), end[: 2 * K].reshape(K, 2), float(end[2 * K]), ys[-1])
 
     def _solver(
-        self, rate: Any, p: float, u: np.ndarray, end: float, step: float, stiffness: float
-    ) -> OdeSolver:
+        self, rate: Any, p: float, u: np.ndarray, end: float, step: float, stiffness: float,
+        jacobian: Any = None,
+    ) -> OdeSolver:  # fmt: skip
         """A method for one part; `stiffness` is its length over the shortest relaxation time."""
         if stiffness > STIFF:
             error = IMPLICIT_TOLERANCE * self.tighten
-            return Radau(rate, p, u, end, max_step=step, rtol=error, atol=error / 10)
+            return Radau(rate, p, u, end, max_step=step, rtol=error, atol=error / 10, jac=jacobian)
         error = TOLERANCE * self.tighten
         return DOP853(rate, p, u, end, max_step=step, rtol=error, atol=error / 10)
 
@@ -253,7 +262,7 @@ class Integrator:
 
         def states(s: np.ndarray) -> tuple[np.ndarray, ...]:
             u = ends(np.minimum(s, p[-1]))
-            t, a = u[-1], u[: 2 * K].reshape(K, 2, -1)
+            t, a = u[-1], u[: 2 * K].reshape(K, 2, len(s))
             loads = drive(t)
             return (np.full_like(t, place.t) if frozen else t), a, u[2 * K], u[2 * K + 1 : -1], loads
 

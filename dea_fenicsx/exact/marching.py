@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -70,33 +70,85 @@ def march(
     (a bifurcation) is not asked.
     """
     seconds = checked_seconds(si(seconds, "s", "The duration"))
-    control, drive = _electric(film, voltage, field, charge)
-    waves = [drive, *(_side(film, k, sides[k]) for k in range(2))]
-    film = replace(film, **{
-        name: _with_value(side, wave.before(0.0))
-        for name, side, wave in zip(("first", "second"), film.sides, waves[1:], strict=True)
-    })  # fmt: skip
-    equal = film.first == film.second and waves[1] == waves[2]
-    if isinstance(start, Course):
-        equal = equal and start.is_equal
-    state = ViscousFilm(film, control, equal and not isinstance(film.first, Held))
-    loads = Loads(waves, seconds, (f"the {control}", "the first side", "the second side"))
-    integrator = Integrator(state, loads, tolerance)
-    place, before = _beginning(film, state, loads, start)
-    corners = loads.corners()
-    for k, low in enumerate(corners):
-        place, lost = integrator.jump(place, before, loads.at(low))
-        if not lost and k + 1 < len(corners):
-            place, lost = integrator.piece(place, low, corners[k + 1])
-            before = loads.before(corners[k + 1])
-        if lost:
-            break
-    return Course.of(film, state, integrator.parts, place, lost)
+    return Drives.of(film, seconds, (voltage, field, charge), sides).march(start, tolerance)
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """A film with all its drives, checked.
+
+    Attributes
+    ----------
+    film
+        The film, its sides with the values just before the start.
+    control
+        ``"voltage"`` or ``"charge"``.
+    loads
+        The waves.
+    """
+
+    film: Film
+    control: Literal["voltage", "charge"]
+    loads: Loads
+
+    @staticmethod
+    def of(
+        film: Film,
+        seconds: float,
+        electric: tuple[Drive | None, Drive | None, Drive | None],
+        sides: tuple[Drive | None, Drive | None],
+    ) -> Drives:
+        """Check and collect what `march` is given: voltage, field and charge, and the sides."""
+        control, drive = _electric(film, *electric)
+        waves = [drive, *(_side(film, k, sides[k]) for k in range(2))]
+        film = replace(film, **{
+            name: _with_value(side, wave.before(0.0))
+            for name, side, wave in zip(("first", "second"), film.sides, waves[1:], strict=True)
+        })  # fmt: skip
+        loads = Loads(waves, seconds, (f"the {control}", "the first side", "the second side"))
+        for t in loads.corners():
+            for k, side in enumerate(film.sides):
+                if isinstance(side, Held) and not loads.before(t)[1 + k] > 0:
+                    raise InputError(
+                        f"The drive holds a stretch of {loads.before(t)[1 + k]:g} at {t:g} s, but "
+                        "a stretch is > 0 (1 + strain)."
+                    )
+        return Drives(film, control, loads)
+
+    def state(self, start: Course | str) -> ViscousFilm:
+        """The equations; directions that are equal in all stay equal."""
+        film, waves = self.film, self.loads.waves
+        equal = film.first == film.second and waves[1] == waves[2]
+        if isinstance(start, Course):
+            equal = equal and start.is_equal
+        return ViscousFilm(film, self.control, equal and not isinstance(film.first, Held))
+
+    def march(self, start: Course | str, tolerance: float) -> Course:
+        """The course from a start, see the function `march`."""
+        state = self.state(start)
+        place, before = _beginning(self.film, state, self.loads, start)
+        return self.march_from(state, place, before, tolerance)
+
+    def march_from(
+        self, state: ViscousFilm, place: Place, before: np.ndarray, tolerance: float
+    ) -> Course:
+        """The course from a place, with the loads before it."""
+        loads = self.loads
+        integrator = Integrator(state, loads, tolerance)
+        corners, lost = loads.corners(), False
+        for k, low in enumerate(corners):
+            place, lost = integrator.jump(place, before, loads.at(low))
+            if not lost and k + 1 < len(corners):
+                place, lost = integrator.piece(place, low, corners[k + 1])
+                before = loads.before(corners[k + 1])
+            if lost:
+                break
+        return Course.of(self.film, state, integrator.parts, place, lost)
 
 
 def _electric(
     film: Film, voltage: Drive | None, field: Drive | None, charge: Drive | None
-) -> tuple[str, Wave]:
+) -> tuple[Literal["voltage", "charge"], Wave]:
     """The control, and its wave in V/m or C/m^2."""
     given = {"voltage": voltage, "field": field, "charge": charge}
     named = [name for name, value in given.items() if value is not None]

@@ -156,6 +156,30 @@ class ViscousFilm:
         """Rates da/dt in 1/s of the first two logarithms of each branch, shape (K, 2, N)."""
         return (x[:, :2] - x.mean(axis=1, keepdims=True)) / self.tau
 
+    def flow_slope(self, f: Forces) -> np.ndarray:
+        """Derivative by (a, w) of the rates of the branches and of the dissipated energy w.
+
+        The stretches follow from equilibrium.  For one state; shape (2 K + 1, 2 K + 1).
+        """
+        K, x = self.count, f.x[..., 0]
+        third = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]])
+        own = -x[:, :, None] * third  # dx/da of each branch, (K, 3, 2)
+        pull = (self.mu * own).transpose(1, 0, 2).reshape(3, 2 * K)
+        out = np.zeros((2 * K + 1, 2 * K + 1))
+        by_e = np.zeros((3, 2 * K))
+        if self.n:
+            force = self.B.T @ DEVIATOR @ pull / self.scale
+            by_e = -self.B @ np.linalg.solve(f.stiffness[..., 0], force)
+        dx = 2 * x[:, :, None] * (DEVIATOR @ by_e)  # (K, 3, 2 K)
+        for k in range(K):
+            dx[k, :, 2 * k : 2 * k + 2] += own[k]
+        flow = np.einsum("ij,kjl->kil", DEVIATOR[:2], dx) / self.tau
+        out[: 2 * K, : 2 * K] = flow.reshape(2 * K, 2 * K)
+        deviator = x - x.mean(axis=1, keepdims=True)
+        lost = self.mu[..., 0] / self.tau[..., 0] * deviator
+        out[2 * K, : 2 * K] = np.einsum("ki,kil->l", lost, dx) / self.scale
+        return out
+
     def dissipation(self, x: np.ndarray) -> np.ndarray:
         """Dissipation of each branch in W per undeformed m^3, shape (K, N)."""
         deviator = x - x.mean(axis=1, keepdims=True)
@@ -174,7 +198,9 @@ class ViscousFilm:
             rate = 2 / eps * loads[0] * rates[0] * np.exp(-2 * (f.e[0] + f.e[1]))
         R = R / self.scale - self.v * rate * np.exp(f.e.sum(axis=0)) / self.scale
         if self.held:
-            R = R + np.einsum("ijn,jn->in", f.full, self._held(rates[1:] / loads[1:]))
+            along = np.zeros_like(rates[1:])
+            along[self.held] = rates[1:][self.held] / loads[1:][self.held]
+            R = R + np.einsum("ijn,jn->in", f.full, self._held(along))
         return self.B.T @ R
 
     def equilibrium(
