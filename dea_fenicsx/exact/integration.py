@@ -30,7 +30,7 @@ SOFT, FIRM = 0.1, 0.2
 STIFF = 3000.0
 """Length of a piece over the shortest relaxation time, above which an implicit method is taken."""
 
-FEWEST_STEPS = 24
+FEWEST_STEPS = 32
 """Steps of a piece at least, so that what is drawn or integrated between them is exact too."""
 
 TOLERANCE = 1e-11

@@ -12,12 +12,10 @@ and dissipates mu/(2 tau) |dev(x)|^2 per undeformed volume and time.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from dea_fenicsx.exact.film import CONTROLS, Dead, Film, Held
-from dea_fenicsx.support.errors import InputError
 
 DEVIATOR = np.eye(3) - 1 / 3
 
@@ -257,12 +255,3 @@ def adjugate(K: np.ndarray) -> tuple[np.ndarray, float]:
             rest = np.delete(np.delete(K, i, 0), j, 1)
             out[j, i] = (-1) ** (i + j) * np.linalg.det(rest)
     return out, float(K[0] @ out[:, 0])
-
-
-def without_time(material: Any, what: str) -> None:
-    """Raise InputError if a material has viscous branches, of which `what` knows nothing."""
-    if getattr(material, "viscous", ()):
-        raise InputError(
-            f"{what} knows no time, but the material has viscous branches; say which response is "
-            "meant: exact.relaxed(...) or exact.instantaneous(...) of the film or material."
-        )
