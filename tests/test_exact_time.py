@@ -12,8 +12,18 @@ from scipy.integrate import solve_ivp
 import dea_fenicsx as dea
 from dea_fenicsx.drives.waves import Rise, Sine, Square, Step, Table
 from dea_fenicsx.exact import (
-    Dead, Film, Held, charging_voltage, harvesting_cycle, instantaneous, leaked_charge, march,
-    pull_in_map, relaxed, steady_cycle, trace,
+    Dead,
+    Film,
+    Held,
+    charging_voltage,
+    harvesting_cycle,
+    instantaneous,
+    leaked_charge,
+    march,
+    pull_in_map,
+    relaxed,
+    steady_cycle,
+    trace,
 )  # fmt: skip
 
 G = 15.36e3

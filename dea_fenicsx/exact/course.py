@@ -1,4 +1,4 @@
-"""What a march of a film gives: its states at any time, its loss of equilibrium and its energies."""
+"""What a march of a film gives: its states in time, its loss of equilibrium and its energies."""
 
 from __future__ import annotations
 
@@ -250,7 +250,7 @@ class Course:
         return Moments(**{**values, "time": t})
 
     def stretch(self, time: Any, axis: int = 0) -> Any:
-        """Principal stretch at times in s, of the same shape; axis 0 or 1 in the plane, 2 across."""
+        """Principal stretch at times in s, of their shape; axis 0 or 1 in the plane, 2 across."""
         found = self.at(time).stretches[axis].reshape(np.shape(time))
         return float(found) if np.ndim(time) == 0 else found
 
@@ -262,7 +262,7 @@ class Course:
         J = np.exp(f.e.sum(axis=0))
         M = state.maxwell(f.e, loads)
         R = R + (state.mu * (f.x - f.x.mean(axis=1, keepdims=True))).sum(axis=0) - state.v * M * J
-        stress = (R[:2] - R[2]) / np.exp(f.e[:2]) if film.incompressible else R[:2] / np.exp(f.e[:2])
+        stress = (R[:2] - R[2] if film.incompressible else R[:2]) / np.exp(f.e[:2])
         charge = film.charge(f.e, M)
         sign = np.sign(loads[0])
         third = np.concatenate([a, -a.sum(axis=1, keepdims=True)], axis=1)
@@ -305,7 +305,8 @@ class Course:
         A jump counts as a change of the loads through all values between, without loss.
         """
         nodes, slope, weights = _lobatto(NODES)
-        electric, mechanical, times = [0.0], [0.0], []
+        electric, mechanical = [0.0], [0.0]
+        times: list[np.ndarray] = []
         for part in self._parts:
             p = part.nodes
             t = p[:-1, None] + np.diff(p)[:, None] * (nodes + 1) / 2

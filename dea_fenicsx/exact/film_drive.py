@@ -30,7 +30,7 @@ def as_wave(value: Wave | Callable[[float], float] | float, what: str) -> Wave:
     if isinstance(value, Wave):
         wave = value
     elif is_number(value):
-        wave = Constant(float(value))
+        wave = Constant(float(value))  # type: ignore[arg-type]
     elif callable(value):
         wave = Function(value)
     else:

@@ -117,7 +117,7 @@ class Integrator:
     def _by_time(self, place: Place, low: float, high: float) -> Place:
         """Integrate in time up to `high`, or until the film is soft; returns where it is."""
         film, K, n = self.film, self.film.count, self.film.n
-        last = [place.t, place.y[:, None], np.zeros((n, 1))]  # time, stretches and their rate
+        last: Any = [place.t, place.y[:, None], np.zeros((n, 1))]  # time, stretches and their rate
 
         def settled(t: float, u: np.ndarray) -> Any:
             loads = self.loads.inside(t, low, high)[:, None]
@@ -264,7 +264,8 @@ class Integrator:
             u = ends(np.minimum(s, p[-1]))
             t, a = u[-1], u[: 2 * K].reshape(K, 2, len(s))
             loads = drive(t)
-            return (np.full_like(t, place.t) if frozen else t), a, u[2 * K], u[2 * K + 1 : -1], loads
+            along = np.full_like(t, place.t) if frozen else t
+            return along, a, u[2 * K], u[2 * K + 1 : -1], loads
 
         along = np.full(len(p), place.t) if frozen else np.array(times)
         self.parts.append(Part("jump" if frozen else "arc", p, along, states))

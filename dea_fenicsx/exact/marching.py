@@ -11,7 +11,7 @@ import numpy as np
 from dea_fenicsx.drives.waves import Constant, Wave
 from dea_fenicsx.exact.course import Course
 from dea_fenicsx.exact.equilibrium import Equations
-from dea_fenicsx.exact.film import FREE, Film, Held
+from dea_fenicsx.exact.film import FREE, Film, Held, Side
 from dea_fenicsx.exact.film_drive import Loads, as_wave, checked_seconds
 from dea_fenicsx.exact.integration import TOLERANCE, Integrator, Place
 from dea_fenicsx.exact.limits import relaxed
@@ -101,10 +101,11 @@ class Drives:
         """Check and collect what `march` is given: voltage, field and charge, and the sides."""
         control, drive = _electric(film, *electric)
         waves = [drive, *(_side(film, k, sides[k]) for k in range(2))]
-        film = replace(film, **{
-            name: _with_value(side, wave.before(0.0))
-            for name, side, wave in zip(("first", "second"), film.sides, waves[1:], strict=True)
-        })  # fmt: skip
+        first, second = (
+            _with_value(side, wave.before(0.0))
+            for side, wave in zip(film.sides, waves[1:], strict=True)
+        )
+        film = replace(film, first=first, second=second)
         loads = Loads(waves, seconds, (f"the {control}", "the first side", "the second side"))
         for t in loads.corners():
             for k, side in enumerate(film.sides):
@@ -191,8 +192,8 @@ def _side(film: Film, k: int, given: Drive | None) -> Wave:
     return as_wave(given, f"{'stretch' if isinstance(side, Held) else 'stress'} of the {name} side")
 
 
-def _with_value(side: object, value: float) -> object:
-    return Held(value) if isinstance(side, Held) else type(side)(value)  # type: ignore[call-arg]
+def _with_value(side: Side, value: float) -> Side:
+    return Held(value) if isinstance(side, Held) else type(side)(value)
 
 
 def _beginning(
@@ -207,7 +208,7 @@ def _beginning(
         return Place(0.0, np.zeros((K, 2)), 0.0, np.zeros(n)), np.array([0.0, *free])
     if start != "relaxed":
         raise InputError(
-            f'The start is {start!r}, but must be "undeformed", "relaxed" or a course to go on from.'
+            f'The start is {start!r}, but must be "undeformed", "relaxed" or a course.'
         )
     before = np.array([0.0, *loads.before(0.0)[1:]])
     y = np.zeros(n)

@@ -12,7 +12,7 @@ Deuflhard, SIAM Rev. 27 (1985) 505; Hairer and Wanner, Solving ODEs II (1996), s
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -144,10 +144,11 @@ class _Line:
         slope = np.einsum("i,ijn,j->n", self.b, H, self.b)
         for k, side in enumerate(self.film.sides):
             if self.b[k]:
-                pull = side.pascal * (np.exp(e[k]) if isinstance(side, Dead) else 1.0)  # type: ignore[union-attr]
+                pull = side.pascal * (np.exp(e[k]) if isinstance(side, Dead) else 1.0)  # type: ignore
                 force = force - self.b[k] * pull
                 slope = slope - self.b[k] ** 2 * pull * isinstance(side, Dead)
-        self.elastic = CubicHermiteSpline(y, force / self.scale, slope / self.scale, extrapolate=False)
+        force, slope = force / self.scale, slope / self.scale
+        self.elastic = CubicHermiteSpline(y, force, slope, extrapolate=False)
         self.stiffness = self.elastic.derivative()
 
     def field_term(self, y: np.ndarray) -> np.ndarray:
@@ -168,7 +169,7 @@ class _Line:
 
 
     def frozen_branch(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """Stretches y and squares of the field in equilibrium at frozen branches, up to the peak."""
+        """Stretches y and squares of the field at frozen branches, up to the peak, and its y."""
 
         def square(y: np.ndarray) -> np.ndarray:
             F, _ = self.forces(y, self.springs(y, self.a0), np.zeros(1))
@@ -245,7 +246,8 @@ class _Walk:
         line, own = self.line, self.own
         t, y = u[:, -1], u[:, -2]
         a = u[:, :-2].T.reshape(line.count, own, -1)
-        a = np.concatenate([a, a, -2 * a] if own == 1 else [a, -a.sum(axis=1, keepdims=True)], axis=1)
+        rest = [a, -2 * a] if own == 1 else [-a.sum(axis=1, keepdims=True)]
+        a = np.concatenate([a, *rest], axis=1)
         ramp = self.on_ramp[who]
         Edot = np.where(ramp, self.rate[who], 0.0)
         E = np.where(ramp, np.where(ramp, self.rate[who], 0.0) * t, self.held[who])
@@ -318,7 +320,7 @@ class _Walk:
         u = self.u[who]
         new, error = self.trial(u, h[who], who)
         slope = self.rates(new, who)
-        K, speed, t = slope[:, -1], slope[:, -2], new[:, -1]
+        K, t = slope[:, -1], new[:, -1]
         exact = error <= 1
         grow = np.clip(0.85 * np.maximum(error, 1e-12) ** (-1 / (COLUMNS + 1)), 0.1, 4.0)
         # land on the end of the ramp and on loss of equilibrium by Newton's method in the step
