@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "dea_fenicsx"
 
 ROOMS = [
-    "support", "geometry", "mesh", "materials", "exact", "origami",
+    "support", "geometry", "mesh", "materials", "drives", "exact", "origami",
     "scene", "model", "solvers", "path", "measure", "results", "run", "pictures",
     "design", "thesis", "docs", "cli", "__main__",
 ]  # fmt: skip

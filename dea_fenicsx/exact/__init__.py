@@ -6,22 +6,33 @@
     branch.event("pull-in").voltage           # what happens on it, and where
     branch.states_at(3e3)                     # every equilibrium at 3 kV, each with its stability
 
+A film with viscous branches moves in time:
+
+    course = march(film, seconds=60, voltage=Rise(3e3, seconds=10))
+    course.stretch(30.0), course.pull_in, course.balance().dissipated
+
 NumPy and SciPy only; nothing here needs a mesh.
 """
 
 from dea_fenicsx.exact.activation import activation_voltage
 from dea_fenicsx.exact.bending import Bent, bend
 from dea_fenicsx.exact.branch import Branch, Event, State, trace
+from dea_fenicsx.exact.circuits import Harvest, charging_voltage, harvesting_cycle, leaked_charge
+from dea_fenicsx.exact.course import Balance, Course, Moments, PullIn
+from dea_fenicsx.exact.cycles import steady_cycle
 from dea_fenicsx.exact.failure import MODES, Failure, FailureMap, failure_map, first_failure, limits
 from dea_fenicsx.exact.film import CONTROLS, FREE, Dead, Film, Held, TrueStress
 from dea_fenicsx.exact.helicoid import Helicoid, elastic_pressure, stable_limit
 from dea_fenicsx.exact.laminate import Laminate, Ply, stoney_curvature, timoshenko_curvature
+from dea_fenicsx.exact.limits import instantaneous, relaxed
 from dea_fenicsx.exact.linear import (
     bending_curvature,
     bonded_modulus,
     bonded_ring_modulus,
     stack_share,
 )
+from dea_fenicsx.exact.marching import march
+from dea_fenicsx.exact.pull_in_map import PullInMap, pull_in_map
 from dea_fenicsx.exact.states import (
     elastic_stress,
     maxwell_pressure,
@@ -67,5 +78,19 @@ __all__ = [
     "Failure",
     "first_failure",
     "limits",
+    "march",
+    "Course",
+    "Moments",
+    "PullIn",
+    "Balance",
+    "relaxed",
+    "instantaneous",
+    "steady_cycle",
+    "pull_in_map",
+    "PullInMap",
+    "leaked_charge",
+    "charging_voltage",
+    "harvesting_cycle",
+    "Harvest",
     "MODES",
 ]

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from dea_fenicsx.exact.film import Film, Held
+from dea_fenicsx.exact.states import without_time
 from dea_fenicsx.support.errors import InputError
 
 
@@ -21,6 +22,7 @@ class Equations:
     """
 
     def __init__(self, film: Film):
+        without_time(film.material, "A branch of equilibria")
         self.film = film
         self.e0, self.B = film.freedoms(symmetric=True)
         self.n = self.B.shape[1]

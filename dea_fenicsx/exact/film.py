@@ -209,7 +209,8 @@ class Film:
     def prestretched(self, first: float, second: float) -> Film:
         """The same film with the sides not held under dead loads that give these stretches.
 
-        Without voltage the film then rests at the two stretches.
+        Without voltage the film then rests at the two stretches; a viscous one does so after an
+        infinite time, and from the start in a march with ``start="relaxed"``.
         """
         e = np.log([first, second, 1 / (first * second)])
         if not self.incompressible:

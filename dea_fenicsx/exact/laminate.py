@@ -18,7 +18,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from dea_fenicsx.exact.states import STRESSES, Stress
+from dea_fenicsx.exact.states import STRESSES, Stress, without_time
 from dea_fenicsx.materials import Material
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si, si
@@ -56,6 +56,7 @@ class Ply:
         faults = self.material.faults()
         if faults:
             raise InputError(f"Ply: {faults[0]}.")
+        without_time(self.material, "A ply")
 
     @property
     def poisson(self) -> float:

@@ -20,8 +20,18 @@ Stress = Literal["field", "pressure"]
 STRESSES = get_args(Stress)
 
 
+def without_time(material: Material, what: str) -> None:
+    """Raise InputError if a material has viscous branches, of which `what` knows nothing."""
+    if material.viscous:
+        raise InputError(
+            f"{what} knows no time, but the material has viscous branches; say which response is "
+            "meant: exact.relaxed(...) or exact.instantaneous(...) of the film or material."
+        )
+
+
 def elastic_stress(material: Material, lam1: Any, lam2: Any) -> np.ndarray:
     """True stresses lam_i dW/dlam_i - lam_3 dW/dlam_3 in Pa without field, shape (2, ...)."""
+    without_time(material, "elastic_stress()")
     _, R, _ = taylor(material.elastic, _log(lam1, lam2))
     return R[:2] - R[2]
 
@@ -110,6 +120,7 @@ def _stiffness(material: Material, lam1: Any, lam2: Any, M: np.ndarray) -> np.nd
 
 def elastic_stiffness(material: Material, lam1: Any, lam2: Any) -> tuple[np.ndarray, np.ndarray]:
     """True stresses without field, and d^2 W/de_i de_j at constant volume, entries 11, 22, 12."""
+    without_time(material, "A state's stability")
     _, R, H = taylor(material.elastic, _log(lam1, lam2))
     K = [H[i, j] - H[i, 2] - H[2, j] + H[2, 2] for i, j in ((0, 0), (1, 1), (0, 1))]
     return R[:2] - R[2], np.array(K)

@@ -294,9 +294,9 @@ def _slope(
 
 
 def _report(
-    first: Any, constants: np.ndarray, deviations: np.ndarray, curves: list[TestData]
+    first: Any, values: np.ndarray, deviations: np.ndarray, curves: list[TestData]
 ) -> Fit:
-    m = _shaped(first, constants)
+    m = _shaped(first, values)
     deviation = _shaped(first, deviations)
     model_stress = [nominal_stress(m, c.test, c.stretch) for c in curves]
     residual: dict[str, float] = {}

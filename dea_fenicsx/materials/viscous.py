@@ -21,7 +21,7 @@ class Maxwell:
         W = mu/2 [tr(Cbar C_v^-1) - 3],    dC_v/dt = [Cbar - tr(Cbar C_v^-1)/3 C_v] / tau
 
     with C_v = 1 at first.  Its dissipation per volume and time is
-    mu/(4 tau) times the square of the deviator of C_v^-1/2 Cbar C_v^-1/2, which is never negative.
+    mu/(2 tau) times the square of the deviator of C_v^-1/2 Cbar C_v^-1/2, which is never negative.
 
     Parameters
     ----------
