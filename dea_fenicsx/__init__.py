@@ -17,6 +17,17 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from dea_fenicsx import design, exact, materials, origami, pictures
+    from dea_fenicsx.drives.waves import (
+        Chirp,
+        Constant,
+        Function,
+        Rise,
+        Sine,
+        Square,
+        Step,
+        Table,
+        Triangle,
+    )
     from dea_fenicsx.materials import (
         ArrudaBoyce,
         Breakdown,
@@ -54,17 +65,6 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.mesh.device import Device, read_gmsh
-    from dea_fenicsx.drives.waves import (
-        Chirp,
-        Constant,
-        Function,
-        Rise,
-        Sine,
-        Square,
-        Step,
-        Table,
-        Triangle,
-    )
     from dea_fenicsx.path.items import March, Ramp, Trace
     from dea_fenicsx.results.folder import Run
     from dea_fenicsx.results.per_turn import per_turn

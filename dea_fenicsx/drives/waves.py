@@ -11,6 +11,7 @@ from abc import ABC, abstractmethod
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -50,7 +51,7 @@ class Wave(ABC):
         """Longest step of time in s that shows the wave's own course; infinite if any does."""
         return math.inf
 
-    def check(self, what: str) -> None:
+    def check(self, what: str) -> None:  # noqa: B027  a wave of the user's may have nothing to check
         """Raise InputError unless its numbers make sense; `what` names it in the message."""
 
 
@@ -158,7 +159,7 @@ class _Periodic(Wave):
     mean: float = 0.0
     phase: float = 0.0
 
-    corner_phases = ()
+    corner_phases: ClassVar[tuple[float, ...]] = ()
     """Shares of a period at which the wave or its slope jumps."""
 
     def turns(self, t: float) -> float:
@@ -193,7 +194,7 @@ class Sine(_Periodic):
 class Triangle(_Periodic):
     """A triangle: like a sine it begins at the mean, and rises."""
 
-    corner_phases = (0.25, 0.75)
+    corner_phases: ClassVar[tuple[float, ...]] = (0.25, 0.75)
 
     def __call__(self, t: float) -> float:
         turn = (self.turns(t) + 0.25) % 1.0
@@ -203,7 +204,7 @@ class Triangle(_Periodic):
 class Square(_Periodic):
     """A square wave: mean + amplitude in the first half of each period, then mean - amplitude."""
 
-    corner_phases = (0.0, 0.5)
+    corner_phases: ClassVar[tuple[float, ...]] = (0.0, 0.5)
 
     def __call__(self, t: float) -> float:
         return self._value(self.turns(t) + ROUNDING * max(1.0, abs(self.turns(t))))

@@ -84,8 +84,8 @@ class ArrudaBoyce:
     def energy(self, s: Strain) -> Any:
         x, links = s.I1, self.lam_m * self.lam_m
         if self.form == "pade":
-            rest = 1 - 1 / links
-            return self.mu * ((x - 3) / 6 - links * s.ln(self.chain_margin(s) / rest))
+            margin: Any = self.chain_margin(s)
+            return self.mu * ((x - 3) / 6 - links * s.ln(margin / (1 - 1 / links)))
         # Horner's scheme; the constant makes W zero in the undeformed state
         total: Any = 0
         zero: Any = 0

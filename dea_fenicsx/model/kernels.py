@@ -110,6 +110,9 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
     def bulk_modulus(name: str) -> float:
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
 
+    def constant_of(constant: str, branch: int, name: str) -> float:
+        return float(getattr(scene.materials[name].viscous[branch], constant))
+
     most = max(len(m.viscous) for m in scene.materials.values())
     histories = quadrature_functions(device, scene.elements.quadrature_degree, most)
     made = []
@@ -147,8 +150,8 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 fields=alive,
                 branches=tuple(
                     BoundBranch(
-                        mu=cellwise(lambda n, k=k: scene.materials[n].viscous[k].mu),
-                        tau=cellwise(lambda n, k=k: scene.materials[n].viscous[k].tau),
+                        mu=cellwise(partial(constant_of, "mu", k)),
+                        tau=cellwise(partial(constant_of, "tau", k)),
                         step=dolfinx.fem.Function(constant),
                         function=histories[k],
                     )
@@ -177,7 +180,7 @@ def _symmetric(six: Any) -> Any:
 
 
 def _shape(elastic: Elastic) -> tuple:
-    """Sizes of the constants, and the choices of a form: models with equal shapes share a kernel."""
+    """Sizes of the constants, and choices of a form: models with equal shapes share a kernel."""
     sizes = tuple(np.size(getattr(elastic, name)) for name in constants(elastic))
     return (*sizes, *choices(elastic))
 

@@ -153,7 +153,7 @@ class Memory:
         self._volume = comm.allreduce(float(volumes[inside].sum()), op=MPI.SUM)
 
     def size(self, strains: np.ndarray) -> float:
-        """Root mean square of a change of the viscous strains; see `path.items.March`.  Collective."""
+        """Root mean square of a change of the viscous strains, as of `March`.  Collective."""
         owned = self._weights.shape[1]
         squares = contracted(strains[:, :owned], strains[:, :owned]).mean(axis=-1)
         total = self._mesh.comm.allreduce(float((self._weights * squares).sum()), op=MPI.SUM)

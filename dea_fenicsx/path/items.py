@@ -235,7 +235,8 @@ def _check_march(march: March) -> None:
             f"The march has {march.steps} steps, but needs a whole number from 1 to {MOST_STEPS}, "
             "or None."
         )
-    one_of(march.order, (1, 2), "The order of the march")
+    if march.order not in (1, 2):
+        raise InputError(f"The order of the march is {march.order}, but must be 1 or 2.")
     for time in march.at:
         finite(time, "A time at which the march is to land")
         if not 0 < time <= march.seconds:

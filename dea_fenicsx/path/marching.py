@@ -233,7 +233,7 @@ class MarchWalk:
         self.problem.commit(self.stepper.base)
 
     def _elastic(self, now: float, seconds: float, end: float) -> Iterator[Step]:
-        """A step of a body without memory: a ramp of its loads, with its evidence and its events."""
+        """A step of a body without memory: a ramp of its loads, with its evidence and events."""
         goals = self._due(end, before=True)
         share = replace(self.cursor, position=0.0, size=0.0, start=dict(self.problem.factors))
         if not goals:
@@ -345,9 +345,10 @@ class MarchWalk:
             If there is one, and the step to it is short enough to be exact.
         """
         limit = follow_time(self.stepper, self.sentinel, seconds) if seconds else None
-        self.limit = None if limit is None else now + limit.seconds
         if limit is None:
+            self.limit = None
             return
+        self.limit = there = now + limit.seconds
         settled = self.stepper.settled(limit.state)
         if self.adaptive:
             error = self.stepper.error(settled, limit.rule)
@@ -357,6 +358,6 @@ class MarchWalk:
         if not exact:
             return
         self.problem.commit(settled)
-        self.cursor = self._moved(self.limit, 0.0)
+        self.cursor = self._moved(there, 0.0)
         yield Step(self.cursor, "march", settled, retries, self.is_last, event=LOST)
-        raise march_lost(self.problem.scene, settled, self.limit, list(self.drive))
+        raise march_lost(self.problem.scene, settled, there, list(self.drive))

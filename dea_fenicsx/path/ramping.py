@@ -251,7 +251,7 @@ class RampWalk:
 
     def _snap(self, lost: EquilibriumLost) -> Iterator[Step]:
         """The limit point that the ramp has come to, and the state to which the device snaps."""
-        ramp, cursor = self.ramp, self.cursor
+        cursor = self.cursor
         try:
             limit, landing = over_the_limit(
                 self.solver, self.rates, cursor.position, self.first, self.log

@@ -101,7 +101,8 @@ class Tracer:
         self.solver, self.problem, self.item = solver, solver.problem, item
         self.sentinel, self.gap, self.log = sentinel, gap, log
         now = self.problem.factors[item.what]
-        self.branch = Branch(solver, LoadCourse(solver, {item.what: 1.0}, now), item.first)
+        self.rates = {item.what: 1.0}
+        self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
 
     def follow(self, arc: float, sign: float, may_switch: bool = True) -> Iterator[Traced]:
         """Yield the accepted points, one after another.
@@ -211,7 +212,7 @@ class Tracer:
             spots.append(end)
         turns = here.slope * there.slope < 0
         events = self.sentinel.passed(
-            there.state, branch.place(here, there, arc), branch.rates, count, int(turns)
+            there.state, branch.place(here, there, arc), self.rates, count, int(turns)
         )
         slope = float(np.sign(there.factor - here.factor))
         for event in events:

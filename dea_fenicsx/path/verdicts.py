@@ -203,15 +203,15 @@ def march_stuck(now: float, seconds: float, attempt: Attempt) -> PathError:
         )
     return SolverError(
         f"No step from {now:.9g} s of the march could be made, however short (last trial: "
-        f"{seconds:.3g} s, {attempt.outcome.value}), and no limit point was found ahead; this is a "
-        "failure of the method and no pull-in; all steps before it are kept."
+        f"{seconds:.3g} s, {attempt.outcome.value}), and no limit point was found ahead; this is "
+        "a failure of the method and no pull-in; all steps before it are kept."
     )
 
 
 def march_too_exact(now: float, tolerance: float, error: float) -> SolverError:
     """The error that ends a march whose tolerance is below what rounding leaves."""
     return SolverError(
-        f"The estimated error of a step at {now:.9g} s of the march stays at {error:.2g}, above its "
-        f"tolerance {tolerance:g}, however short the step; give March a larger tolerance, or a "
+        f"The estimated error of a step at {now:.9g} s of the march stays at {error:.2g}, above "
+        f"its tolerance {tolerance:g}, however short the step; give March a larger tolerance, or a "
         "smaller NewtonOptions(tolerance=...)."
     )

@@ -11,7 +11,7 @@ import numpy as np
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
-from dea_fenicsx.path.items import Item, March, Ramp, Trace, check_path
+from dea_fenicsx.path.items import Item, March, Trace, check_path
 from dea_fenicsx.path.load_orientation import turn_to_loads
 from dea_fenicsx.path.marching import MarchWalk
 from dea_fenicsx.path.ramping import RampWalk

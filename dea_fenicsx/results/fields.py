@@ -18,8 +18,8 @@ from dea_fenicsx.mesh.device import group_size
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
-from dea_fenicsx.results.moment import NO_MOMENT, Moment, stacked, unstacked
 from dea_fenicsx.results.grids import Grid, SurfaceGrid, surface_grid
+from dea_fenicsx.results.moment import NO_MOMENT, Moment, stacked, unstacked
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.cell_types import BY_DEGREE
 from dea_fenicsx.support.compat import dolfinx

@@ -33,7 +33,7 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results import checkpoint, hdf5, provenance, xdmf
 from dea_fenicsx.results.columns import check_added
 from dea_fenicsx.results.fields import Fields, Grid
-from dea_fenicsx.results.history import History
+from dea_fenicsx.results.history import History, field_times
 from dea_fenicsx.results.plain_text import json_value, number_text
 from dea_fenicsx.results.reading import read_history, read_summary
 from dea_fenicsx.results.shared_folder import SharedFolder

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -64,7 +65,7 @@ def moment_told(found: Any) -> Moment | None:
     good = (
         is_number(now) and math.isfinite(now) and isinstance(times, list | tuple)
         and len(times) <= LEVELS and all(is_number(t) and math.isfinite(t) for t in times)
-        and all(a > b for a, b in zip(times, times[1:], strict=False))
+        and all(a > b for a, b in pairwise(times))
         and is_number(span) and span >= 0 and rule in Rule.__members__
     )  # fmt: skip
     return Moment(float(now), tuple(map(float, times)), float(span), rule) if good else None

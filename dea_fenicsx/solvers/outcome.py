@@ -92,8 +92,8 @@ class Inertia:
     """Negative pivots of the latest factor beyond those of a stable state.
 
     Zero on a stable path.  It belongs to the tangent that was factorised, at the ramp factors
-    and the time [s] given; `None` before the first factorisation.  `settled` tells the tangent of an equilibrium,
-    factorised on purpose, from that of one of Newton's iterates on the way to it.
+    and the time [s] given; `None` before the first factorisation.  `settled` tells the tangent of
+    an equilibrium, factorised on purpose, from that of one of Newton's iterates on the way to it.
     """
 
     excess: int | None = None
