@@ -11,9 +11,9 @@ import ufl
 
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.mesh.point_search import Place, place_of
+from dea_fenicsx.model.cell_values import evaluated_at
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
@@ -188,7 +188,9 @@ class AtPoint:
         else:
             tensor = problem.states[k].cauchy_stress
         entries = [tensor[i] for i in np.ndindex(tensor.ufl_shape)]
-        found = compat.expression(ufl.as_vector(entries), place.reference[None, :])
+        found = evaluated_at(
+            ufl.as_vector(entries), problem.kernels[k], place.reference, problem.forms.quadrature
+        )
         cell = np.array([place.cell], dtype=np.int32)
 
         def evaluate() -> float:

@@ -110,11 +110,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
     def bulk_modulus(name: str) -> float:
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
 
-    def constant_of(constant: str, branch: int, name: str) -> float:
-        return float(getattr(scene.materials[name].viscous[branch], constant))
-
-    most = max(len(m.viscous) for m in scene.materials.values())
-    histories = quadrature_functions(device, scene.elements.quadrature_degree, most)
+    histories = quadrature_functions(scene)
     made = []
     charged = {field.name for field in fields_of_problem if field.role is Role.POTENTIAL}
 
@@ -148,27 +144,41 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 regions=tuple(names),
                 cells=together[together < owned],
                 fields=alive,
-                branches=tuple(
-                    BoundBranch(
-                        mu=cellwise(partial(constant_of, "mu", k)),
-                        tau=cellwise(partial(constant_of, "tau", k)),
-                        step=dolfinx.fem.Function(constant),
-                        function=histories[k],
-                    )
-                    for k in range(branches)
-                ),
+                branches=_branches(scene, cellwise, constant, histories[:branches]),
             )
         )
     return made
 
 
-def quadrature_functions(device: Device, degree: int, count: int) -> list[Any]:
-    """Functions of six numbers at each quadrature point."""
+def _branches(
+    scene: Scene, cellwise: Callable, constant: Any, histories: Sequence[Any]
+) -> tuple[BoundBranch, ...]:
+    """The viscous branches of a kernel, each with a function for its history."""
+
+    def value(constant: str, branch: int, region: str) -> float:
+        return float(getattr(scene.materials[region].viscous[branch], constant))
+
+    return tuple(
+        BoundBranch(
+            mu=cellwise(partial(value, "mu", k)),
+            tau=cellwise(partial(value, "tau", k)),
+            step=dolfinx.fem.Function(constant),
+            function=function,
+        )
+        for k, function in enumerate(histories)
+    )
+
+
+def quadrature_functions(scene: Scene) -> list[Any]:
+    """Functions of six numbers at each quadrature point, as many as a region has branches."""
+    count = max(len(material.viscous) for material in scene.materials.values())
     if not count:
         return []
-    cell = device.mesh.topology.cell_name()
-    element = basix.ufl.quadrature_element(cell, value_shape=(6,), degree=degree)
-    space = dolfinx.fem.functionspace(device.mesh, element)
+    mesh, degree = scene.device.mesh, scene.elements.quadrature_degree
+    element = basix.ufl.quadrature_element(
+        mesh.topology.cell_name(), value_shape=(6,), degree=degree
+    )
+    space = dolfinx.fem.functionspace(mesh, element)
     return [dolfinx.fem.Function(space) for _ in range(count)]
 
 

@@ -15,6 +15,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import group_size
+from dea_fenicsx.model.cell_values import evaluated_at
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
@@ -215,7 +216,7 @@ class FieldWriter:
 
     def _prepare_cell_expressions(self) -> None:
         problem = self.problem
-        middle = basix.cell.geometry(getattr(basix.CellType, self.kind)).mean(axis=0)[None, :]
+        middle = basix.cell.geometry(getattr(basix.CellType, self.kind)).mean(axis=0)
         self._cell_expressions = []
         for k, s in enumerate(problem.states):
             sigma = problem.states[k].cauchy_stress
@@ -224,7 +225,11 @@ class FieldWriter:
                 *(s.true_field[i] for i in range(3)),
                 *(sigma[i, j] for i, j in _VOIGT),
             ]
-            self._cell_expressions.append(compat.expression(ufl.as_vector(entries), middle))
+            self._cell_expressions.append(
+                evaluated_at(
+                    ufl.as_vector(entries), problem.kernels[k], middle, problem.forms.quadrature
+                )
+            )
 
     def vector(self, state: np.ndarray) -> np.ndarray | None:
         """The displacement part of a state, dimensionless, at the grid's nodes."""
@@ -272,7 +277,7 @@ class FieldWriter:
         problem = self.problem
         values = np.zeros((self.owned_cells, 10))
         for kernel, evaluate in zip(problem.kernels, self._cell_expressions, strict=True):
-            values[kernel.cells] = evaluate(problem.mesh, kernel.cells).reshape(-1, 10)
+            values[kernel.cells] = evaluate(problem.mesh, kernel.cells)
         gathered = self.gather(values)
         if gathered is None:
             return None

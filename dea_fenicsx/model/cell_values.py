@@ -1,0 +1,51 @@
+"""Values within cells of expressions that may depend on the history at quadrature points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.model.kernels import Kernel
+from dea_fenicsx.support import compat
+
+
+def evaluated_at(
+    expression: Any, kernel: Kernel, at: np.ndarray, quadrature: np.ndarray
+) -> Callable[[Any, np.ndarray], np.ndarray]:
+    """How to evaluate a vector-valued expression of a kernel at one point of each cell.
+
+    The history of viscous branches is known at the quadrature points alone.  With branches the
+    expression is evaluated there, and the polynomial of degree 1 that fits these values best gives
+    the value at the point, with an error of the second order in the cell's size.
+
+    Parameters
+    ----------
+    expression
+        What is evaluated.
+    kernel
+        The regions on which it lives.
+    at
+        The point in the reference cell, of shape (dim,).
+    quadrature
+        Quadrature points of the reference cell, of shape (points, dim).
+
+    Returns
+    -------
+    callable
+        Takes the mesh and local cells; gives values of shape (cells, numbers).
+    """
+    if not kernel.branches:
+        found = compat.expression(expression, at[None, :])
+        return lambda mesh, cells: np.asarray(found(mesh, cells)).reshape(len(cells), -1)
+    everywhere = compat.expression(expression, quadrature)
+    terms = np.hstack([np.ones((len(quadrature), 1)), quadrature - at])
+    weights = np.linalg.pinv(terms)[0]
+
+    def value(mesh: Any, cells: np.ndarray) -> np.ndarray:
+        if len(cells) == 0:
+            return np.zeros((0, expression.ufl_shape[0]))
+        return np.einsum("q,cqn->cn", weights, everywhere(mesh, cells))
+
+    return value
