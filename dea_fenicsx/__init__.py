@@ -48,7 +48,7 @@ if TYPE_CHECKING:
         OverallTorque,
         OverallTwist,
     )
-    from dea_fenicsx.measure.energy import Energy
+    from dea_fenicsx.measure.energy import Dissipation, Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
     from dea_fenicsx.measure.observables import (
         Area,
@@ -144,7 +144,7 @@ _HOME = {
         "OverallContraction", "OverallForce", "OverallStretch", "OverallTorque", "OverallTwist",
     ),
     "results.reading": ("read_history", "read_summary"),
-    "measure.energy": ("Energy",),
+    "measure.energy": ("Dissipation", "Energy"),
     "measure.point": ("AtPoint",),
     "measure.rigid_part": ("PartRotation",),
     "measure.rotation": ("BendingAngle", "Rotation"),

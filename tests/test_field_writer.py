@@ -21,10 +21,10 @@ from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.model import unknowns
 from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.model.state import Factors, State
-from dea_fenicsx.results.fields import FieldWriter, step_time
+from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.grids import Grid, surface_grid
+from dea_fenicsx.results.history import field_times
 from dea_fenicsx.results.surface_names import surface_document
 from dea_fenicsx.run import session
 from dea_fenicsx.support.cell_types import BY_DEGREE, CORNERS
@@ -374,9 +374,9 @@ def test_surfaces_on_ranks(on_ranks):
 # --------------------------------------------------------------------------------------------- time
 
 
-def test_time_of_a_step():
-    """A state's own time in s where it has one, else the place on the path."""
-    state = State(np.zeros(1), Factors({}))
-    assert step_time(state, 1.25) == 1.25
-    assert step_time(dataclasses.replace(state, time=2.5e-3), 1.25) == 2.5e-3
-    assert isinstance(step_time(state, 1), float)
+def test_times_in_files_for_paraview():
+    """The place on a path without time, else the time in s, with states of a jump moved apart."""
+    assert field_times({"time": [0, 0.5, 1]}) == [0.0, 0.5, 1.0]
+    found = field_times({"time": [0, 1, 1, 2], "time_s": [0.0, 3.0, 3.0, 4.0]})
+    assert found == pytest.approx([0.0, 3.0, 3.0, 4.0], abs=1e-6)
+    assert found[2] > found[1]

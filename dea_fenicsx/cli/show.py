@@ -21,8 +21,8 @@ LONGEST_PATH = 1000
 
 # columns of every history, beside ramps and what the script records
 _COMMON = {
-    "step", "time", "ramp", "event", "max_field_V_per_m", "max_field_x_m", "max_field_y_m",
-    "max_field_z_m", "min_J", "volume_error", "residual", "newton_iterations",
+    "step", "time", "time_s", "ramp", "event", "max_field_V_per_m", "max_field_x_m",
+    "max_field_y_m", "max_field_z_m", "min_J", "volume_error", "residual", "newton_iterations",
     "krylov_iterations", "factorisations", "retries", "inertia", "inertia_is_of_this_step",
     "wall_s",
 }  # fmt: skip
@@ -120,7 +120,9 @@ def recorded(history: dict[str, np.ndarray]) -> list[str]:
 
 
 def load_column(history: dict[str, np.ndarray], told: dict[str, Any]) -> str:
-    """The column to draw against: the last ramp's load, else the time of the path."""
+    """The column to draw against: the time in s, else the last ramp's load, else the path."""
+    if "time_s" in history:
+        return "time_s"
     return next(iter(load_columns(history, told)), "time")
 
 

@@ -1,7 +1,8 @@
-"""Energies of a device: elastic, electric, any other term's, and the work of its loads."""
+"""Energies of a device, the work of its loads, and the power that it turns into heat."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,8 +12,10 @@ from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Measurement, group_names
 from dea_fenicsx.model.kernels import measure
+from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.terms import EnergyTerm
+from dea_fenicsx.model.terms.viscous import dissipation
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
@@ -40,6 +43,9 @@ class Energy:
             The energy of the electric field, 1/2 int eps J |F^-T E|^2 dX.  It is positive, 1/2 C
             V^2 of a capacitor.  The energy whose minimum is the equilibrium at given voltages has
             the other sign here: it contains minus this energy, for it counts the batteries, too.
+        ``"viscous"``
+            The energy of the springs of viscous branches, which with the elastic energy of the
+            equilibrium makes up what the body stores.
         ``"loads"``
             The work of the present loads on the present displacement, int t . u dA for a dead
             traction t: minus the loads' potential energy.  It is the work done so far by loads
@@ -75,21 +81,12 @@ class Energy:
         if self.what == LOADS:
             return self._bind_loads(problem)
         terms = self._terms(problem)
-        device = problem.scene.device
-        names = list(device.regions) if self.regions is None else group_names(self.regions)
-        for name in names:
-            known(name, problem.scene.materials, "region", "the scene")
-        chosen = np.concatenate([device.cells_of(name) for name in names])
-        cells = [np.intersect1d(kernel.cells, chosen) for kernel in problem.kernels]
-        dx = measure(device, cells, problem.scene.elements.quadrature_degree)
-        weight = problem.scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
-        energy = sum(
-            term.stored_sign * term.density(point) * weight * dx(k)
-            for k, point in enumerate(problem.states)
-            for term in terms
-            if term.lives_on(problem.kernels[k])
-        )
-        return _integral(problem, energy)
+
+        def density(k: int, point: MaterialPoint) -> list[Any]:
+            kernel = problem.kernels[k]
+            return [term.stored(point) for term in terms if term.lives_on(kernel)]
+
+        return _integral(problem, _over_regions(problem, self.regions, density))
 
     def _terms(self, problem: Problem) -> list[EnergyTerm]:
         """The problem's terms that are part of this energy."""
@@ -132,6 +129,59 @@ class Energy:
             return total
 
         return value
+
+
+@dataclass(frozen=True)
+class Dissipation:
+    """The power in W that the dashpots of viscous branches turn into heat; never negative.
+
+    Per undeformed volume it is the sum over the branches of
+
+        mu/(2 tau) [tr(A A) - (tr A)^2 / 3],    A = Cbar C_v^-1,
+
+    which is mu/(2 tau) times the square of the deviator of C_v^-1/2 Cbar C_v^-1/2.
+
+    Parameters
+    ----------
+    regions
+        A region or several, each counted once; None takes all.
+
+    Raises
+    ------
+    InputError
+        When it is bound: for a region that there is not.
+    """
+
+    regions: str | tuple[str, ...] | None = None
+    unit = "W"
+
+    def bind(self, problem: Problem) -> Measurement:
+        def density(k: int, point: MaterialPoint) -> list[Any]:
+            return [dissipation(point)] if problem.kernels[k].branches else []
+
+        form = _over_regions(problem, self.regions, density)
+        return _integral(problem, form) if form != 0 else lambda: 0.0
+
+
+def _over_regions(
+    problem: Problem,
+    regions: str | tuple[str, ...] | None,
+    density: Callable[[int, MaterialPoint], list[Any]],
+) -> Any:
+    """The integral over regions of the densities that a kernel has there, symbolic."""
+    device = problem.scene.device
+    names = list(device.regions) if regions is None else group_names(regions)
+    for name in names:
+        known(name, problem.scene.materials, "region", "the scene")
+    chosen = np.concatenate([device.cells_of(name) for name in names])
+    cells = [np.intersect1d(kernel.cells, chosen) for kernel in problem.kernels]
+    dx = measure(device, cells, problem.scene.elements.quadrature_degree)
+    weight = problem.scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
+    return sum(
+        one * weight * dx(k)
+        for k, point in enumerate(problem.states)
+        for one in density(k, point)
+    )
 
 
 def _integral(problem: Problem, form: Any) -> Measurement:

@@ -14,7 +14,8 @@ import numpy as np
 
 from dea_fenicsx.pictures.curves import axis_label, curve, lettering, spoken, write_whole
 from dea_fenicsx.pictures.drawing import NO_PYVISTA, animated, deformed
-from dea_fenicsx.results.reading import read_history, read_summary
+from dea_fenicsx.results.history import field_times
+from dea_fenicsx.results.reading import moved_ramps, read_history, read_summary
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean
 
@@ -24,14 +25,15 @@ def title_of(folder: Path, warp: float, time: float) -> str:
     parts = []
     with suppress(InputError, KeyError, IndexError, TypeError, ValueError, OverflowError):
         history = read_history(folder)
-        row = int(np.argmin(np.abs(history["time"] - time)))
+        row = int(np.argmin(np.abs(np.array(field_times(history)) - time)))
         with suppress(InputError):
-            ramps = [r["what"] for r in read_summary(folder)["settings"]["path"]]
-            for name in dict.fromkeys(ramps):
+            for name in dict.fromkeys(moved_ramps(read_summary(folder))):
                 if (key := f"{name}_V") in history:
                     parts.append(" ".join(spoken(key, float(history[key][row]))))
                 elif (key := f"{name}_factor") in history:
                     parts.append(f"{clean(name, 60).replace('_', ' ')} × {history[key][row]:.4g}")
+        if "time_s" in history:
+            parts.append(f"{history['time_s'][row]:.4g} s")
         parts.append(f"step {int(history['step'][row])}")
     parts.append(f"displacements × {warp:g}, undeformed in red" if warp else "undeformed shape")
     return lettering(", ".join(parts))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.pictures.curves import axis_label, spoken, write_whole
+from dea_fenicsx.results.history import field_times
 from dea_fenicsx.results.reading import (
     field_names,
     frame_times,
@@ -142,8 +143,9 @@ def loads(folder: Path) -> list[str]:
         with suppress(InputError):
             summary = read_summary(folder)
         columns = load_columns(history, summary)[::-1]
+        shown = np.array(field_times(history))
         for k, time in enumerate(times):
-            row = int(np.argmin(np.abs(history["time"] - time)))
+            row = int(np.argmin(np.abs(shown - time)))
             parts = [
                 " ".join(spoken(name.removesuffix("_factor"), float(history[name][row])))
                 for name in columns

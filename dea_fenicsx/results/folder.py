@@ -263,7 +263,9 @@ class Folder(SharedFolder):
     ) -> None:
         """Write the document of the device or of a surface, whose data lie in a group."""
         grids = []
-        for row, time in zip(history, field_times(history), strict=True):
+        names = [n for n in ("time", "time_s") if n == "time" or (history and n in history[0])]
+        times = field_times({name: [row[name] for row in history] for name in names})
+        for row, time in zip(history, times, strict=True):
             step = int(row["step"])
             file, prefix = self._where(self._part(step), f"step_{step:05d}/", whole)
             if file.exists():

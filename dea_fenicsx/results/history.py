@@ -115,17 +115,22 @@ EQUAL_TIMES_APART = 1e-9
 """Distance of states at one time in ParaView's files, as a share of the whole time."""
 
 
-def field_times(rows: Sequence[Mapping[str, Any]]) -> list[float]:
+def field_times(columns: Mapping[str, Any]) -> list[float]:
     """The time value of each row in files for ParaView: in s, or the place on a path without time.
 
     States at one time, such as those of a jump, are moved apart, since ParaView shows one of them
     only.
+
+    Parameters
+    ----------
+    columns
+        ``time`` of each row, and ``time_s`` on a path with time.
     """
-    if not rows or "time_s" not in rows[0]:
-        return [float(row["time"]) for row in rows]
+    if "time_s" not in columns:
+        return [float(time) for time in columns["time"]]
+    times = [float(time) for time in columns["time_s"]]
+    apart = EQUAL_TIMES_APART * (times[-1] if times else 0.0) or EQUAL_TIMES_APART
     found: list[float] = []
-    apart = EQUAL_TIMES_APART * float(rows[-1]["time_s"]) or EQUAL_TIMES_APART
-    for row in rows:
-        time = float(row["time_s"])
+    for time in times:
         found.append(max(time, found[-1] + apart) if found else time)
     return found

@@ -76,18 +76,23 @@ def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
     return found
 
 
+def moved_ramps(summary: dict[str, Any]) -> list[str]:
+    """Names of the ramps that the items of a path move, in order, as far as a summary tells."""
+    names: list[Any] = []
+    with suppress(KeyError, TypeError, AttributeError):
+        for item in summary["settings"]["path"]:
+            what = item["what"] if "what" in item else list(item["drive"])
+            names += [what] if isinstance(what, str) else list(what or [])
+    return [name for name in names if isinstance(name, str)]
+
+
 def load_columns(history: Mapping[str, np.ndarray], summary: dict[str, Any]) -> list[str]:
     """Columns of a history that hold the loads, those of the last ramp first.
 
     A ramp that moves electrodes of given potential has a column in V, any other one its factor.
     Without a summary only ``voltage_V`` and the factors are known for loads.
     """
-    names: list[str] = []
-    with suppress(KeyError, TypeError, AttributeError):
-        for ramp in reversed(summary["settings"]["path"]):
-            what = ramp["what"] or []
-            names += [what] if isinstance(what, str) else list(what)
-    names = [name for name in names if isinstance(name, str)]
+    names = moved_ramps(summary)[::-1]
     known = [f"{name}_{end}" for name in names for end in ("V", "factor")]
     found = [name for name in known if name in history]
     others = [name for name in history if name.endswith("_factor") or name == "voltage_V"]

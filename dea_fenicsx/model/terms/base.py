@@ -52,6 +52,10 @@ class EnergyTerm(Term):
     def density(self, at: MaterialPoint) -> Any:
         """Energy per undeformed volume, dimensionless, symbolic."""
 
+    def stored(self, at: MaterialPoint) -> Any:
+        """What of it is stored in the body, per undeformed volume, dimensionless, symbolic."""
+        return self.stored_sign * self.density(at)
+
 
 Variation = Callable[[Any], Any]
 """Gives the variation of an expression in the fields: ``virtual(at.F)`` is that of F."""

@@ -6,7 +6,7 @@ from typing import Any
 
 import ufl
 
-from dea_fenicsx.model.kernels import Kernel
+from dea_fenicsx.model.kernels import BoundBranch, Kernel
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.terms.base import EnergyTerm
 from dea_fenicsx.scene.strain import cofactor
@@ -47,3 +47,24 @@ class Viscous(EnergyTerm):
             if at.kernel.is_incompressible:
                 total -= branch.mu * ufl.ln(at.J)
         return at.per_stress * total
+
+    def stored(self, at: MaterialPoint) -> Any:
+        """The energy of the springs, mu/2 [tr(C C_v^-1) - 3], with C_v at the end of the step."""
+        branches = at.kernel.branches
+        return at.per_stress * sum(b.mu / 2 * (ufl.tr(_relative(at, b)) - 3) for b in branches)
+
+
+def _relative(at: MaterialPoint, branch: BoundBranch) -> Any:
+    """C C_v^-1 of a branch at the end of a step: det(M)^(1/3) C M^-1 with M = r C + H."""
+    cofactors, det = cofactor((branch.step + SMALLEST_SHARE) * at.strain.C + branch.tensor)
+    return ufl.dot(at.strain.C, ufl.transpose(cofactors)) * det ** (-2 / 3)
+
+
+def dissipation(at: MaterialPoint) -> Any:
+    """Power that the dashpots take, per undeformed volume in units of stress per s, symbolic."""
+    total: Any = 0
+    for branch in at.kernel.branches:
+        A = _relative(at, branch)
+        square = ufl.tr(ufl.dot(A, A)) - ufl.tr(A) ** 2 / 3
+        total += branch.mu / (2 * branch.tau) * square
+    return at.per_stress * total
