@@ -1,11 +1,17 @@
-"""What the demos of folding devices must print; used by test_demos.py."""
+"""What the demos of folding devices and of fits must print; used by test_demos.py."""
 
 from __future__ import annotations
+
+import json
 
 import numpy as np
 import pytest
 
 import dea_fenicsx as dea
+
+
+def summary(folder):
+    return json.loads((folder / "summary.json").read_text("utf-8"))
 
 
 def check_hinge(out, printed):
@@ -48,3 +54,33 @@ def check_stiffened(out, printed):
     assert s["bilayer_largest_difference"] < 0.02
     for name in ("fields.xdmf", "voltage_strain.png", "element_angle.png", "section/fields.xdmf"):
         assert (out / name).exists()
+
+
+def check_fit(out, printed):
+    """Known of Treloar's data: three-term Ogden fits all three tests, neo-Hookean cannot."""
+    s = summary(out)
+    assert set(s) == {"NeoHookean", "MooneyRivlin", "Yeoh", "Gent", "ArrudaBoyce", "Ogden"}
+    assert s["Ogden"]["r_squared"] > 0.995
+    assert s["NeoHookean"]["r_squared"] < s["Gent"]["r_squared"] < s["Ogden"]["r_squared"]
+    assert max(s["Ogden"]["relative_residual"].values()) < 0.06
+    assert s["Ogden"]["stable"] is True
+    assert (out / "fits.png").exists()
+    assert "R^2" in printed
+
+
+def check_viscous_fit(out, printed):
+    """Fitted constants do better than the literature's, also in the test that was left out."""
+    s = summary(out)
+    errors = s["rms_error_Pa"]
+    assert len(s["tests"]) == len(errors["Wang et al. 2016"]) == 9
+    largest = [t["largest_stretch"] for t in s["tests"]]
+    assert min(largest) == pytest.approx(1.49) and max(largest) == pytest.approx(2.98)
+    # computed independently by the film's ordinary differential equation, own values 2026-11
+    assert errors["Wang et al. 2016"][:3] == pytest.approx([2638.5, 3130.6, 3432.4], rel=1e-3)
+    mean = {name: np.sqrt(np.mean(np.square(e))) for name, e in errors.items()}
+    assert mean["fitted to all"] < 0.65 * mean["Wang et al. 2016"]
+    (predicted,) = s["predicted_rms_error_Pa"]
+    assert predicted < 0.5 * errors["Wang et al. 2016"][1]
+    assert len(s["branches"]) == 2
+    assert (out / "cycles.png").exists()
+    assert "(predicted)" in printed

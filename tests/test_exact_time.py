@@ -80,7 +80,7 @@ def test_marches_approach_the_limits():
     above = [
         march(FILM, s, field=Rise(1.2 * UNIT, s)).pull_in_field / UNIT - slow for s in (1e8, 1e10)
     ]
-    assert math.log(above[0] / above[1]) / math.log(1e3) == pytest.approx(2 / 3, abs=0.01)
+    assert math.log(above[0] / above[1]) / math.log(1e2) == pytest.approx(2 / 3, abs=0.01)
 
 
 def test_ten_digits_whatever_the_tolerance():
@@ -189,9 +189,9 @@ def test_small_steady_cycle_against_the_loss_modulus():
 def test_map_against_marches_and_in_time():
     held = np.linspace(0.6, 1.6, 50)[:, None] * UNIT
     rate = np.geomspace(1e-4, 10, 50) * UNIT
-    begin = time.perf_counter()
+    begin = time.process_time()
     found = pull_in_map(FILM, held, rate, seconds=1e4)
-    assert time.perf_counter() - begin < 10
+    assert time.process_time() - begin < 10  # of one core, whatever else it does
     for i, j in ((30, 30), (20, 25), (49, 5)):
         seconds = found.held[i, j] / found.rate[i, j]
         course = march(FILM, 1e4, field=Rise(found.held[i, j], seconds))

@@ -29,6 +29,7 @@ def told(name: str) -> dict[str, Any]:
         "name": found.name,
         "model": type(material.elastic).__name__,
         "constants": material.parameters(),
+        "viscous": [{"mu": b.mu, "tau": b.tau} for b in material.viscous],
         "shear_modulus_Pa": material.elastic.shear_modulus(),
         "bulk_modulus_Pa": material.bulk_modulus,
         "conductor": material.is_conductor,
@@ -72,6 +73,8 @@ def _page(m: dict[str, Any]) -> str:
         text = ", ".join(f"{v:.6g}" for v in value) if isinstance(value, tuple) else f"{value:.6g}"
         lines.append(f"  {name:16} {text} {_UNITS.get(name, '')}".rstrip())
     lines.append(f"  shear modulus    {_short(m['shear_modulus_Pa'])} (initial)")
+    for branch in m["viscous"]:
+        lines.append(f"  viscous branch   mu {_short(branch['mu'])}, tau {branch['tau']:g} s")
     bulk = m["bulk_modulus_Pa"]
     lines.append(f"  bulk modulus     {_short(bulk) if bulk else 'none: exactly incompressible'}")
     if m["conductor"]:

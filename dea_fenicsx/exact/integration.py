@@ -31,7 +31,7 @@ STIFF = 3000.0
 """Length of a piece over the shortest relaxation time, above which an implicit method is taken."""
 
 FEWEST_STEPS = 32
-"""Steps of a piece at least, so that what is drawn or integrated between them is exact too."""
+"""Steps of a course at least, so that what is drawn or integrated between them is exact too."""
 
 TOLERANCE = 1e-11
 """Relative error of a step of the explicit method, of order 8."""
@@ -131,7 +131,7 @@ class Integrator:
             return np.append(film.flow(f.x).ravel(), film.dissipation(f.x).sum() / film.scale)
 
         u = np.append(place.a.ravel(), place.w)
-        step = min((high - low) / FEWEST_STEPS, 4 * self.loads.finest())
+        step = min(self.loads.seconds / FEWEST_STEPS, 4 * self.loads.finest())
 
         def jacobian(t: float, u: np.ndarray) -> np.ndarray:
             return film.flow_slope(settled(t, u)[1])

@@ -16,7 +16,9 @@ from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.ogden import Ogden
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.presets import Preset, get, names, preset
+from dea_fenicsx.materials.rate_data import RateData, rate_errors, rate_stress, read_cycles
 from dea_fenicsx.materials.viscous import Maxwell
+from dea_fenicsx.materials.viscous_fitting import RateFit, fit_rates
 
 list = names  # reads well as dea_fenicsx.materials.list(); not among what * imports
 
@@ -45,4 +47,10 @@ __all__ = [
     "Fit",
     "TestData",
     "read_data",
+    "fit_rates",
+    "RateFit",
+    "RateData",
+    "read_cycles",
+    "rate_stress",
+    "rate_errors",
 ]

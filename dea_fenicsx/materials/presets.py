@@ -17,6 +17,7 @@ from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.ogden import Ogden
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.stretches import TESTS, nominal_stress
+from dea_fenicsx.materials.viscous import Maxwell
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.validation import nearest
@@ -53,10 +54,15 @@ class Preset:
 
     def __str__(self) -> str:
         note = f" {self.note}" if self.note else ""
-        return f"{self.name}: {self.material.elastic} ({MARKS[self.mark]}: {self.source}).{note}"
+        elastic, branches = self.material.elastic, self.material.viscous
+        viscous = f", branches {', '.join(map(str, branches))}" if branches else ""
+        return f"{self.name}: {elastic}{viscous} ({MARKS[self.mark]}: {self.source}).{note}"
 
     def plot(self, max_stretch: float = 3.0, ax: Any = None) -> Any:
-        """Draw the uniaxial, planar and equi-biaxial curves; returns the axes of matplotlib."""
+        """Draw the uniaxial, planar and equi-biaxial curves; returns the axes of matplotlib.
+
+        Those of a viscous material are of its equilibrium, after an infinite time.
+        """
         import matplotlib.pyplot as plt
 
         ax = ax or plt.subplots()[1]
@@ -117,6 +123,7 @@ def _build(name: str, entry: dict[str, Any]) -> Preset:
         elastic = make(**constants)
     else:
         elastic = MODELS[entry["model"]](**constants)
+    viscous = tuple(Maxwell(**branch) for branch in entry.get("viscous", ()))
     electric: Electric
     if entry.get("conductor"):
         electric = Conductor()
@@ -125,7 +132,7 @@ def _build(name: str, entry: dict[str, Any]) -> Preset:
         electric = IdealDielectric(entry["eps_r"], law)
     return Preset(
         name,
-        Material(elastic, electric, bulk, name=name),
+        Material(elastic, electric, bulk, name, viscous),
         entry["mark"],
         entry["source"],
         entry.get("note", ""),
