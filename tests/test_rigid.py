@@ -18,7 +18,7 @@ from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.free_body import held_body
 from dea_fenicsx.model.prescribed_motion import prescriptions
-from dea_fenicsx.model.rigid_motions import SeparateParts, joined_parts
+from dea_fenicsx.model.rigid_motions import free_parts, joined_parts, refuse
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 
@@ -43,11 +43,13 @@ def check(device, supports, kinematics=SPACE, prescribed=()):
     values, body = FixedValues(dim * (imap.size_local + imap.num_ghosts), scene.ramps), None
     for item in prescriptions(scene.declared.displacements, device, kinematics, parts):
         values.fix(parts[item.axis].dofs[item.local], item.values, item.ramp)
-    bodies, holds = SeparateParts(device, kinematics, parts), scene.declared.holds_rigid_motions
-    if holds and (free := bodies.free(values.fixed)):
-        body = held_body(free[0], device, [])
+    free = free_parts(device, kinematics, parts, values.fixed)
+    if free and scene.declared.holds_rigid_motions:
+        body = held_body(free.pop(0), device, [])
         values.hold(body.pins, parts)
-    bodies.check(values.fixed, holds)
+        still = free_parts(device, kinematics, parts, values.fixed)
+        assert len(still) == len(free), "the pins hold every motion of the free body"
+    refuse(free, device, "Fix or Clamp" if body else "Fix, Clamp or FreeBody")
     return parts, values, () if body is None else body.pins
 
 

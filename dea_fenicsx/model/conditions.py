@@ -12,7 +12,7 @@ from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.free_body import HeldBody, held_body
 from dea_fenicsx.model.orientation_springs import Turning
 from dea_fenicsx.model.prescribed_motion import prescriptions
-from dea_fenicsx.model.rigid_motions import SeparateParts
+from dea_fenicsx.model.rigid_motions import free_parts, refuse
 from dea_fenicsx.model.rigid_parts import RigidParts
 from dea_fenicsx.model.roles import Roles
 from dea_fenicsx.model.scales import Scales
@@ -86,17 +86,17 @@ class Conditions:
                 scene.electrodes, declared.potentials, device, potential, scales.potential
             )
 
-        # What moves as a whole: a free body, which is held without force, and rigid parts.
-        parts = SeparateParts(device, kinematics, motion)
-        self.body: HeldBody | None = None
-        if declared.holds_rigid_motions and (free := parts.free(values.fixed)):
-            # If several parts can move, the largest is the free body, and the others are refused.
-            self.body = held_body(free[0], device, [work for _, work in declared.surface_works])
-            values.hold(self.body.pins, motion)
+        # What moves as a whole: rigid parts, and a free body, which is held without force.
         self.rigid = RigidParts(declared.rigid_surfaces, device, motion, space.parts, rows)
         carried = self.rigid.fix(values, declared.rigid_angles)
-        turning = self.body.part if self.body is not None and self.body.turns else None
-        parts.check(values.fixed | carried, declared.holds_rigid_motions, turning)
+        free = free_parts(device, kinematics, motion, values.fixed | carried)
+        self.body: HeldBody | None = None
+        if free and declared.holds_rigid_motions:
+            # If several parts can move, the largest is the free body, and the others are refused.
+            largest = free.pop(0)
+            self.body = held_body(largest, device, [work for _, work in declared.surface_works])
+            values.hold(self.body.pins, motion)
+        refuse(free, device, "Fix or Clamp" if self.body else "Fix, Clamp or FreeBody")
 
         # What follows other unknowns: the ends of a cell, electrodes of given charge and the like.
         self.pairs: Pairs | None = None

@@ -56,7 +56,6 @@ class Forms:
     prober: Prober
     cell_volumes: np.ndarray
     volume: float
-    incompressible_cells: np.ndarray
 
     def __init__(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
         device, kinematics, elements = scene.device, scene.kinematics, scene.elements
@@ -71,6 +70,8 @@ class Forms:
 
         self.terms: list[Term] = terms_of(scene)
         self.kernels: list[Kernel] = kernels(scene, scales, space.fields)
+        soft = [kernel.cells for kernel in self.kernels if kernel.is_incompressible]
+        self.incompressible_cells = np.sort(np.concatenate([np.empty(0, dtype=np.int32), *soft]))
         self._dx = measure(device, [k.cells for k in self.kernels], degree)
         ds = measure(device, loaded_sides(works, device, scene.materials), degree, "ds")
         self.points = [
@@ -96,9 +97,16 @@ class Forms:
 
         It comes last, so that all that can be refused is refused before this long work.
         """
+        mesh = self._mesh
+        each = ufl.TestFunction(dolfinx.fem.functionspace(mesh, ("DG", 0)))
+        volumes = sum(self._integral(k, each) for k in range(len(self.points)))
+        swelling = sum(self._integral(k, (p.J - 1) * each) for k, p in enumerate(self.points))
         self.compiled = compat.compile_form(self.residual)
-        self._measure_cells()
-        self.prober = Prober(self._mesh, self.kernels, self.points, self.quadrature)
+        self._swelling: Any = compat.compile_form(swelling)
+        owned = mesh.topology.index_map(mesh.topology.dim).size_local
+        self.cell_volumes = _cell_values(compat.compile_form(volumes))[:owned]
+        self.volume = mesh.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
+        self.prober = Prober(mesh, self.kernels, self.points, self.quadrature)
 
     def _integral(self, k: int, density: Any) -> Any:
         """The integral of a density over the regions of kernel k."""
@@ -139,21 +147,6 @@ class Forms:
         tangent that is not symmetric is left out of the factor, not of the tangent itself.
         """
         return not self.unsymmetric
-
-    def _measure_cells(self) -> None:
-        mesh = self._mesh
-        cellwise = ufl.TestFunction(dolfinx.fem.functionspace(mesh, ("DG", 0)))
-        self._swelling: Any = compat.compile_form(
-            sum(self._integral(k, (p.J - 1) * cellwise) for k, p in enumerate(self.points))
-        )
-        volumes = compat.compile_form(
-            sum(self._integral(k, cellwise) for k in range(len(self.points)))
-        )
-        owned = mesh.topology.index_map(mesh.topology.dim).size_local
-        self.cell_volumes = _cell_values(volumes)[:owned]
-        self.volume = mesh.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
-        soft = [kernel.cells for kernel in self.kernels if kernel.is_incompressible]
-        self.incompressible_cells = np.sort(np.concatenate([np.empty(0, dtype=np.int32), *soft]))
 
     def swelling(self) -> np.ndarray:
         """Change of volume int (J - 1) dX of each owned cell, dimensionless."""

@@ -87,8 +87,10 @@ class FreePart:
         return mine
 
 
-class SeparateParts:
-    """The parts of a device that no vertex joins, and which of them can move.
+def free_parts(
+    device: Device, kinematics: Kinematics, motion: Sequence[Component], fixed: np.ndarray
+) -> list[FreePart]:
+    """The parts of the device that can move freely, the largest first.  Collective.
 
     Parameters
     ----------
@@ -96,76 +98,55 @@ class SeparateParts:
         The device and the kinematics.
     motion
         The displacement components.
+    fixed
+        Mask of the fixed local degrees of freedom of the mixed space.
     """
+    labels, count = joined_parts(device)
+    if kinematics.periodic_ends is not None:
+        # The two ends are tied, so two separate parts of one period may be one strand of the helix.
+        labels, count = np.zeros_like(labels), 1
+    boxes = _boxes(device, labels, count)
+    rows = _held(motion, fixed, labels, boxes, kinematics)
+    owned = labels[: device.owned_cells()]
+    found = []
+    for k, box in enumerate(boxes):
+        values, motions = np.linalg.svd(rows[k])[1:]
+        free = motions[values <= SMALLEST_HOLD * max(values[0], 1e-300)]
+        if len(free):
+            size = device.comm.allreduce(int(np.count_nonzero(owned == k)), op=MPI.SUM)
+            found.append(FreePart(kinematics, labels == k, size, count, box, free))
+    return sorted(found, key=lambda part: (-part.size, *np.round(part.box.middle, 9)))
 
-    def __init__(
-        self, device: Device, kinematics: Kinematics, motion: Sequence[Component]
-    ) -> None:
-        self._device, self._kinematics, self._motion = device, kinematics, motion
-        self._labels, self._count = joined_parts(device)
-        if kinematics.periodic_ends is not None:
-            # Both ends are tied, so two separate parts of one period may be one strand of a helix.
-            self._labels, self._count = np.zeros_like(self._labels), 1
-        self._boxes = _boxes(device, self._labels, self._count)
 
-    def free(self, fixed: np.ndarray) -> list[FreePart]:
-        """The parts that can move freely, the largest first.  Collective.
+def refuse(free: Sequence[FreePart], device: Device, cure: str) -> None:
+    """Raise InputError if a part of the device can move freely.  Collective.
 
-        Parameters
-        ----------
-        fixed
-            Mask of the fixed local degrees of freedom of the mixed space.
-        """
-        device, labels = self._device, self._labels
-        rows = _held(self._motion, fixed, labels, self._boxes, self._kinematics)
-        owned = labels[: device.owned_cells()]
-        found = []
-        for k, box in enumerate(self._boxes):
-            values, motions = np.linalg.svd(rows[k])[1:]
-            free = motions[values <= SMALLEST_HOLD * max(values[0], 1e-300)]
-            if len(free):
-                size = device.comm.allreduce(int(np.count_nonzero(owned == k)), op=MPI.SUM)
-                found.append(
-                    FreePart(self._kinematics, labels == k, size, self._count, box, free)
-                )
-        return sorted(found, key=lambda part: (-part.size, *np.round(part.box.middle, 9)))
+    Parameters
+    ----------
+    free
+        The parts that nothing holds, the largest first.
+    device
+        The device.
+    cure
+        Names of the supports that may hold them.
 
-    def check(self, fixed: np.ndarray, holds_body: bool, turning: FreePart | None = None) -> None:
-        """Raise InputError if a part can move freely, naming the motions.  Collective.
-
-        Parameters
-        ----------
-        fixed
-            Mask of the fixed local degrees of freedom of the mixed space.
-        holds_body
-            Whether a `FreeBody` holds the largest part that can move.
-        turning
-            A part that may turn, since dead loads give it its orientation.
-
-        Raises
-        ------
-        InputError
-            Naming the part, if there are several, and the motions.
-        """
-        device = self._device
-        free = [
-            part for part in self.free(fixed)
-            if turning is None or len(part.translations)
-            or not np.array_equal(part.cells, turning.cells)
-        ]  # fmt: skip
-        if not free:
-            return
-        part, who = free[0], "The device"
-        if part.count > 1:
-            middle = point(part.box.middle * device.length, device.dim)
-            where = regions_in(device, part.cells)
-            who = (
-                f"A part of {part.size} cells around {middle} ({where}) is not joined to the rest "
-                f"of the mesh (which has {part.count} parts), and it"
-            )
-        words = in_words(part, part.motions, device.length)
-        cure = "Fix or Clamp" if holds_body else "Fix, Clamp or FreeBody"
-        raise InputError(f"{who} can move freely: {words}; add a {cure} that holds it.")
+    Raises
+    ------
+    InputError
+        Naming the first part, if the mesh has several, and its motions.
+    """
+    if not free:
+        return
+    part, who = free[0], "The device"
+    if part.count > 1:
+        middle = point(part.box.middle * device.length, device.dim)
+        where = regions_in(device, part.cells)
+        who = (
+            f"A part of {part.size} cells around {middle} ({where}) is not joined to the rest of "
+            f"the mesh (which has {part.count} parts), and it"
+        )
+    words = in_words(part, part.motions, device.length)
+    raise InputError(f"{who} can move freely: {words}; add a {cure} that holds it.")
 
 
 # -------------------------------------------------------------------------- parts of the mesh

@@ -36,7 +36,7 @@ class Setting(Protocol):
     def loads(self) -> Sequence[Load]: ...
 
 
-Told = Sequence[tuple["Condition", Declaration]]
+type Told = Sequence[tuple[Condition, Declaration]]
 """All declarations of a scene, each with the condition that makes it."""
 
 
