@@ -18,7 +18,7 @@ from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.free_body import held_body
 from dea_fenicsx.model.prescribed_motion import prescriptions
-from dea_fenicsx.model.rigid_motions import free_parts, joined_parts, refuse
+from dea_fenicsx.model.rigid_motions import free_parts, joined_parts, refuse_free_parts
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 
@@ -49,7 +49,7 @@ def check(device, supports, kinematics=SPACE, prescribed=()):
         values.hold(body.pins, parts)
         still = free_parts(device, kinematics, parts, values.fixed)
         assert len(still) == len(free), "the pins hold every motion of the free body"
-    refuse(free, device, "Fix or Clamp" if body else "Fix, Clamp or FreeBody")
+    refuse_free_parts(free, device, "Fix or Clamp" if body else "Fix, Clamp or FreeBody")
     return parts, values, () if body is None else body.pins
 
 

@@ -12,7 +12,7 @@ from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.free_body import HeldBody, held_body
 from dea_fenicsx.model.orientation_springs import Turning
 from dea_fenicsx.model.prescribed_motion import prescriptions
-from dea_fenicsx.model.rigid_motions import free_parts, refuse
+from dea_fenicsx.model.rigid_motions import free_parts, refuse_free_parts
 from dea_fenicsx.model.rigid_parts import RigidParts
 from dea_fenicsx.model.roles import Roles
 from dea_fenicsx.model.scales import Scales
@@ -90,13 +90,13 @@ class Conditions:
         self.rigid = RigidParts(declared.rigid_surfaces, device, motion, space.parts, rows)
         carried = self.rigid.fix(values, declared.rigid_angles)
         free = free_parts(device, kinematics, motion, values.fixed | carried)
+        # If several parts can move, the largest is the free body, and the others are refused.
+        bodies, others = (free[:1], free[1:]) if declared.holds_rigid_motions else ([], free)
+        refuse_free_parts(others, device, "Fix or Clamp" if bodies else "Fix, Clamp or FreeBody")
         self.body: HeldBody | None = None
-        if free and declared.holds_rigid_motions:
-            # If several parts can move, the largest is the free body, and the others are refused.
-            largest = free.pop(0)
-            self.body = held_body(largest, device, [work for _, work in declared.surface_works])
+        for part in bodies:
+            self.body = held_body(part, device, [work for _, work in declared.surface_works])
             values.hold(self.body.pins, motion)
-        refuse(free, device, "Fix or Clamp" if self.body else "Fix, Clamp or FreeBody")
 
         # What follows other unknowns: the ends of a cell, electrodes of given charge and the like.
         self.pairs: Pairs | None = None

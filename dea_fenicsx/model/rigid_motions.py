@@ -118,7 +118,7 @@ def free_parts(
     return sorted(found, key=lambda part: (-part.size, *np.round(part.box.middle, 9)))
 
 
-def refuse(free: Sequence[FreePart], device: Device, cure: str) -> None:
+def refuse_free_parts(free: Sequence[FreePart], device: Device, cure: str) -> None:
     """Raise InputError if a part of the device can move freely.  Collective.
 
     Parameters
