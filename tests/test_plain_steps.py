@@ -49,6 +49,19 @@ def test_a_scene_refuses_folded_cells():
         dea.Scene(device, RUBBER, supports=[dea.Clamp("bottom")], kinematics=dea.PlaneStrain(1e-3))
 
 
+def test_nodes_that_are_moved_later_are_looked_at():
+    """The cells of a device are looked at once, and again after a node has been moved."""
+    device = block((3, 3), order=1)
+    supports, plane = [dea.Clamp("bottom")], dea.PlaneStrain(1e-3)
+    for _ in range(2):
+        dea.Scene(device, RUBBER, supports=supports, kinematics=plane)
+    assert len(device.checked_cells) == 1
+    x = device.mesh.geometry.x
+    x[int(np.argmin(np.linalg.norm(x[:, :2] - 1 / 3, axis=1))), 0] += 0.5
+    with pytest.raises(dea.InputError, match=r"cells of .* are folded or flat"):
+        dea.Scene(device, RUBBER, supports=supports, kinematics=plane)
+
+
 @pytest.mark.parametrize("force, words", [
     ((1.0, 0.0), "a resultant force of 1e-06 N that nothing bears"),
     ((0.0, 0.0), ""),
