@@ -53,11 +53,10 @@ def test_taper_falls_from_full_potential_to_zero():
         [dea.Fix("bottom", "z"), dea.Fix("axis", "r"), dea.Fix("rim", "r")],
         kinematics=dea.Axisymmetric(),
     )  # fmt: skip
-    from dea_fenicsx.model.fixed_values import potential_at
-
     X = np.zeros((5, 3))
     X[:, 0] = (0, 4e-3, 5e-3, 6e-3, 9e-3)
-    assert potential_at(scene, scene.electrodes[0], X) == pytest.approx([100, 100, 50, 0, 0])
+    _, given = scene.declared.potentials[0]
+    assert given.volts(X) == pytest.approx([100, 100, 50, 0, 0])
 
 
 def test_stack_goes_to_pull_in_on_every_mesh(quick_compile):

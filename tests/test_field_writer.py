@@ -18,7 +18,7 @@ from test_energy_observables import Cylinder
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
-from dea_fenicsx.model import unknowns
+from dea_fenicsx.model import problem as problem_module
 from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.fields import FieldWriter
@@ -56,7 +56,7 @@ def with_degree(monkeypatch, degree):
             for field in declared_fields(scene)
         ]
 
-    monkeypatch.setattr(unknowns, "declared_fields", declared)
+    monkeypatch.setattr(problem_module, "declared_fields", declared)
 
 
 def put(problem, displacement, potential=None):

@@ -15,7 +15,8 @@ from test_helical import UNIT, ring
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
-from dea_fenicsx.model import forms, unknowns
+from dea_fenicsx.model import forms
+from dea_fenicsx.model import problem as problem_module
 from dea_fenicsx.model.fields import Field, Role, declared_fields
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.terms import EnergyTerm, WorkTerm, terms_of
@@ -72,7 +73,7 @@ def with_fields(monkeypatch):
             known, new = declared_fields(scene), make(scene)
             return [*new, *known] if first else [*known, *new]
 
-        monkeypatch.setattr(unknowns, "declared_fields", fields)
+        monkeypatch.setattr(problem_module, "declared_fields", fields)
         monkeypatch.setattr(forms, "terms_of", lambda scene: [*terms_of(scene), *terms])
 
     return add
@@ -197,12 +198,6 @@ def test_a_field_on_one_region(degree, with_fields):
     assert np.allclose(run.history["width_m"], plain.history["width_m"], rtol=1e-9, atol=0)
     assert run.summary["inertia"] == 0
     assert len(problem.kernels) == 2 and len(plain.problem.kernels) == 1
-
-
-def test_a_field_on_an_unknown_region(with_fields):
-    with_fields(lambda s: [scalar("q", s, regions=("fim",))], Follows())
-    with pytest.raises(dea.InputError, match=r"region of the field 'q' named 'fim'.*film"):
-        Problem(film())
 
 
 def test_a_run_with_a_new_field_is_resumed(with_fields, tmp_path):
@@ -390,9 +385,11 @@ class Bearing(Extension):
     """Brings a field of its own, of a name that the test chooses, and the term for it."""
 
     field: str
+    regions: tuple[str, ...] | None = None
 
     def declarations(self, scene):
-        return [declarations.AddedPhysics((scalar(self.field, scene),), (Follows(),))]
+        new = scalar(self.field, scene, regions=self.regions)
+        return [declarations.AddedPhysics((new,), (Follows(),))]
 
 
 def test_a_condition_brings_a_field():
@@ -405,3 +402,9 @@ def test_a_condition_brings_a_field():
     twice = dea.Scene(block(), rubber, supports=[held, Bearing("p")])
     with pytest.raises(dea.InputError, match="two fields of the name 'p'"):
         Problem(twice)
+
+
+def test_a_field_on_an_unknown_region():
+    supports = [dea.Clamp("bottom"), Bearing("q", regions=("fim",))]
+    with pytest.raises(dea.InputError, match=r"region of the field 'q' named 'fim'.*film"):
+        dea.Scene(block(), {"film": dea.Material(dea.NeoHookean(5e4))}, supports=supports)

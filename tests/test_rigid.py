@@ -14,8 +14,11 @@ from test_input import one_sentence
 import dea_fenicsx as dea
 from dea_fenicsx.mesh.cell_quality import check_cells
 from dea_fenicsx.mesh.device import Device
-from dea_fenicsx.model.fixed_values import Component, Constraints, apply_supports
-from dea_fenicsx.model.rigid_motions import check_rigid, joined_parts
+from dea_fenicsx.model.components import Component
+from dea_fenicsx.model.fixed_values import FixedValues
+from dea_fenicsx.model.free_body import held_body
+from dea_fenicsx.model.prescribed_motion import prescriptions
+from dea_fenicsx.model.rigid_motions import free_parts, joined_parts, refuse_free_parts
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 
@@ -26,7 +29,7 @@ SPACE, PLANE, ROUND = dea.ThreeD(), dea.PlaneStrain(), dea.Axisymmetric()
 def check(device, supports, kinematics=SPACE, prescribed=()):
     """What a solve does first: fixed displacements and rigid motions; no form is compiled.
 
-    Returns the displacement components and the constraints.
+    Returns the displacement components, the fixed values, and the pins of a free body.
     """
     scene = dea.Scene(
         device, dict.fromkeys(device.regions, RUBBER), supports=supports, prescribed=prescribed,
@@ -37,10 +40,17 @@ def check(device, supports, kinematics=SPACE, prescribed=()):
     space = dolfinx.fem.functionspace(device.mesh, element)
     parts = [Component.of(space.sub(axis)) for axis in range(dim)]
     imap = space.dofmap.index_map
-    constraints = Constraints(dim * (imap.size_local + imap.num_ghosts))
-    apply_supports(scene, parts, constraints)
-    check_rigid(scene, parts, constraints.fixed)
-    return parts, constraints
+    values, body = FixedValues(dim * (imap.size_local + imap.num_ghosts), scene.ramps), None
+    for item in prescriptions(scene.declared.displacements, device, kinematics, parts):
+        values.fix(parts[item.axis].dofs[item.local], item.values, item.ramp)
+    free = free_parts(device, kinematics, parts, values.fixed)
+    if free and scene.declared.holds_rigid_motions:
+        body = held_body(free.pop(0), device, [])
+        values.hold(body.pins, parts)
+        still = free_parts(device, kinematics, parts, values.fixed)
+        assert len(still) == len(free), "the pins hold every motion of the free body"
+    refuse_free_parts(free, device, "Fix or Clamp" if body else "Fix, Clamp or FreeBody")
+    return parts, values, () if body is None else body.pins
 
 
 MOTIONS = {
@@ -88,7 +98,7 @@ def test_three_vertices_hold_a_free_body():
 def test_a_strain_along_the_axes_does_not_turn_a_free_body(shape):
     """All that is held along an axis has the same coordinate there: it may stay where it is."""
     cells, thickness = shape
-    parts, constraints = check(block(cells, thickness=thickness), [dea.FreeBody()])
+    parts, constraints, _ = check(block(cells, thickness=thickness), [dea.FreeBody()])
     assert np.count_nonzero(constraints.fixed) == 6
     for axis, part in enumerate(parts):
         X = part.space.tabulate_dof_coordinates()[constraints.fixed[part.dofs], axis]

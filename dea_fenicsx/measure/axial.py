@@ -81,7 +81,7 @@ def _bind_action(problem: Problem, observable: object, unknown: GlobalUnknown) -
     dofs = problem.overall[unknown.name].dofs
     dofs = dofs[dofs < problem.owned]
     scene, scales = problem.scene, problem.scales
-    unit = scales.force * scales.length / scene.kinematics.period(scene.device)
+    unit = scales.force * scales.length / scene.period
 
     def value() -> float:
         total = float(problem.residual()[dofs].sum())

@@ -28,7 +28,7 @@ from dea_fenicsx.mesh.neighbours import regions_beside
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.model.tied_unknowns import expansion
+from dea_fenicsx.model.tied_unknowns import columns, expansion
 from dea_fenicsx.scene.electrode_places import with_far_ends
 from dea_fenicsx.scene.electrodes import Conducting
 from dea_fenicsx.scene.kinematics import cofactor
@@ -156,11 +156,13 @@ def _expansion_of_potential(problem: Problem, owned: int) -> Any:
     assert part is not None
     own = whole is None
     if own:
-        whole = expansion(problem.free, [], None, problem.space.rows)
+        rows = problem.space.rows
+        whole = expansion(columns(problem.free, [], None, rows), len(problem.free), rows)
+        whole.assemble()
     first = problem.comm.exscan(len(problem.free)) or 0
-    rows = part.dofs[:owned].astype(PETSc.IntType) + problem.space.rows.start
-    columns = problem.roles.free(Role.POTENTIAL).astype(PETSc.IntType) + first
-    sets = [PETSc.IS().createGeneral(n, comm=problem.comm) for n in (rows, columns)]
+    mine = part.dofs[:owned].astype(PETSc.IntType) + problem.space.rows.start
+    unknowns = problem.roles.free(Role.POTENTIAL).astype(PETSc.IntType) + first
+    sets = [PETSc.IS().createGeneral(n, comm=problem.comm) for n in (mine, unknowns)]
     made = whole.createSubMatrix(*sets)
     for thing in (*sets, *([whole] if own else [])):
         thing.destroy()

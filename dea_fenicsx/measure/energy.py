@@ -116,8 +116,8 @@ class Energy:
         if problem.loads.work != 0:
             # the virtual work of dead loads is linear, so it gives the work on w itself
             on_surfaces = _integral(problem, ufl.action(problem.loads.work, problem.w))
-        period = scene.kinematics.period(scene.device) if scene.kinematics.global_unknowns else 0.0
-        forces = scene.declared.global_forces
+        period = scene.period if scene.kinematics.global_unknowns else 0.0
+        forces = [force for _, force in scene.declared.global_forces]
         places = [scene.kinematics.global_unknowns.index(told.unknown) for told in forces]
 
         def value() -> float:

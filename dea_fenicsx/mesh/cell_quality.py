@@ -6,6 +6,7 @@ Jacobian's determinant; so it is told before anything is solved.
 
 from __future__ import annotations
 
+import hashlib
 from typing import Any
 
 import basix
@@ -27,6 +28,8 @@ CORNER_TOLERANCE = 1e-6
 def check_cells(device: Device, degree: int) -> None:
     """Raise InputError if cells are folded, flat, or overlap a neighbour.  Collective.
 
+    The cells of many scenes on one device are looked at once, unless nodes have been moved since.
+
     Parameters
     ----------
     device
@@ -39,10 +42,15 @@ def check_cells(device: Device, degree: int) -> None:
     InputError
         Naming how many cells, and where the first one lies.
     """
+    nodes = hashlib.sha1(device.mesh.geometry.x.tobytes()).hexdigest()
+    valid = device.checked_cells.get(degree) == nodes
+    if device.comm.allreduce(valid, op=MPI.LAND):
+        return
     owned = device.owned_cells()
     bad = _folded(device, degree)[:owned]
     _refuse(device, bad, "folded or flat (the Jacobian changes sign or vanishes inside)")
     _refuse(device, _overlapping(device)[:owned], "inverted (on the same side as a neighbour)")
+    device.checked_cells[degree] = nodes
 
 
 def _refuse(device: Device, bad: np.ndarray, how: str) -> None:

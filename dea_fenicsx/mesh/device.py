@@ -45,6 +45,9 @@ class Device:
         ``largest_aspect``, the longest over the shortest edge of a cell.
     further
         For each group of facets that overlaps others, the tags of the facets that it shares.
+    checked_cells
+        For each degree of quadrature at which the cells have been found valid, a digest of the
+        coordinates of the nodes; see `cell_quality.check_cells`.
     """
 
     mesh: Any
@@ -56,7 +59,7 @@ class Device:
     source: str = ""
     quality: dict[str, float] = field(default_factory=dict)
     further: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    _cache: dict[str, Any] = field(default_factory=dict, repr=False)
+    checked_cells: dict[int, str] = field(default_factory=dict, repr=False)
 
     @property
     def comm(self) -> MPI.Comm:

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.fields import Role
-from dea_fenicsx.model.fixed_values import (
-    Constraints,
-    apply_electrodes,
-    apply_overall,
-    apply_regions,
-    apply_supports,
-)
+from dea_fenicsx.model.fixed_values import FixedValues
+from dea_fenicsx.model.free_body import HeldBody, held_body
 from dea_fenicsx.model.orientation_springs import Turning
-from dea_fenicsx.model.rigid_motions import check_rigid
+from dea_fenicsx.model.prescribed_motion import prescriptions
+from dea_fenicsx.model.rigid_motions import free_parts, refuse_free_parts
 from dea_fenicsx.model.rigid_parts import RigidParts
 from dea_fenicsx.model.roles import Roles
 from dea_fenicsx.model.scales import Scales
@@ -49,82 +43,85 @@ class Conditions:
         Which degrees of freedom are fixed, and at which values for a load.
     electrode_dofs
         Degrees of freedom of each electrode, by its label: all owned ones, and ghosts.
-    pairs
-        What ties the two ends of a helical cell, or None.
+    body
+        The free body and what holds it, or None.
     rigid
         The rigid parts, whose nodes follow a translation and an angle.
+    pairs
+        What ties the two ends of a helical cell, or None.
     groups
         Degrees of freedom that share a value, with what works on them.
     free, fixed
         Owned local degrees of freedom that are unknowns, and that are fixed, sorted.
-    roles
-        The unknowns by the role of their fields.
     expansion
         PETSc matrix from the free unknowns to all owned degrees of freedom where some follow
         others, or None.  With rigid parts it is that of the undeformed state at first.
     turning
         What keeps a free body's orientation where no dead load gives it one.
+    roles
+        The unknowns by the role of their fields.
     unknowns
         Number of free unknowns over all ranks.
+
+    Raises
+    ------
+    InputError
+        If two conditions contradict each other, or a part of the device can move freely.
     """
 
     def __init__(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
-        comm = scene.device.comm
-        self._space = space
-        motion, potential = space.of(Role.MOTION), space.single(Role.POTENTIAL)
-        values = self.fixed_values = Constraints(space.size)
-        apply_supports(scene, motion, values)
-        apply_overall(scene, space.parts.get("global", {}), values)
-        self.rigid = RigidParts(scene, motion, space.parts, space.rows)
-        given = self.rigid.fix(scene, values)
-        check_rigid(scene, motion, values.fixed | given, values.released if values.turns else None)
-        apply_regions(scene, space.fields, space.parts, values)
-        space.at_rest[values.fixed] = 0.0
+        device, kinematics, declared = scene.device, scene.kinematics, scene.declared
+        motion, overall, rows = space.of(Role.MOTION), space.parts.get("global", {}), space.rows
+
+        # What is fixed, by supports, prescribed motions and electrodes.
+        given = prescriptions(declared.displacements, device, kinematics, motion)
+        values = self.fixed_values = FixedValues(space.size, scene.ramps)
+        for item in given:
+            values.fix(motion[item.axis].dofs[item.local], item.values, item.ramp)
+        values.fix_globals(declared.fixed_globals, overall, scales.length)
+        values.fix_outside(space.fields, space.parts, device)
         self.electrode_dofs: dict[str, np.ndarray] = {}
-        if potential is not None:
-            self.electrode_dofs = apply_electrodes(scene, potential, scales.potential, values)
-        for ramp in scene.ramps:
-            values.base.setdefault(ramp, np.zeros(space.size))
-        self.pairs = self._tie_ends(scene, motion)
+        if (potential := space.single(Role.POTENTIAL)) is not None:
+            self.electrode_dofs = values.fix_electrodes(
+                scene.electrodes, declared.potentials, device, potential, scales.potential
+            )
+
+        # What moves as a whole: rigid parts, and a free body, which is held without force.
+        self.rigid = RigidParts(declared.rigid_surfaces, device, motion, space.parts, rows)
+        carried = self.rigid.fix(values, declared.rigid_angles)
+        free = free_parts(device, kinematics, motion, values.fixed | carried)
+        # If several parts can move, the largest is the free body, and the others are refused.
+        bodies, others = (free[:1], free[1:]) if declared.holds_rigid_motions else ([], free)
+        refuse_free_parts(others, device, "Fix or Clamp" if bodies else "Fix, Clamp or FreeBody")
+        self.body: HeldBody | None = None
+        for part in bodies:
+            self.body = held_body(part, device, [work for _, work in declared.surface_works])
+            values.hold(self.body.pins, motion)
+
+        # What follows other unknowns: the ends of a cell, electrodes of given charge and the like.
+        self.pairs: Pairs | None = None
+        if kinematics.periodic_ends is not None:
+            self.pairs = Pairs.between(device, kinematics.periodic_ends, space.continuous, rows)
+            self.pairs.share_fixed(values, space.W)
+            for label, dofs in self.electrode_dofs.items():
+                self.electrode_dofs[label] = self.pairs.widen(dofs)
+        unknowns, forces = kinematics.global_unknowns, declared.global_forces
         self.groups: list[Group] = [
-            *floating_groups(scene, scales.charge, self.electrode_dofs, space.rows),
-            *global_groups(scene, scales, space.parts.get("global", {}), values, space.rows),
-            *self.rigid.groups(scene, scales, values),
+            *floating_groups(declared.floating, scales.charge, self.electrode_dofs, rows),
+            *global_groups(unknowns, forces, scene.period, scales, overall, values.fixed, rows),
+            *self.rigid.groups(values.fixed, declared.rigid_moments, scales.force * scales.length),
         ]
         fixed = values.fixed[: space.owned]
         follower = followers(self.groups, self.pairs, fixed) | self.rigid.followers(space.owned)
         self.free = np.flatnonzero(~fixed & ~follower).astype(np.int32)
         self.fixed = np.flatnonzero(fixed).astype(np.int32)
-        self.turning = Turning(scene, motion, values, self.free)
-        self.roles = Roles(space, self.free, comm)
-        self.unknowns: int = comm.allreduce(len(self.free), op=MPI.SUM)
         self.expansion: Any = None
         if self.groups or self.pairs is not None or self.rigid:
-            self.expansion = self._expansion(space)
+            column = columns(self.free, self.groups, self.pairs, rows)
+            self.expansion = expansion(column, len(self.free), rows)
+            self.rigid.number(column)
+            self.rigid.fill(self.expansion, np.zeros(space.size))
 
-    def _expansion(self, space: Unknowns) -> Any:
-        ties = self.free, self.groups, self.pairs, space.rows
-        if not self.rigid:
-            return expansion(*ties)
-        self.rigid.number(columns(*ties))
-        return expansion(*ties, lambda P: self.rigid.fill(P, np.zeros(space.size)))
-
-    def _tie_ends(self, scene: Scene, motion: Sequence[Component]) -> Pairs | None:
-        """Tie the upper end of a periodic cell to the lower one, fixed values included.
-
-        All fields that are continuous are tied, the displacement first.
-        """
-        ends, space = scene.kinematics.periodic_ends, self._space
-        if ends is None:
-            return None
-        parts = list(motion)
-        for field in space.fields:
-            if field.role is not Role.MOTION and field.is_continuous:
-                parts += space.parts[field.name].values()
-        pairs = Pairs.between(scene.device, ends, parts, space.rows)
-        pairs.share_fixed(self.fixed_values, space.W)
-        for label, dofs in self.electrode_dofs.items():
-            member = np.zeros(space.owned, dtype=bool)
-            member[dofs[dofs < space.owned]] = True
-            self.electrode_dofs[label] = np.union1d(dofs, np.flatnonzero(pairs.join(member)))
-        return pairs
+        self.turning = Turning(self.body, device, motion, self.free)
+        self.roles = Roles(space, self.free, device.comm)
+        self.unknowns: int = device.comm.allreduce(len(self.free), op=MPI.SUM)

@@ -15,9 +15,9 @@ from typing import Any
 import basix.ufl
 
 from dea_fenicsx.materials import Material
-from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.scales import Scales
-from dea_fenicsx.scene.scene import SIMPLICES, Scene
+from dea_fenicsx.scene.elements import Discretisation
+from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 
 
@@ -105,8 +105,11 @@ def declared_fields(scene: Scene) -> list[Field]:
     vector = basix.ufl.element("Lagrange", cell, 2, shape=(len(axes),))
     found = [
         Field("u", vector, Role.MOTION, axes),
-        Field("p", _pressure_element(scene, cell), Role.MULTIPLIER, negative=True, mass=_softness),
-    ]
+        Field(
+            "p", _pressure_element(scene.elements, cell), Role.MULTIPLIER, negative=True,
+            mass=_softness,
+        ),
+    ]  # fmt: skip
     if scene.has_potential:
         element = basix.ufl.element("Lagrange", cell, scene.elements.potential_degree)
         dielectric = tuple(name for name, m in scene.materials.items() if m.is_dielectric)
@@ -138,20 +141,8 @@ def _check_names(fields: Sequence[Field]) -> None:
             raise InputError(f"The scene has two fields of the name {name!r}; rename one of them.")
 
 
-def pressure_kind(scene: Scene) -> str:
-    """``"continuous"`` or ``"discontinuous"``."""
-    choice = scene.elements.pressure
-    if choice != "auto":
-        return choice
-    return "continuous" if _cell(scene.device) in SIMPLICES else "discontinuous"
-
-
-def _cell(device: Device) -> str:
-    return str(device.mesh.topology.cell_name())
-
-
-def _pressure_element(scene: Scene, cell: str) -> Any:
-    if pressure_kind(scene) == "discontinuous":
+def _pressure_element(elements: Discretisation, cell: str) -> Any:
+    if elements.pressure_on(cell) == "discontinuous":
         return basix.ufl.element("DPC", cell, 1, discontinuous=True)
     return basix.ufl.element("Lagrange", cell, 1)
 

@@ -1,4 +1,4 @@
-"""Supports, prescribed displacements and electrodes as fixed degrees of freedom.
+"""Fixed degrees of freedom: displacements, global unknowns, and potentials on electrodes.
 
 Boundaries are found by their names alone.  A comparison of coordinates could give different results
 on two ranks that share a node.
@@ -6,33 +6,31 @@ on two ranks that share a node.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.dead_loads import split_turns
 from dea_fenicsx.model.fields import Field
-from dea_fenicsx.model.free_body import Pin, pins, released
-from dea_fenicsx.model.prescribed_motion import check_agreement, prescriptions
-from dea_fenicsx.model.rigid_motions import FreePart
-from dea_fenicsx.scene.declarations import FixedPotential
+from dea_fenicsx.model.free_body import Pin
+from dea_fenicsx.scene.condition import Condition
+from dea_fenicsx.scene.declarations import FixedGlobal, FixedPotential
 from dea_fenicsx.scene.electrodes import Conducting
-from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
-from dea_fenicsx.support.validation import known
 
 
-class Constraints:
+class FixedValues:
     """Which degrees of freedom are fixed, and at what value for given ramp factors.
 
     Parameters
     ----------
     size
         Number of local degrees of freedom of the mixed space, ghosts included.
+    ramps
+        Names of all ramps of the scene.
 
     Attributes
     ----------
@@ -40,21 +38,11 @@ class Constraints:
         Mask of the fixed degrees of freedom.
     base
         For each ramp the values at ramp factor 1, dimensionless.
-    released
-        The rigid motions that `FreeBody` takes from a part of the mesh; None if there are none.
-    pins
-        The displacement components that it holds.
-    turns
-        The ramps of the dead loads by which it may turn: then its rotations are unknowns, see
-        `orientation_springs`.
     """
 
-    def __init__(self, size: int) -> None:
-        self.released: FreePart | None = None
-        self.pins: list[Pin] = []
-        self.turns: frozenset[str] = frozenset()
+    def __init__(self, size: int, ramps: Iterable[str]) -> None:
         self.fixed = np.zeros(size, dtype=bool)
-        self.base: dict[str, np.ndarray] = {}
+        self.base = {ramp: np.zeros(size) for ramp in ramps}
 
     def fix(self, dofs: np.ndarray, values: Any = 0.0, ramp: str | None = None) -> None:
         """Fix `dofs` at `values` times the factor of `ramp`; a later call overrides an earlier."""
@@ -62,8 +50,7 @@ class Constraints:
         for base in self.base.values():
             base[dofs] = 0.0
         if ramp is not None:
-            base = self.base.setdefault(ramp, np.zeros(len(self.fixed)))
-            base[dofs] = values
+            self.base[ramp][dofs] = values
 
     def values(self, factors: Mapping[str, float]) -> np.ndarray:
         """Value of every fixed degree of freedom (0 at the free ones)."""
@@ -72,125 +59,95 @@ class Constraints:
             total += factors[ramp] * base
         return total
 
+    def hold(self, pins: Iterable[Pin], motion: Sequence[Component]) -> None:
+        """Fix displacement components of single vertices at 0.  Collective."""
+        for pin in pins:
+            component = motion[pin.axis]
+            self.fix(component.dofs[component.on(0, pin.vertices)])
 
-def apply_supports(scene: Scene, parts: list[Component], constraints: Constraints) -> None:
-    """Fix the displacement components that the scene's supports and stretches name.  Collective.
+    def fix_globals(
+        self, declared: Iterable[tuple[Condition, FixedGlobal]], parts: Mapping[str, Component],
+        length: float,
+    ) -> None:  # fmt: skip
+        """Fix global unknowns, given by their names; `length` is the unit of length in m."""
+        for _, told in declared:
+            value = told.value * length**told.unknown.per_length
+            self.fix(parts[told.unknown.name].dofs, value, told.ramp)
 
-    Raises
-    ------
-    InputError
-        If two of them prescribe different displacements of one node along one axis, or if the
-        centre of a stretch is not clear.
-    """
-    given = prescriptions(scene, parts)
-    check_agreement(scene, parts, given)
-    for item in given:
-        constraints.fix(parts[item.axis].dofs[item.local], item.values, item.ramp)
-    if scene.declared.holds_rigid_motions:
-        _hold_free_body(scene, parts, constraints)
+    def fix_outside(
+        self, fields: Iterable[Field], parts: Mapping[str, Mapping[str, Component]],
+        device: Device,
+    ) -> None:  # fmt: skip
+        """Fix each field at 0 outside of the regions in which it lives.  Collective."""
+        for field in fields:
+            if field.regions is None:
+                continue
+            cells = [np.empty(0, np.int32), *(device.cells_of(name) for name in field.regions)]
+            for part in parts[field.name].values():
+                alive = np.zeros(len(part.dofs), dtype=bool)
+                alive[part.on(device.dim, np.concatenate(cells))] = True
+                self.fix(part.dofs[~alive])
 
+    def fix_electrodes(
+        self, electrodes: Sequence[Conducting],
+        declared: Sequence[tuple[Conducting, FixedPotential]], device: Device,
+        potential: Component, volt: float,
+    ) -> dict[str, np.ndarray]:  # fmt: skip
+        """Fix the potential on electrodes.  Collective.
 
-def _hold_free_body(scene: Scene, parts: list[Component], constraints: Constraints) -> None:
-    """Hold the free rigid motions, except rotations by which dead loads may turn the body."""
-    part = released(scene, parts, constraints.fixed)
-    constraints.released = part
-    if part is None:
-        return
-    held, constraints.turns = split_turns(scene, part)
-    constraints.pins = list(pins(scene, replace(part, motions=held)))
-    for pin in constraints.pins:
-        component = parts[pin.axis]
-        constraints.fix(component.dofs[component.on(0, pin.vertices)])
+        Parameters
+        ----------
+        electrodes
+            All electrodes of the scene.
+        declared
+            The potentials that they are given.
+        device, potential
+            The device and its potential.
+        volt
+            The unit of potential in V.
 
+        Returns
+        -------
+        dict
+            For each electrode's label its degrees of freedom in the mixed space.
 
-def apply_overall(
-    scene: Scene, parts: dict[str, Component], constraints: Constraints
-) -> None:
-    """Fix the global unknowns that the scene prescribes, dimensionless."""
-    for told in scene.declared.fixed_globals:
-        value = told.value * scene.device.length**told.unknown.per_length
-        constraints.fix(parts[told.unknown.name].dofs, value, told.ramp)
-
-
-def apply_regions(
-    scene: Scene, fields: Sequence[Field], parts: Mapping[str, Mapping[str, Component]],
-    constraints: Constraints,
-) -> None:  # fmt: skip
-    """Fix each field at 0 outside of the regions in which it lives.  Collective.
-
-    Raises
-    ------
-    InputError
-        If a field is to live in a region that the device does not have.
-    """
-    device = scene.device
-    for field in fields:
-        if field.regions is None:
-            continue
-        for name in field.regions:
-            known(name, device.regions, f"region of the field {field.name!r}")
-        cells = [np.empty(0, np.int32), *(device.cells_of(name) for name in field.regions)]
-        for part in parts[field.name].values():
-            alive = np.zeros(len(part.dofs), dtype=bool)
-            alive[part.on(device.dim, np.concatenate(cells))] = True
-            constraints.fix(part.dofs[~alive])
-
-
-def apply_electrodes(
-    scene: Scene, potential: Component, volt: float, constraints: Constraints
-) -> dict[str, np.ndarray]:
-    """Fix the potential on electrodes.
-
-    Parameters
-    ----------
-    scene, potential, constraints
-        The scene, its potential, and what is to be filled.
-    volt
-        The unit of potential in V.
-
-    Returns
-    -------
-    dict
-        For each electrode's label its degrees of freedom in the mixed space.
-
-    Raises
-    ------
-    InputError
-        If electrodes of different potentials touch.
-    """
-    device = scene.device
-    # For each node the last electrode that contains it, and the potential in V of this electrode.
-    owner = np.full(len(potential.dofs), -1)
-    values = np.zeros(len(potential.dofs))
-    X = potential.space.tabulate_dof_coordinates() * device.length
-    found: dict[str, np.ndarray] = {}
-    for k, electrode in enumerate(scene.electrodes):
-        on = _nodes(scene, potential, electrode.names)
-        mine = potential_at(scene, electrode, X)
-        for j in range(k):
-            other = scene.electrodes[j]
-            shared = on & (owner == j)
-            small = 1e-9 * max(abs(electrode.given_volts), abs(other.given_volts))
-            touch = not _agree(electrode, other, mine[shared], values[shared], small)
-            if device.comm.allreduce(touch, op=MPI.LOR):
-                raise InputError(
-                    f"Electrodes {other.label!r} and {electrode.label!r} touch, but have different "
-                    "potentials; leave dielectric between them."
-                )
-        owner[on] = k
-        values[on] = mine[on]
-        dofs = potential.dofs[on]
-        if electrode.floats:
-            constraints.fixed[dofs] = False
-        for told in _potentials(scene, electrode):
-            constraints.fix(dofs, mine[on] / volt, told.ramp)
-        found[electrode.label] = dofs
-    return found
+        Raises
+        ------
+        InputError
+            If electrodes of different potentials touch.
+        """
+        # For each node the last electrode that contains it, and the potential in V of this one.
+        owner = np.full(len(potential.dofs), -1)
+        values = np.zeros(len(potential.dofs))
+        X = potential.space.tabulate_dof_coordinates() * device.length
+        found: dict[str, np.ndarray] = {}
+        for k, electrode in enumerate(electrodes):
+            on = _nodes(device, potential, electrode.names)
+            given = [told for one, told in declared if one is electrode]
+            mine = given[0].volts(X) if given else np.zeros(len(X))
+            for j in range(k):
+                other = electrodes[j]
+                shared = on & (owner == j)
+                small = 1e-9 * max(abs(electrode.given_volts), abs(other.given_volts))
+                touch = not _agree(electrode, other, mine[shared], values[shared], small)
+                if device.comm.allreduce(touch, op=MPI.LOR):
+                    raise InputError(
+                        f"Electrodes {other.label!r} and {electrode.label!r} touch, but have "
+                        "different potentials; leave dielectric between them."
+                    )
+            owner[on] = k
+            values[on] = mine[on]
+            dofs = potential.dofs[on]
+            if electrode.floats:
+                self.fixed[dofs] = False
+            for told in given:
+                self.fix(dofs, mine[on] / volt, told.ramp)
+            found[electrode.label] = dofs
+        return found
 
 
-def _nodes(scene: Scene, potential: Component, groups: Sequence[str]) -> np.ndarray:
+def _nodes(device: Device, potential: Component, groups: Sequence[str]) -> np.ndarray:
     """Mask of the nodes of facet groups and regions in the potential's own space.  Collective."""
-    device = scene.device
     on = np.zeros(len(potential.dofs), dtype=bool)
     for name in groups:
         if name in device.regions:
@@ -215,14 +172,3 @@ def _agree(
     if not alike and np.max(np.abs([here, there])) > small:
         return False
     return bool(np.max(np.abs(here - there)) <= small)
-
-
-def potential_at(scene: Scene, electrode: Conducting, X: np.ndarray) -> np.ndarray:
-    """Given potential in V at undeformed positions X in m, shape (n, 3); 0 where it floats."""
-    told = _potentials(scene, electrode)
-    return told[0].volts(X) if told else np.zeros(len(X))
-
-
-def _potentials(scene: Scene, electrode: Conducting) -> list[FixedPotential]:
-    """The potentials that an electrode is given: none where it floats."""
-    return [told for owner, told in scene.declared.potentials if owner is electrode]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import basix
@@ -11,14 +11,13 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.model.kernels import Kernel, kernels, measure
-from dea_fenicsx.model.loads import Loads
+from dea_fenicsx.model.loads import Loads, Surface, loaded_sides
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.probe import Prober
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.terms import EnergyTerm, Term, WorkTerm, terms_of
 from dea_fenicsx.model.unknowns import Unknowns
-from dea_fenicsx.scene.kinematics import GlobalMotion
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
@@ -46,67 +45,85 @@ class Forms:
         The residual, symbolic.
     quadrature
         Quadrature points of the reference cell.
-    prober
-        Evaluates a state at the quadrature points.
+    compiled, prober
+        The compiled residual, and what evaluates a state at the quadrature points; from `compile`.
     cell_volumes, volume
-        Volume of each owned cell, and of the whole device, dimensionless.
+        Volume of each owned cell, and of the whole device, dimensionless; from `compile`, too.
     incompressible_cells
         Owned cells of exactly incompressible regions, sorted.
     """
 
+    compiled: Any
+    prober: Prober
+    memory: Memory
+    cell_volumes: np.ndarray
+    volume: float
+
     def __init__(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
-        mesh, kinematics = scene.device.mesh, scene.kinematics
-        degree = scene.elements.quadrature_degree
-        self._space, self._kinematics = space, kinematics
-        self._lead = dolfinx.fem.Constant(mesh, kinematics.lead(scales.length))
-        self.terms: list[Term] = terms_of(scene)
-        self.kernels: list[Kernel] = kernels(scene, scales, space.fields)
-        fields, self.motion = self._split(space.w)
-        self.points = [self._point(scene, k, scales, fields) for k in self.kernels]
-        weight = kinematics.weight(ufl.SpatialCoordinate(mesh))
-        dx = measure(scene.device, [k.cells for k in self.kernels], degree)
-
-        def integral(k: int, density: Any) -> Any:
-            """The integral of a density over a kernel's regions."""
-            return density * weight * dx(k)
-
-        test = ufl.TestFunction(space.W)
-        energy = sum(integral(k, p.energy) for k, p in enumerate(self.points))
-        virtual, virtual_motion = self._split(test)
-        self.loads = Loads(scene, scales.stress, fields["u"], virtual["u"], virtual_motion)
-        self.residual = ufl.derivative(energy, space.w, test) - self.loads.work
-        for k, work in self._works(space.w, test):
-            self.residual += integral(k, work)
-        for k, point in enumerate(self.points):
-            for ramp, rate in point.rates.items():
-                work = -ufl.derivative(integral(k, rate), space.w, test)
-                self.loads.add_strain(ramp, self.kernels[k].prestretch[ramp][0], work)
-        self.compiled: Any = compat.compile_form(self.residual)
+        device, kinematics, elements = scene.device, scene.kinematics, scene.elements
+        mesh, degree, works = device.mesh, elements.quadrature_degree, scene.declared.surface_works
+        self._mesh, self._owned = mesh, space.owned
+        self._weight = kinematics.weight(ufl.SpatialCoordinate(mesh))
         cell = getattr(basix.CellType, mesh.topology.cell_name())
         self.quadrature, _ = basix.make_quadrature(cell, degree)
-        self.memory = Memory(mesh, self.kernels, self.points, self.quadrature)
+        lead = dolfinx.fem.Constant(mesh, kinematics.lead(scales.length))
+        self.motion = kinematics.global_motion(space.present.get("global"), lead)
+        virtual_motion = kinematics.global_motion(space.virtual.get("global"), lead)
+
+        self.terms: list[Term] = terms_of(scene)
+        self.kernels: list[Kernel] = kernels(scene, scales, space.fields)
+        soft = [kernel.cells for kernel in self.kernels if kernel.is_incompressible]
+        self.incompressible_cells = np.sort(np.concatenate([np.empty(0, dtype=np.int32), *soft]))
+        self._dx = measure(device, [k.cells for k in self.kernels], degree)
+        ds = measure(device, loaded_sides(works, device, scene.materials), degree, "ds")
+        self.points = [
+            MaterialPoint(mesh, kinematics, k, scales.stress, space.present, self.motion)
+            for k in self.kernels
+        ]
+        for point in self.points:
+            point.energy = self._energy(point)
+        energy = sum(self._integral(k, p.energy) for k, p in enumerate(self.points))
+        beside = sum(self._integral(k, work) for k, work in self._works(space.w, space.test))
+        at = Surface(
+            kinematics, mesh, scales.stress, space.present["u"], space.virtual["u"], virtual_motion
+        )
+        self.loads = Loads([work for _, work in works], at, ds)
+        self.residual = ufl.derivative(energy, space.w, space.test) - self.loads.work + beside
+        for k, point in enumerate(self.points):
+            for ramp, rate in point.rates.items():
+                work = -ufl.derivative(self._integral(k, rate), space.w, space.test)
+                self.loads.add_strain(ramp, self.kernels[k].prestretch[ramp][0], work)
+
+    def compile(self) -> None:
+        """Compile what every run evaluates: the residual, the probe and cell volumes.  Collective.
+
+        It comes last, so that all that can be refused is refused before this long work.
+        """
+        mesh = self._mesh
+        each = ufl.TestFunction(dolfinx.fem.functionspace(mesh, ("DG", 0)))
+        volumes = sum(self._integral(k, each) for k in range(len(self.points)))
+        swelling = sum(self._integral(k, (p.J - 1) * each) for k, p in enumerate(self.points))
+        self.compiled = compat.compile_form(self.residual)
+        self._swelling: Any = compat.compile_form(swelling)
+        owned = mesh.topology.index_map(mesh.topology.dim).size_local
+        self.cell_volumes = _cell_values(compat.compile_form(volumes))[:owned]
+        self.volume = mesh.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
         self.prober = Prober(mesh, self.kernels, self.points, self.quadrature)
-        self._measure_cells(scene, integral)
-        if self.memory:
-            self.memory.weigh(self.cell_volumes, scene.materials, scene.device.cells_of)
+        self.memory = Memory(mesh, self.kernels, self.points, self.quadrature)
 
-    def _split(self, function: Any) -> tuple[dict[str, Any], GlobalMotion | None]:
-        """The fields of a mixed function or test function by name, and its global motion."""
-        fields = self._space.split(function)
-        return fields, self._kinematics.global_motion(fields.get("global"), self._lead)
+    def _integral(self, k: int, density: Any) -> Any:
+        """The integral of a density over the regions of kernel k."""
+        return density * self._weight * self._dx(k)
 
-    def _point(
-        self, scene: Scene, kernel: Kernel, scales: Scales, fields: dict[str, Any]
-    ) -> MaterialPoint:
-        """The fields of a kernel, with the sum of all terms that live there."""
-        point = MaterialPoint(scene, kernel, scales, fields, self.motion)
+    def _energy(self, point: MaterialPoint) -> Any:
+        """The sum of all terms of the energy that live on a point's kernel."""
+        kernel = point.kernel
         energies = (term for term in self.terms if isinstance(term, EnergyTerm))
         densities = [term.density(point) for term in energies if term.lives_on(kernel)]
         total = densities[0]
         for density in densities[1:]:
             total = total + density
-        point.close(total)
-        return point
+        return total
 
     def _works(self, w: Any, test: Any) -> Iterator[tuple[int, Any]]:
         """Virtual work per undeformed volume that is no variation of an energy, by kernel."""
@@ -134,20 +151,6 @@ class Forms:
         """
         return not self.unsymmetric
 
-    def _measure_cells(self, scene: Scene, integral: Callable[[int, Any], Any]) -> None:
-        device = scene.device
-        cellwise = ufl.TestFunction(dolfinx.fem.functionspace(device.mesh, ("DG", 0)))
-        self._swelling: Any = compat.compile_form(
-            sum(integral(k, (p.J - 1) * cellwise) for k, p in enumerate(self.points))
-        )
-        volumes = compat.compile_form(
-            sum(integral(k, cellwise) for k in range(len(self.points)))
-        )
-        self.cell_volumes = _cell_values(volumes)[: device.owned_cells()]
-        self.volume: float = device.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
-        soft = [kernel.cells for kernel in self.kernels if kernel.is_incompressible]
-        self.incompressible_cells = np.sort(np.concatenate([np.empty(0, dtype=np.int32), *soft]))
-
     def swelling(self) -> np.ndarray:
         """Change of volume int (J - 1) dX of each owned cell, dimensionless."""
         return _cell_values(self._swelling)[: len(self.cell_volumes)]
@@ -157,7 +160,7 @@ class Forms:
         form = compat.compile_form(-self.loads.unit_work[ramp])
         vector = dolfinx.fem.assemble_vector(form)
         vector.scatter_reverse(dolfinx.la.InsertMode.add)
-        return np.asarray(vector.array[: self._space.owned])
+        return np.asarray(vector.array[: self._owned])
 
 
 def assembled(vector: Any, form: Any) -> np.ndarray:

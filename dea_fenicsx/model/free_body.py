@@ -1,21 +1,22 @@
-"""The displacements that hold a free body: exactly one for each rigid motion that is left.
+"""A free body: what holds it, and the axes about which dead loads turn it.
 
-They are displacements of single vertices.  Since they only prevent rigid motions, their reactions
-are 0 if the loads are balanced, and the body deforms as if it were free.
+A free body is held by exactly one displacement of a single vertex for each rigid motion that is
+left.  Since these displacements only prevent rigid motions, their reactions are 0 if the loads are
+balanced, and the body deforms as if nothing held it.  Dead loads keep their direction in space, so
+they may turn the body; then its rotations are not held.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.rigid_motions import Box, FreePart, free_parts, modes
-from dea_fenicsx.scene.kinematics_base import Kinematics
-from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.model.rigid_motions import FreePart
+from dea_fenicsx.scene.declarations import SurfaceWork
 from dea_fenicsx.support import compat
 
 SMALLEST_PIN_SHARE = 0.1
@@ -34,6 +35,9 @@ contraction would turn the device.
 
 SCORE_TOLERANCE = 1e-6
 """Scores whose relative difference is smaller than this are equal but for rounding errors."""
+
+PARALLEL_TOLERANCE = 1e-9
+"""Squared share of the loads across a common direction, up to which all loads are parallel."""
 
 
 @dataclass(frozen=True)
@@ -55,30 +59,52 @@ class Pin:
     place: np.ndarray
 
 
-def released(scene: Scene, parts: list[Component], fixed: np.ndarray) -> FreePart | None:
-    """The rigid motions that the other supports leave to a device; None if they leave none.
+@dataclass(frozen=True)
+class HeldBody:
+    """A free body and what holds it.
 
-    If several separate parts can move, the largest of them is the free body; `check_rigid` refuses
-    the others.  Collective.
+    Attributes
+    ----------
+    part
+        The part of the mesh, with the rigid motions that nothing else holds.
+    pins
+        The displacement components that hold it: against all these motions, or against its
+        translations where dead loads may turn it.
+    axes
+        Orthonormal axes about which dead loads turn it, shape (n, 3).
+    turns
+        The ramps of these loads; empty if nothing turns it.  If there are some, its rotations are
+        unknowns, see `orientation_springs`.
     """
-    free = free_parts(scene, parts, fixed)
-    return free[0] if free else None
+
+    part: FreePart
+    pins: tuple[Pin, ...]
+    axes: np.ndarray
+    turns: frozenset[str]
 
 
-def pins(scene: Scene, part: FreePart) -> Iterator[Pin]:
+def held_body(part: FreePart, device: Device, works: Iterable[SurfaceWork]) -> HeldBody:
+    """Choose what holds a part of a device on whose surfaces loads do work.  Collective."""
+    dead = [(work.ramp, work.direction) for work in works if work.direction is not None]
+    axes = axes_turned(part, [direction for _, direction in dead])
+    turns = frozenset(ramp for ramp, _ in dead) if len(axes) else frozenset()
+    held = replace(part, motions=part.translations) if turns else part
+    return HeldBody(part, tuple(pins(Corners(device, held))), axes, turns)
+
+
+# ------------------------------------------------------------------------ what holds it
+
+
+def pins(corners: Corners) -> Iterator[Pin]:
     """Choose what to hold, one displacement component of one vertex for each free motion.
 
     The choice depends on positions alone, not on numbers or ranks.  At the first vertex, the
     lowest along (1, 1, 1), every motion that moves it is held; `across` holds what is left.
     """
-    corners = Corners(scene.device, part)
-    kinematics, free = scene.kinematics, part.motions
-    rows = corners.rows(kinematics, part.box)
+    free, rows = corners.part.motions, corners.rows()
     first = corners.best(-corners.x.sum(axis=1)[:, None])
     anchor = corners.place(first)
-    at_anchor = np.vstack(
-        [modes(anchor[None], a, kinematics, part.box) for a in range(len(kinematics.axes))]
-    )
+    at_anchor = corners.rows_at(anchor)
     while len(free):
         sizes = np.linalg.norm(at_anchor @ free.T, axis=1)
         largest = corners.largest(np.linalg.norm(rows @ free.T, axis=2))
@@ -87,12 +113,10 @@ def pins(scene: Scene, part: FreePart) -> Iterator[Pin]:
             break
         yield corners.pin(first, a)
         free = without(free, at_anchor[a])
-    yield from across(scene, corners, part.box, anchor, free)
+    yield from across(corners, anchor, free)
 
 
-def across(
-    scene: Scene, corners: Corners, box: Box, anchor: np.ndarray, free: np.ndarray
-) -> Iterator[Pin]:
+def across(corners: Corners, anchor: np.ndarray, free: np.ndarray) -> Iterator[Pin]:
     """Choose the displacements to hold so that nothing turns about an anchor.
 
     Each rotation is held at a vertex that lies far from the anchor along one axis, by a
@@ -102,17 +126,16 @@ def across(
 
     Parameters
     ----------
-    scene, corners, box
-        The scene, the corners to choose from, and the box of their part.
+    corners
+        The corners of the part to choose from.
     anchor
         The place that is held already.
     free
-        The free motions, rows of coefficients of `modes`.
+        The free motions, see `FreePart.motions`.
     """
-    kinematics, axes = scene.kinematics, scene.kinematics.axes
-    n_turns = kinematics.rotations
-    rows = corners.rows(kinematics, box)
-    away = (corners.x - anchor) / (box.size / 2)
+    kinematics, box = corners.part.kinematics, corners.part.box
+    axes, n_turns, rows = kinematics.axes, kinematics.rotations, corners.rows()
+    away = (corners.x - anchor) / box.half
     distance = np.maximum(np.linalg.norm(away, axis=1), 1e-300)
     aligned = np.max(np.abs(away), axis=1, initial=0.0) / distance
     liked = np.where(np.arange(len(axes)) == len(axes) - 1, 1.0, OTHER_AXIS_WEIGHT)
@@ -124,7 +147,7 @@ def across(
         share = np.minimum(1.0, moved / distance[:, None])
         vertex, a = corners.best_of(liked * moved * (aligned[:, None] * share) ** 8)
         yield corners.pin(vertex, a)
-        free = without(free, modes(corners.place(vertex)[None], a, kinematics, box)[0])
+        free = without(free, corners.rows_at(corners.place(vertex))[a])
 
 
 def without(free: np.ndarray, row: np.ndarray) -> np.ndarray:
@@ -144,21 +167,23 @@ class Corners:
     ----------
     device, part
         The device and the part.
-    parts, state
+    motion, state
         The displacement components and values of the mixed space, if the deformed positions count.
 
     Attributes
     ----------
+    part
+        The part.
     x
         Positions, dimensionless, shape (n, 3).
     """
 
     def __init__(
         self, device: Device, part: FreePart,
-        parts: Sequence[Component] = (), state: np.ndarray | None = None,
+        motion: Sequence[Component] = (), state: np.ndarray | None = None,
     ) -> None:  # fmt: skip
         mesh, tdim = device.mesh, device.dim
-        self.comm = device.comm
+        self.part, self.comm = part, device.comm
         mesh.topology.create_connectivity(tdim, 0)
         mesh.topology.create_connectivity(0, tdim)
         link = mesh.topology.connectivity(tdim, 0)
@@ -170,16 +195,24 @@ class Corners:
         self._X = mesh.geometry.x[nodes]
         self._numbers = np.asarray(mesh.geometry.input_global_indices)[nodes]
         self.x = self._X.copy()
-        for a, component in enumerate(parts if state is not None else ()):
+        for a, component in enumerate(motion if state is not None else ()):
             layout = component.space.dofmap.dof_layout
             at = [layout.entity_dofs(0, i)[0] for i in range(count)]
             dofs = component.dofs[component.space.dofmap.list[part.cells][:, at].ravel()[which]]
             self.x[:, a] += state[dofs]  # type: ignore[index]
 
-    def rows(self, kinematics: Kinematics, box: Box) -> np.ndarray:
+    def rows(self) -> np.ndarray:
         """Each component of each rigid motion at each corner: (corners, axes, motions)."""
+        return self._rows(self.x)
+
+    def rows_at(self, place: np.ndarray) -> np.ndarray:
+        """Each component of each rigid motion at a place: (axes, motions)."""
+        return self._rows(place[None])[0]
+
+    def _rows(self, x: np.ndarray) -> np.ndarray:
+        kinematics, box = self.part.kinematics, self.part.box
         components = range(len(kinematics.axes))
-        return np.stack([modes(self.x, a, kinematics, box) for a in components], axis=1)
+        return np.stack([kinematics.rigid_motions(x, a, *box) for a in components], axis=1)
 
     def largest(self, scores: np.ndarray) -> float:
         """The largest score on any rank."""
@@ -209,3 +242,57 @@ class Corners:
         """One displacement component of a corner."""
         vertices = self._vertices[self._numbers == corner[3]].astype(np.int32)
         return Pin(axis, vertices, self.place(corner))
+
+
+# ------------------------------------------------------------------- what dead loads turn
+
+
+def axes_turned(part: FreePart, directions: Sequence[tuple[float, ...]]) -> np.ndarray:
+    """Orthonormal axes about which loads of fixed directions turn a part, shape (n, 3).
+
+    The part must be free to turn without strain, by any angle: free in the plane or in space, or
+    free along a plane and about its normal, as half of a body by symmetry.  About an axis along
+    which all dead loads point they have no moment, whatever its orientation.
+    """
+    kinematics = part.kinematics
+    if not directions or not kinematics.cartesian:
+        return np.empty((0, 3))
+    axes = _free_axes(part.motions, kinematics.rotations)
+    if not len(axes) or kinematics.dim == 2:
+        return axes
+    return _felt(axes, _summed(directions))
+
+
+def _free_axes(motions: np.ndarray, n_turns: int) -> np.ndarray:
+    """Orthonormal axes about which a body can turn by any angle without strain, shape (n, 3)."""
+    none = np.empty((0, 3))
+    if n_turns == 1:
+        return np.eye(3)[2:] if len(motions) == 3 else none
+    if len(motions) == 6:
+        return np.eye(3)
+    values, axes = np.linalg.svd(motions[:, :3])[1:]
+    if len(motions) != 3 or np.count_nonzero(values > 1e-6) != 1:
+        return none
+    # The part is free along a plane.  The normal of the plane is the axis.
+    moves = motions @ np.concatenate([np.zeros(3), axes[0]])
+    return axes[:1] if np.max(np.abs(moves)) < 1e-6 else none
+
+
+def _felt(axes: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Those of the axes, or combinations of them, along which not all loads point."""
+    values, vectors = np.linalg.eigh(directions)
+    if len(axes) == 1:
+        along = axes[0] @ directions @ axes[0]
+        total = np.trace(directions)
+        return axes if total - along > PARALLEL_TOLERANCE * total else axes[:0]
+    one = values[1] <= PARALLEL_TOLERANCE * values[2]
+    return vectors[:, :2].T if one else axes
+
+
+def _summed(directions: Sequence[tuple[float, ...]]) -> np.ndarray:
+    """Sum of t t^T over the unit directions t, shape (3, 3)."""
+    total = np.zeros((3, 3))
+    for direction in directions:
+        t = np.array(direction, dtype=float) / np.linalg.norm(direction)
+        total += np.outer(t, t)
+    return total

@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.fixed_values import Constraints
-from dea_fenicsx.model.rigid_motions import FreePart, in_words, modes, translations
+from dea_fenicsx.model.free_body import HeldBody
+from dea_fenicsx.model.rigid_motions import FreePart, in_words
 from dea_fenicsx.model.scales import Scales
-from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 
 UNBALANCED_SHARE = 1e-8
 """Resultants below this share of the sum of the sizes of all forces are rounding errors."""
 
 
-def check_balance(
-    scene: Scene,
+Forces = Callable[[str], np.ndarray]
+"""Minus the nodal forces of a ramp at factor 1, at all owned degrees of freedom."""
+
+
+def check_free_body(
+    body: HeldBody, motion: Sequence[Component], ramps: Sequence[str], forces_of: Forces,
     scales: Scales,
-    parts: Sequence[Component],
-    constraints: Constraints,
-    ramps: Iterable[str],
-    forces_of: Callable[[str], np.ndarray],
-) -> None:
+) -> None:  # fmt: skip
     """Raise InputError if the loads of a ramp have a resultant that nothing bears.  Collective.
 
     A resultant force along a translation that only `FreeBody` prevents is one.  So is a moment
@@ -34,80 +33,88 @@ def check_balance(
 
     Parameters
     ----------
-    scene, scales
-        The scene and its units.
-    parts
-        Its displacement components.
-    constraints
-        What `FreeBody` holds in it, and by which ramps the body turns.
+    body
+        What `FreeBody` holds, and by which ramps the body turns.
+    motion
+        The displacement components.
     ramps
         Names of the ramps that drive loads on surfaces.
     forces_of
-        Minus the nodal forces of a ramp at factor 1, at all owned degrees of freedom.
+        The forces of a ramp.
+    scales
+        The units.
     """
-    driven = {load.ramp for load in scene.loads}
-    mine = [ramp for ramp in ramps if ramp in driven]
-    released = constraints.released
-    if scene.kinematics.periodic_ends is not None:
-        for ramp in mine:
-            _check_cell(scene, parts, ramp, forces_of(ramp))
-    elif released is not None:
-        shifts = translations(released.motions, scene.kinematics.rotations)
-        for ramp in mine:
-            forces = -forces_of(ramp)
-            _check_free(scene, scales, parts, released, shifts, ramp, forces, "force")
-            if ramp not in constraints.turns:
-                motions = released.motions
-                _check_free(scene, scales, parts, released, motions, ramp, forces, "moment")
-
-
-def _check_free(
-    scene: Scene, scales: Scales, parts: Sequence[Component], released: FreePart,
-    motions: np.ndarray, ramp: str, forces: np.ndarray, what: str,
-) -> None:  # fmt: skip
-    """Raise InputError if forces do work on a motion that only `FreeBody` prevents."""
-    kinematics, box = scene.kinematics, released.box
-    sums = np.zeros((2, len(motions)))
-    for a, part in enumerate(parts):
-        # Only the forces on this part count: the device may have other parts, which are held.
-        mine = np.zeros(len(part.dofs), dtype=bool)
-        mine[part.space.dofmap.list[released.cells].ravel()] = True
-        mine &= part.dofs < len(forces)
-        rows = modes(part.space.tabulate_dof_coordinates()[mine], a, kinematics, box) @ motions.T
-        work = forces[part.dofs[mine], None] * rows
-        sums += np.array([work.sum(axis=0), np.abs(work).sum(axis=0)])
-    total, size = scene.device.comm.allreduce(sums, op=MPI.SUM)
-    # Forces across the motions cause rounding errors along them, so the size of all forces counts.
-    everything = _size(scene, forces) * float(np.abs(motions).max(initial=0.0))
-    if np.linalg.norm(total) <= UNBALANCED_SHARE * max(float(np.linalg.norm(size)), everything):
-        return
-    along = in_words((total @ motions)[None], box, kinematics, scene.device.length)
-    newtons = np.linalg.norm(total) * scales.force
-    amount = f" of {newtons:.3g} N" if what == "force" else ""
-    raise InputError(
-        f"The loads of ramp {ramp!r} have a resultant {what}{amount} that nothing bears: FreeBody "
-        f"leaves the {along} free; balance the loads, or hold the device there with Fix or Clamp."
-    )
-
-
-def _check_cell(scene: Scene, parts: Sequence[Component], ramp: str, forces: np.ndarray) -> None:
-    """In a periodic cell nothing can bear a resultant of surface loads."""
-    _, hoop, axial = parts
-    everything = _size(scene, forces)
-    for part, what in ((axial, "force"), (hoop, "torque")):
-        mine = part.dofs < len(forces)
-        arm = part.space.tabulate_dof_coordinates()[mine, 0] if what == "torque" else 1.0
-        moments = forces[part.dofs[mine]] * arm
-        # The coordinates are at most 1, so `everything` bounds the rounding of a torque as well.
-        total = scene.device.comm.allreduce(float(moments.sum()), op=MPI.SUM)
-        if abs(total) > UNBALANCED_SHARE * everything:
+    for ramp in ramps:
+        forces = -forces_of(ramp)
+        kinds = {"force": body.part.translations}
+        if ramp not in body.turns:
+            kinds["moment"] = body.part.motions
+        for what, motions in kinds.items():
+            total, size = _work(body.part, motion, motions, forces)
+            if np.linalg.norm(total) <= UNBALANCED_SHARE * size:
+                continue
+            along = in_words(body.part, (total @ motions)[None], scales.length)
+            newtons = np.linalg.norm(total) * scales.force
+            amount = f" of {newtons:.3g} N" if what == "force" else ""
             raise InputError(
-                f"The surface loads of ramp {ramp!r} have an axial {what} as resultant, "
-                "which nothing in a helical cell can bear; balance them, or apply "
-                f"{'AxialForce' if what == 'force' else 'Torque'}(...) to the cell."
+                f"The loads of ramp {ramp!r} have a resultant {what}{amount} that nothing bears: "
+                f"FreeBody leaves the {along} free; balance the loads, or hold the device there "
+                "with Fix or Clamp."
             )
 
 
-def _size(scene: Scene, forces: np.ndarray) -> float:
+def _work(
+    part: FreePart, motion: Sequence[Component], motions: np.ndarray, forces: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Work of nodal forces on each of a part's motions, and a bound of its size.  Collective."""
+    comm = motion[0].space.mesh.comm
+    sums = np.zeros((2, len(motions)))
+    for a, component in enumerate(motion):
+        # Only the forces on this part count: the device may have other parts, which are held.
+        mine = part.holds(component) & (component.dofs < len(forces))
+        x = component.space.tabulate_dof_coordinates()[mine]
+        rows = part.kinematics.rigid_motions(x, a, *part.box) @ motions.T
+        work = forces[component.dofs[mine], None] * rows
+        sums += np.array([work.sum(axis=0), np.abs(work).sum(axis=0)])
+    total, size = comm.allreduce(sums, op=MPI.SUM)
+    # Forces across the motions cause rounding errors along them, so the size of all forces counts.
+    everything = _size(comm, forces) * float(np.abs(motions).max(initial=0.0))
+    return total, max(float(np.linalg.norm(size)), everything)
+
+
+def check_cell(motion: Sequence[Component], ramps: Sequence[str], forces_of: Forces) -> None:
+    """Raise InputError if the loads on a periodic cell have a resultant.  Collective.
+
+    Nothing in a cell can bear a resultant of surface loads.
+
+    Parameters
+    ----------
+    motion
+        The displacement components.
+    ramps
+        Names of the ramps that drive loads on surfaces.
+    forces_of
+        The forces of a ramp.
+    """
+    _, hoop, axial = motion
+    comm = axial.space.mesh.comm
+    for ramp in ramps:
+        forces = forces_of(ramp)
+        everything = _size(comm, forces)
+        for part, what in ((axial, "force"), (hoop, "torque")):
+            mine = part.dofs < len(forces)
+            arm = part.space.tabulate_dof_coordinates()[mine, 0] if what == "torque" else 1.0
+            moments = forces[part.dofs[mine]] * arm
+            # The coordinates are at most 1, so `everything` bounds the rounding of a torque, too.
+            total = comm.allreduce(float(moments.sum()), op=MPI.SUM)
+            if abs(total) > UNBALANCED_SHARE * everything:
+                raise InputError(
+                    f"The surface loads of ramp {ramp!r} have an axial {what} as resultant, "
+                    "which nothing in a helical cell can bear; balance them, or apply "
+                    f"{'AxialForce' if what == 'force' else 'Torque'}(...) to the cell."
+                )
+
+
+def _size(comm: MPI.Comm, forces: np.ndarray) -> float:
     """Sum of the sizes of all nodal forces, dimensionless.  Collective."""
-    return scene.device.comm.allreduce(float(np.abs(forces).sum()), op=MPI.SUM)
+    return comm.allreduce(float(np.abs(forces).sum()), op=MPI.SUM)

@@ -5,18 +5,18 @@ The force and the torque on a helical cell as a whole act on global unknowns, se
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import ufl
 from mpi4py import MPI
 
-from dea_fenicsx.mesh.device import one_sided
-from dea_fenicsx.model.kernels import measure
+from dea_fenicsx.materials import Material
+from dea_fenicsx.mesh.device import Device, one_sided
 from dea_fenicsx.scene.condition import Condition
 from dea_fenicsx.scene.declarations import SurfaceWork
 from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, cofactor
-from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 
@@ -26,17 +26,17 @@ class Loads:
 
     Parameters
     ----------
-    scene
-        The scene.
-    stress
-        Pa in a unit of stress.
-    u, v
-        Displacement and its test function, symbolic.
-    helix
-        The test function's overall part, in a helical cell.
+    works
+        The virtual work of each load.
+    at
+        The fields on surfaces.
+    ds
+        A measure, of which subdomain k is the surface of load k.
 
     Attributes
     ----------
+    on_surfaces
+        Ramps that drive loads on surfaces.
     factors
         For each ramp the constant that holds its factor.
     unit_work
@@ -51,34 +51,17 @@ class Loads:
         What loads whose tangent is not symmetric are called.
     """
 
-    def __init__(
-        self, scene: Scene, stress: float, u: Any, v: Any, helix: GlobalMotion | None = None
-    ) -> None:
-        mesh = scene.device.mesh
-        loads = scene.declared.surface_works
-        self.factors = {
-            # We keep the order of the loads: a set would have a different order on each rank.
-            ramp: dolfinx.fem.Constant(mesh, 0.0)
-            for ramp in dict.fromkeys(work.ramp for _, work in loads)
-        }
+    def __init__(self, works: Sequence[SurfaceWork], at: Surface, ds: Any) -> None:
+        # We keep the order of the loads: a set would have a different order on each rank.
+        self.on_surfaces = tuple(dict.fromkeys(work.ramp for work in works))
+        self.factors = {ramp: at.number(0.0) for ramp in self.on_surfaces}
         self.unit_work: dict[str, Any] = {}
         self.following: set[str] = set()
         self.changing: set[str] = set()
         self.unsymmetric: list[str] = []
         self.work: Any = 0
-        if not loads:
-            return
-        sides = [
-            _pressed_side(scene, load, work)
-            if work.one_side
-            else one_sided(scene.device, work.surface)
-            for load, work in loads
-        ]
-        ds = measure(scene.device, sides, scene.elements.quadrature_degree, "ds")
-        at = Surface(scene.kinematics, mesh, stress, u, v, helix)
-        weight = scene.kinematics.weight(at.x)
-        for k, (_, load) in enumerate(loads):
-            unit_work = load.density(at) * weight * ds(k)
+        for k, load in enumerate(works):
+            unit_work = load.density(at) * at.weight * ds(k)
             if load.follows:
                 self.following.add(load.ramp)
                 self.changing.add(load.ramp)
@@ -124,6 +107,11 @@ class Surface:
         self.virtual = kinematics.motion(v, self.x, virtual_motion)
 
     @property
+    def weight(self) -> Any:
+        """Area per area of the mesh."""
+        return self._kinematics.weight(self.x)
+
+    @property
     def virtual_in_space(self) -> Any:
         """Virtual displacement as a 3-vector."""
         return self._kinematics.embed(self.virtual)
@@ -147,12 +135,38 @@ class Surface:
 
     def stress(self, pascal: float | tuple[float, ...]) -> Any:
         """A stress in Pa, or several, as a dimensionless constant of the form."""
-        return dolfinx.fem.Constant(self._mesh, np.array(pascal) / self._stress)
+        return self.number(np.array(pascal) / self._stress)
+
+    def number(self, value: Any) -> Any:
+        """A number, or several, as a constant of the form."""
+        return dolfinx.fem.Constant(self._mesh, value)
 
 
-def _pressed_side(scene: Scene, load: Condition, work: SurfaceWork) -> np.ndarray:
+def loaded_sides(
+    works: Sequence[tuple[Condition, SurfaceWork]], device: Device,
+    materials: Mapping[str, Material],
+) -> list[np.ndarray]:  # fmt: skip
+    """For each load its facets, each once over all ranks and seen from one cell, see `one_sided`.
+
+    Collective.
+
+    Raises
+    ------
+    InputError
+        If it is not clear on which side of a surface a pressure presses.
+    """
+    return [
+        _pressed_side(load, work, device, materials)
+        if work.one_side
+        else one_sided(device, work.surface)
+        for load, work in works
+    ]
+
+
+def _pressed_side(
+    load: Condition, work: SurfaceWork, device: Device, materials: Mapping[str, Material]
+) -> np.ndarray:
     """Facets of a pressure, each with the cell of the material on which it presses."""
-    device, materials = scene.device, scene.materials
     pairs = {name: one_sided(device, work.surface, frozenset([device.regions[name]]))
              for name in ([work.pressed_region] if work.pressed_region else materials)}  # fmt: skip
     counts = {n: device.comm.allreduce(len(p), op=MPI.SUM) for n, p in pairs.items()}

@@ -17,9 +17,7 @@ from typing import Any
 import ufl
 
 from dea_fenicsx.model.kernels import Kernel
-from dea_fenicsx.model.scales import Scales
-from dea_fenicsx.scene.kinematics import GlobalMotion, StrainOf, cofactor
-from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, StrainOf, cofactor
 from dea_fenicsx.support.compat import dolfinx
 
 
@@ -28,8 +26,10 @@ class MaterialPoint:
 
     Parameters
     ----------
-    scene, kernel, scales
-        The scene, the kernel and the units.
+    mesh, kinematics, kernel
+        The mesh, the kinematics and the kernel.
+    stress
+        Pa in a unit of stress.
     fields
         The fields of the mixed function by name.
     motion
@@ -52,32 +52,29 @@ class MaterialPoint:
     per_stress
         One over the unit of stress, as a constant of the form, not of the code.
     energy
-        Energy per undeformed volume: the sum of all terms.
-    rates
-        Derivatives of the energy by the factors of pre-stretches.
+        Energy per undeformed volume: the sum of all terms, which `Forms` adds up.
     """
 
     energy: Any
-    rates: dict[str, Any]
 
     def __init__(
         self,
-        scene: Scene,
+        mesh: Any,
+        kinematics: Kinematics,
         kernel: Kernel,
-        scales: Scales,
+        stress: float,
         fields: Mapping[str, Any],
         motion: GlobalMotion | None = None,
     ) -> None:
         self.kernel, self.fields = kernel, fields
-        self._mesh = scene.device.mesh
-        self._kinematics, self._motion = scene.kinematics, motion
+        self._mesh, self._kinematics, self._motion = mesh, kinematics, motion
         self._x = ufl.SpatialCoordinate(self._mesh)
-        gradient = scene.kinematics.displacement_gradient(fields["u"], self._x, motion)
+        gradient = kinematics.displacement_gradient(fields["u"], self._x, motion)
         self.F = ufl.variable(ufl.Identity(3) + gradient)
         self.cofactor, self.J = cofactor(self.F)
         self.stretch_factors = {r: ufl.variable(t) for r, (t, _) in kernel.prestretch.items()}
         self.total = self._stretched(self.F)
-        self.per_stress = self.constant(1 / scales.stress)
+        self.per_stress = self.constant(1 / stress)
         self.strain = (
             StrainOf(self.total) if kernel.is_incompressible
             else StrainOf(self.F, scale=self.J ** (-2 / 3))
@@ -116,10 +113,10 @@ class MaterialPoint:
         margin = self.kernel.elastic.chain_margin(self.strain)
         return ufl.as_ufl(1.0) if margin is None else margin
 
-    def close(self, energy: Any) -> None:
-        """Take the sum of all terms as the energy."""
-        self.energy = energy
-        self.rates = {ramp: ufl.diff(energy, t) for ramp, t in self.stretch_factors.items()}
+    @cached_property
+    def rates(self) -> dict[str, Any]:
+        """Derivatives of the energy by the factors of pre-stretches."""
+        return {ramp: ufl.diff(self.energy, t) for ramp, t in self.stretch_factors.items()}
 
     @property
     def cauchy_stress(self) -> Any:

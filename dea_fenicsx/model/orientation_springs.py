@@ -12,13 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.dead_loads import felt_axes
-from dea_fenicsx.model.fixed_values import Constraints
-from dea_fenicsx.model.free_body import Corners, Pin, across, without
-from dea_fenicsx.model.rigid_motions import FreePart, modes
+from dea_fenicsx.model.free_body import Corners, HeldBody, Pin, across, without
 from dea_fenicsx.model.state import State
-from dea_fenicsx.scene.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -59,8 +56,10 @@ class Turning:
 
     Parameters
     ----------
-    scene, parts, constraints
-        The scene, its displacement components, and what is held of it.
+    body
+        The free body, or None.
+    device, motion
+        The device and its displacement components.
     free
         Owned local degrees of freedom that are unknowns, sorted.
 
@@ -77,12 +76,10 @@ class Turning:
     """Stiffness of each spring, in units of a shear modulus times the device's size."""
 
     def __init__(
-        self, scene: Scene, parts: Sequence[Component], constraints: Constraints, free: np.ndarray
+        self, body: HeldBody | None, device: Device, motion: Sequence[Component], free: np.ndarray
     ) -> None:
-        self.ramps = constraints.turns
-        self._scene, self._parts, self._free = scene, parts, free
-        self._released, self._pins = constraints.released, constraints.pins
-        self._felt = felt_axes(scene, self._released) if self.ramps else np.empty((0, 3))
+        self.ramps: frozenset[str] = frozenset() if body is None else body.turns
+        self._body, self._device, self._motion, self._free = body, device, motion, free
 
     def springs_of(self, state: State) -> Springs:
         """The springs of a state, relaxed in the orientation that they keep.  Collective."""
@@ -95,11 +92,11 @@ class Turning:
         return replace(state, history={**state.history, self.NAME: self._placed(state.values)})
 
     def _placed(self, values: np.ndarray) -> Springs:
-        found = list(springs(self._scene, self._parts, self._released, self._pins,
-                             self._felt, values))  # fmt: skip
+        assert self._body is not None
+        corners = Corners(self._device, self._body.part, self._motion, values)
         dofs, always = [], []
-        for pin, kept in found:
-            part = self._parts[pin.axis]
+        for pin, kept in springs(self._body, corners):
+            part = self._motion[pin.axis]
             local = part.dofs[part.on(0, pin.vertices)]
             local = local[np.isin(local, self._free)]
             dofs.append(local)
@@ -121,37 +118,26 @@ class Turning:
         return self.STIFFNESS * (at.always | self.holds(factors))
 
 
-def springs(
-    scene: Scene, parts: Sequence[Component], part: FreePart | None, held: Sequence[Pin],
-    felt: np.ndarray, state: np.ndarray,
-) -> Iterator[tuple[Pin, bool]]:  # fmt: skip
+def springs(body: HeldBody, corners: Corners) -> Iterator[tuple[Pin, bool]]:
     """Where springs hold an orientation, and which of them act under dead loads, too.
 
     Collective.
 
     Parameters
     ----------
-    scene, parts
-        The scene and its displacement components.
-    part
-        What `FreeBody` holds.
-    held
-        The pins that hold its translations.
-    felt
-        Axes about which dead loads turn it.
-    state
-        Values of the mixed space.
+    body
+        A free body whose translations alone are held.
+    corners
+        The corners of its part as they lie now.
     """
-    assert part is not None
-    kinematics, box, free = scene.kinematics, part.box, part.motions
-    for pin in held:
-        free = without(free, modes(pin.place[None], pin.axis, kinematics, box)[0])
-    corners, anchor = Corners(scene.device, part, parts, state), held[0].place
-    if len(free) == 3 and len(felt) == 2:
-        about = np.cross(felt[0], felt[1])
+    free, anchor = body.part.motions, body.pins[0].place
+    for pin in body.pins:
+        free = without(free, corners.rows_at(pin.place)[pin.axis])
+    if len(free) == 3 and len(body.axes) == 2:
+        about = np.cross(body.axes[0], body.axes[1])
         along = np.linalg.solve(free[:, :3].T, about) @ free
-        for pin in across(scene, corners, box, anchor, along[None] / np.linalg.norm(along)):
+        for pin in across(corners, anchor, along[None] / np.linalg.norm(along)):
             yield pin, True
-            free = without(free, modes(pin.place[None], pin.axis, kinematics, box)[0])
-    for pin in across(scene, corners, box, anchor, free):
+            free = without(free, corners.rows_at(pin.place)[pin.axis])
+    for pin in across(corners, anchor, free):
         yield pin, False

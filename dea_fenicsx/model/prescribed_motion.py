@@ -7,17 +7,20 @@ one of them would silently override the other.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.mesh.cell_quality import point
+from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.mesh.neighbours import extent
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.scene.condition import Condition
 from dea_fenicsx.scene.declarations import FixedDisplacement
-from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.support.errors import InputError
 
 PLANE_TOLERANCE = 1e-8
@@ -57,81 +60,86 @@ class Prescription:
 
 @dataclass(frozen=True)
 class _Surface:
-    """The nodes on which a condition acts along one axis, and the range of their coordinate."""
+    """The nodes on which a condition acts along one axis.
+
+    `X` are their dimensionless positions, and `along` their coordinate along the axis; None for an
+    axis that is no coordinate of the mesh.
+    """
 
     item: Condition
     told: FixedDisplacement
+    device: Device
     local: np.ndarray
-    low: float
-    high: float
+    X: np.ndarray
+    along: np.ndarray | None
 
     @property
     def axis(self) -> str:
         return self.told.axis
 
+    @cached_property
+    def span(self) -> tuple[float, float]:
+        """Least and largest coordinate along the axis over all ranks.  Collective."""
+        return (-np.inf, np.inf) if self.along is None else extent(self.device, self.along)
 
-def prescriptions(scene: Scene, parts: list[Component]) -> list[Prescription]:
-    """All displacements that a scene's conditions give to facet groups.  Collective.
+
+def prescriptions(
+    declared: Iterable[tuple[Condition, FixedDisplacement]], device: Device,
+    kinematics: Kinematics, motion: Sequence[Component],
+) -> list[Prescription]:  # fmt: skip
+    """All displacements that conditions give to facet groups.  Collective.
 
     Parameters
     ----------
-    scene
-        The scene.
-    parts
-        Its displacement components.
+    declared
+        The displacements, each with its condition; prescribed ones come first.
+    device, kinematics
+        The device and the kinematics.
+    motion
+        The displacement components.
 
     Raises
     ------
     InputError
-        If the centre of a stretch is not clear, or if a stretch moves a plane surface although no
-        other displacement along its axis is prescribed.
+        If the centre of a stretch is not clear, if a stretch moves a plane surface although no
+        other displacement along its axis is prescribed, or if two conditions give one node
+        different displacements.
     """
-    axes = scene.kinematics.axes
-    surfaces = _surfaces(scene, parts)
+    axes, coordinates = kinematics.axes, kinematics.coordinates
+    surfaces = []
+    for item, told in declared:
+        part = motion[axes.index(told.axis)]
+        local = part.on(device.dim - 1, device.facets_of(told.surface))
+        X = part.space.tabulate_dof_coordinates()[local]
+        along = X[:, coordinates.index(told.axis)] if told.axis in coordinates else None
+        surfaces.append(_Surface(item, told, device, local, X, along))
     found = []
     for s in surfaces:
-        a = axes.index(s.axis)
         what = f"{type(s.item).__name__} on {s.told.surface!r}"
-        X = parts[a].space.tabulate_dof_coordinates()[s.local]
-        metres, length = s.told.metres, scene.device.length
+        X, metres, length = s.X, s.told.metres, device.length
         rounding = 0.0
         if callable(metres):
             values = np.array(metres(X * length), dtype=float) / length
             shifts = PLANE_TOLERANCE * np.eye(3)
             moved = [metres((X + shift) * length) / length - values for shift in shifts]
             largest = float(np.abs(moved).max(initial=0.0))
-            rounding = scene.device.comm.allreduce(largest, op=MPI.MAX)
+            rounding = device.comm.allreduce(largest, op=MPI.MAX)
         else:
             values = np.full(len(s.local), metres / length)
         if s.told.growth is not None:
-            along = X[:, scene.kinematics.coordinates.index(s.axis)]
-            values += s.told.growth * (along - _centre(scene, s, surfaces))
+            assert s.along is not None
+            values += s.told.growth * (s.along - _centre(s, surfaces, kinematics))
             rounding = PLANE_TOLERANCE * abs(s.told.growth)
+        a = axes.index(s.axis)
         found.append(Prescription(what, a, s.local, values, s.told.ramp, rounding))
-    return found
-
-
-def _surfaces(scene: Scene, parts: list[Component]) -> list[_Surface]:
-    """Each condition's surface along each of its axes; prescribed displacements come first."""
-    device, axes = scene.device, scene.kinematics.axes
-    found = []
-    for item, told in scene.declared.displacements:
-        part = parts[axes.index(told.axis)]
-        local = part.on(device.dim - 1, device.facets_of(told.surface))
-        low, high = -np.inf, np.inf
-        if told.axis in scene.kinematics.coordinates:
-            X = part.space.tabulate_dof_coordinates()[
-                local, scene.kinematics.coordinates.index(told.axis)
-            ]
-            low, high = extent(device, X)
-        found.append(_Surface(item, told, local, low, high))
+    _check_agreement(found, device, kinematics, motion)
     return found
 
 
 # ------------------------------------------------------------------- what a stretch is about
 
 
-def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> float:
+def _centre(stretched: _Surface, surfaces: list[_Surface], kinematics: Kinematics) -> float:
     """The coordinate, dimensionless, of the points that a stretch leaves in place along its axis.
 
     If the user gives no centre, that of a radial stretch is the axis of rotation.  That of any
@@ -139,14 +147,14 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
     origin; otherwise it is the one plane in which all held surfaces lie.  Conditions on exactly the
     nodes of the stretched surface do not count.  Collective.
     """
-    told, axis, length = stretched.told, stretched.axis, scene.device.length
+    told, axis, device = stretched.told, stretched.axis, stretched.device
     given = told.about
     if told.growth == 0 and given is None:
         return 0.0  # nothing moves, whatever the centre is
-    if axis == "r" and scene.kinematics.axis_of_rotation:
-        return (given or 0.0) / length
+    if axis == "r" and kinematics.axis_of_rotation:
+        return (given or 0.0) / device.length
     others = [s for s in surfaces if s.axis == axis]
-    span = max(s.high for s in others) - min(s.low for s in others)
+    span = max(s.span[1] for s in others) - min(s.span[0] for s in others)
     if span <= PLANE_TOLERANCE:
         raise InputError(
             f"The stretch on {told.surface!r} along {axis} moves a plane surface, but no other "
@@ -154,14 +162,14 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
             f'Fix(..., "{axis}") on a surface opposite, or a Stretch there.'
         )
     if given is not None:
-        return given / length
+        return given / device.length
     # A condition on the stretched nodes prescribes how they move, so they do not stay in place.
     held = [
         s for s in others
-        if s.told.growth is None and not _same_nodes(scene.device.comm, s, stretched)
+        if s.told.growth is None and not _same_nodes(s, stretched)
     ]  # fmt: skip
-    low = max((s.low for s in held), default=0.0)
-    high = min((s.high for s in held), default=0.0)
+    low = max((s.span[0] for s in held), default=0.0)
+    high = min((s.span[1] for s in held), default=0.0)
     if low <= PLANE_TOLERANCE and high >= -PLANE_TOLERANCE:
         return 0.0
     if abs(high - low) <= PLANE_TOLERANCE:
@@ -175,31 +183,25 @@ def _centre(scene: Scene, stretched: _Surface, surfaces: list[_Surface]) -> floa
     )
 
 
-def _same_nodes(comm: MPI.Comm, a: _Surface, b: _Surface) -> bool:
+def _same_nodes(a: _Surface, b: _Surface) -> bool:
     """Whether two conditions act on the same nodes.  Collective."""
     same = np.array_equal(np.unique(a.local), np.unique(b.local))
-    return comm.allreduce(same, op=MPI.LAND)
+    return a.device.comm.allreduce(same, op=MPI.LAND)
 
 
 # ---------------------------------------------------------------------------- do they agree?
 
 
-def check_agreement(scene: Scene, parts: list[Component], given: list[Prescription]) -> None:
+def _check_agreement(
+    given: list[Prescription], device: Device, kinematics: Kinematics,
+    motion: Sequence[Component],
+) -> None:  # fmt: skip
     """Raise InputError if two conditions give one node different displacements.  Collective.
 
     Displacements agree if they are equal at every load: both 0, or equal on the same ramp.
-
-    Parameters
-    ----------
-    scene
-        The scene.
-    parts
-        Its displacement components.
-    given
-        What is to be compared.
     """
     first: tuple | None = None
-    for axis, part in enumerate(parts):
+    for axis, part in enumerate(motion):
         size = len(part.dofs)
         owner, values, rounding = np.full(size, -1), np.zeros(size), np.zeros(size)
         ramps = np.array([p.ramp or "" for p in given] or [""], dtype=object)
@@ -219,15 +221,15 @@ def check_agreement(scene: Scene, parts: list[Component], given: list[Prescripti
                 first = found if first is None else min(first, found)
             owner[new.local], values[new.local] = k, new.values
             rounding[new.local] = new.rounding
-    everyone = [f for f in scene.device.comm.allgather(first) if f is not None]
+    everyone = [f for f in device.comm.allgather(first) if f is not None]
     if everyone:
-        _refuse(scene, given, min(everyone))
+        _refuse(given, device, kinematics.axes, min(everyone))
 
 
-def _refuse(scene: Scene, given: list[Prescription], fault: tuple) -> None:
+def _refuse(given: list[Prescription], device: Device, axes: str, fault: tuple) -> None:
     """Raise the error that names both conditions, the axis, and the first node."""
     old, new, X, a, b = fault
-    device, axis = scene.device, scene.kinematics.axes[given[new].axis]
+    axis = axes[given[new].axis]
 
     def moved(item: Prescription, value: float) -> str:
         return f"{value * device.length:.6g} m on ramp {item.ramp!r}" if value else "0"

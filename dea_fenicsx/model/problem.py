@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.mesh.cell_quality import check_cells
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.conditions import Conditions
-from dea_fenicsx.model.fields import Role, pressure_kind
+from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.forms import Forms, assembled
-from dea_fenicsx.model.load_balance import check_balance
+from dea_fenicsx.model.load_balance import check_cell, check_free_body
 from dea_fenicsx.model.parameters import Parameters
 from dea_fenicsx.model.probe import Probe
 from dea_fenicsx.model.scales import Scales
@@ -66,35 +65,37 @@ class Problem:
         Whether a script may hold it, so that no other run may use it.
     rigid
         The rigid parts.
+    rest
+        The undeformed state without loads, in which it begins.
     shown
         Grows whenever the problem goes to another state.
     """
 
     def __init__(self, scene: Scene) -> None:
-        check_cells(scene.device, scene.elements.quadrature_degree)
-        self.scene = scene
-        self.mesh = scene.device.mesh
+        self.scene, self.mesh = scene, scene.device.mesh
         self.comm: MPI.Comm = scene.device.comm
         self.scales = Scales.of(scene)
-        self.space = Unknowns(scene)
+        fields = declared_fields(scene)
+        self.space = Unknowns(self.mesh, fields, scene.kinematics.global_unknowns)
         self.conditions = Conditions(scene, self.scales, self.space)
         self.forms = Forms(scene, self.scales, self.space)
         self.parameters = Parameters(scene, self.scales, self.forms.kernels)
         self._name_parts()
-        self.factors = Factors(
-            dict.fromkeys(scene.ramps, 0.0),
-            {name: scene.reference_voltage(name) for name in scene.ramps},
-        )
-        self._history: Mapping[str, Any] = {}
+        self._check_balance()
+        self.forms.compile()
+        self._weigh()
         self._unstrained = self.forms.memory.at_rest()
         self.handed_out = False
-        self.time = 0.0
-        check_balance(
-            scene, self.scales, self.displacement, self.conditions.fixed_values,
-            list(self.forms.loads.unit_work), self.forms.load_vector,
-        )  # fmt: skip
-        self._rest = self.anchored(self.state.with_values(self.space.at_rest.copy()))
-        self.commit(self._rest)
+        at_rest = np.where(self.conditions.fixed_values.fixed, 0.0, self.space.at_rest)
+        unloaded = Factors(dict.fromkeys(scene.ramps, 0.0), scene.unit_volts)
+        self.rest = self.anchored(State(at_rest, unloaded))
+        self.commit(self.rest)
+
+    def _weigh(self) -> None:
+        """Tell the memory the weights by which its errors are measured.  Collective."""
+        if memory := self.forms.memory:
+            device = self.scene.device
+            memory.weigh(self.forms.cell_volumes, self.scene.materials, device.cells_of)
 
     def _name_parts(self) -> None:
         """Set short names for the parts that are used most often."""
@@ -103,7 +104,6 @@ class Problem:
         self.displacement = space.of(Role.MOTION)
         self.pressure: Component = space.of(Role.MULTIPLIER)[0]
         self.potential = space.single(Role.POTENTIAL)
-        self.pressure_kind = pressure_kind(self.scene)
         self.free, self.fixed = conditions.free, conditions.fixed
         self.rigid = conditions.rigid
         self.unknowns, self.roles = conditions.unknowns, conditions.roles
@@ -114,6 +114,20 @@ class Problem:
         self.shown, self._expanded = 0, 0
         if conditions.expansion is not None:
             self._few, self._all = conditions.expansion.createVecs()
+
+    def _check_balance(self) -> None:
+        """Raise InputError if loads on surfaces have a resultant that nothing bears."""
+        forms, body = self.forms, self.conditions.body
+        if self.conditions.pairs is not None:
+            check_cell(self.displacement, forms.loads.on_surfaces, forms.load_vector)
+        elif body is not None:
+            ramps = forms.loads.on_surfaces
+            check_free_body(body, self.displacement, ramps, forms.load_vector, self.scales)
+
+    @property
+    def pressure_kind(self) -> str:
+        """``"continuous"`` or ``"discontinuous"``."""
+        return self.scene.elements.pressure_on(self.mesh.topology.cell_name())
 
     @property
     def expansion(self) -> Any:
@@ -206,10 +220,9 @@ class Problem:
     def reuse(self, scene: Scene) -> None:
         """Take the constants of a scene that differs by them alone, and go back to the start."""
         self.parameters.take(scene.materials)
-        if memory := self.forms.memory:
-            memory.weigh(self.forms.cell_volumes, scene.materials, scene.device.cells_of)
         self.scene = scene
-        self.commit(self._rest)
+        self._weigh()
+        self.commit(self.rest)
 
     def moved(self, state: State, increment: np.ndarray) -> State:
         """The state with an increment of the free unknowns (owned).  Collective."""

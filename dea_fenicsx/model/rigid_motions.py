@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -20,11 +21,10 @@ from dea_fenicsx.mesh.cell_quality import point
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.scene.kinematics_base import Kinematics
-from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.errors import InputError
 
-SMALLEST_SINGULAR_VALUE = 1e-9
+SMALLEST_HOLD = 1e-9
 """A motion with a smaller singular value, relative to the largest, is free.
 
 The smallest singular value of a film that is clamped at its end is about its thickness over its
@@ -32,20 +32,24 @@ length, 1e-6 in an extreme case.
 """
 
 
-@dataclass(frozen=True)
-class Box:
-    """Middle, shape (3,), and largest extent of a part, dimensionless."""
+class Box(NamedTuple):
+    """Middle, shape (3,), and half of the largest extent of a part, dimensionless."""
 
     middle: np.ndarray
-    size: float
+    half: float
 
 
 @dataclass(frozen=True)
 class FreePart:
     """A part of the mesh and the rigid motions that nothing prevents.
 
+    A rigid motion is a row of coefficients of the columns of `Kinematics.rigid_motions` about the
+    middle of the box, with lengths in units of half its size.
+
     Attributes
     ----------
+    kinematics
+        The kinematics of the scene.
     cells
         Mask of the local cells that belong to it.
     size
@@ -55,75 +59,82 @@ class FreePart:
     box
         The box around it.
     motions
-        The free motions, shape (n, number of rigid motions): rows of coefficients of `modes`,
-        orthonormal.
+        The free motions, shape (n, number of rigid motions), orthonormal.
     """
 
+    kinematics: Kinematics
     cells: np.ndarray
     size: int
     count: int
     box: Box
     motions: np.ndarray
 
+    @property
+    def translations(self) -> np.ndarray:
+        """An orthonormal basis of those combinations of its motions that do not rotate."""
+        turns = self.kinematics.rotations
+        if not turns:
+            return self.motions
+        basis, values, _ = np.linalg.svd(self.motions[:, :turns])
+        still = np.ones(len(self.motions), dtype=bool)
+        still[: len(values)] = values < 1e-6
+        return np.asarray(basis[:, still].T @ self.motions)
 
-def free_parts(scene: Scene, parts: Sequence[Component], fixed: np.ndarray) -> list[FreePart]:
+    def holds(self, component: Component) -> np.ndarray:
+        """Mask of the nodes of a displacement component that lie in the part."""
+        mine = np.zeros(len(component.dofs), dtype=bool)
+        mine[component.space.dofmap.list[self.cells].ravel()] = True
+        return mine
+
+
+def free_parts(
+    device: Device, kinematics: Kinematics, motion: Sequence[Component], fixed: np.ndarray
+) -> list[FreePart]:
     """The parts of the device that can move freely, the largest first.  Collective.
 
     Parameters
     ----------
-    scene
-        The scene.
-    parts
-        Its displacement components.
+    device, kinematics
+        The device and the kinematics.
+    motion
+        The displacement components.
     fixed
         Mask of the fixed local degrees of freedom of the mixed space.
     """
-    device, kinematics = scene.device, scene.kinematics
     labels, count = joined_parts(device)
     if kinematics.periodic_ends is not None:
         # The two ends are tied, so two separate parts of one period may be one strand of the helix.
         labels, count = np.zeros_like(labels), 1
     boxes = _boxes(device, labels, count)
-    rows = _held(parts, fixed, labels, boxes, kinematics)
+    rows = _held(motion, fixed, labels, boxes, kinematics)
     owned = labels[: device.owned_cells()]
     found = []
-    for k in range(count):
+    for k, box in enumerate(boxes):
         values, motions = np.linalg.svd(rows[k])[1:]
-        free = motions[values <= SMALLEST_SINGULAR_VALUE * max(values[0], 1e-300)]
+        free = motions[values <= SMALLEST_HOLD * max(values[0], 1e-300)]
         if len(free):
             size = device.comm.allreduce(int(np.count_nonzero(owned == k)), op=MPI.SUM)
-            found.append(FreePart(labels == k, size, count, boxes[k], free))
+            found.append(FreePart(kinematics, labels == k, size, count, box, free))
     return sorted(found, key=lambda part: (-part.size, *np.round(part.box.middle, 9)))
 
 
-def check_rigid(
-    scene: Scene, parts: list[Component], fixed: np.ndarray, turning: FreePart | None = None
-) -> None:
-    """Raise InputError if a part of the device can move freely, naming the motions.  Collective.
+def refuse_free_parts(free: Sequence[FreePart], device: Device, cure: str) -> None:
+    """Raise InputError if a part of the device can move freely.  Collective.
 
     Parameters
     ----------
-    scene
-        The scene.
-    parts
-        Its displacement components.
-    fixed
-        Mask of the fixed local degrees of freedom of the mixed space.
-    turning
-        A part that may turn, since dead loads give it its orientation.
+    free
+        The parts that nothing holds, the largest first.
+    device
+        The device.
+    cure
+        Names of the supports that may hold them.
 
     Raises
     ------
     InputError
-        Naming the part, if there are several, and the motions.
+        Naming the first part, if the mesh has several, and its motions.
     """
-    device, kinematics = scene.device, scene.kinematics
-    turns = kinematics.rotations
-    free = [
-        part for part in free_parts(scene, parts, fixed)
-        if turning is None or len(translations(part.motions, turns))
-        or not np.array_equal(part.cells, turning.cells)
-    ]  # fmt: skip
     if not free:
         return
     part, who = free[0], "The device"
@@ -134,8 +145,7 @@ def check_rigid(
             f"A part of {part.size} cells around {middle} ({where}) is not joined to the rest of "
             f"the mesh (which has {part.count} parts), and it"
         )
-    words = in_words(part.motions, part.box, kinematics, device.length)
-    cure = "Fix or Clamp" if scene.declared.holds_rigid_motions else "Fix, Clamp or FreeBody"
+    words = in_words(part, part.motions, device.length)
     raise InputError(f"{who} can move freely: {words}; add a {cure} that holds it.")
 
 
@@ -194,7 +204,7 @@ def _boxes(device: Device, labels: np.ndarray, count: int) -> list[Box]:
     np.maximum.at(high, labels, x.max(axis=1, initial=-np.inf))
     device.comm.Allreduce(MPI.IN_PLACE, low, op=MPI.MIN)
     device.comm.Allreduce(MPI.IN_PLACE, high, op=MPI.MAX)
-    return [Box((a + b) / 2, float((b - a).max())) for a, b in zip(low, high, strict=True)]
+    return [Box((a + b) / 2, float((b - a).max()) / 2) for a, b in zip(low, high, strict=True)]
 
 
 def regions_in(device: Device, mask: np.ndarray) -> str:
@@ -209,48 +219,6 @@ def regions_in(device: Device, mask: np.ndarray) -> str:
 # -------------------------------------------------------------------------------- the motions
 
 
-def modes(x: np.ndarray, axis: int, kinematics: Kinematics, box: Box) -> np.ndarray:
-    """Component `axis` of each rigid motion at points, per unit of its coefficient.
-
-    The columns are those of `Kinematics.rigid_motions` about the middle of a box; lengths are in
-    units of half its size.
-
-    Parameters
-    ----------
-    x
-        Dimensionless coordinates, shape (n, 3).
-    axis
-        Number of the displacement component.
-    kinematics
-        The kinematics.
-    box
-        The box around the part that moves.
-
-    Returns
-    -------
-    ndarray of shape (n, number of rigid motions)
-    """
-    return kinematics.rigid_motions(x, axis, box.middle, box.size / 2)
-
-
-def translations(motions: np.ndarray, turns: int) -> np.ndarray:
-    """An orthonormal basis of those combinations of motions that do not rotate.
-
-    Parameters
-    ----------
-    motions
-        Rows of coefficients of `modes`.
-    turns
-        How many of the columns are rotations.
-    """
-    if not turns:
-        return motions
-    basis, values, _ = np.linalg.svd(motions[:, :turns])
-    still = np.ones(len(motions), dtype=bool)
-    still[: len(values)] = values < 1e-6
-    return basis[:, still].T @ motions
-
-
 def _held(
     parts: Sequence[Component],
     fixed: np.ndarray,
@@ -259,7 +227,7 @@ def _held(
     kinematics: Kinematics,
 ) -> np.ndarray:
     """For each part a triangle R with R^T R = sum over its fixed displacements of row^T row."""
-    width = modes(np.zeros((1, 3)), 0, kinematics, Box(np.zeros(3), 1.0)).shape[1]
+    width = kinematics.rigid_motions(np.zeros((1, 3)), 0, np.zeros(3), 1.0).shape[1]
     triangles: np.ndarray = np.zeros((len(boxes), width, width))
     comm = parts[0].space.mesh.comm
     for a, component in enumerate(parts):
@@ -273,7 +241,7 @@ def _held(
         for k, box in enumerate(boxes):
             mine = x[order[ends[k] : ends[k + 1]]]
             if len(mine):
-                rows = modes(mine, a, kinematics, box)
+                rows = kinematics.rigid_motions(mine, a, *box)
                 triangles[k] = _triangle(np.vstack([triangles[k], rows]))
     everyone = np.concatenate(comm.allgather(triangles), axis=1)
     return np.array([_triangle(rows) for rows in everyone])
@@ -286,10 +254,10 @@ def _triangle(rows: np.ndarray) -> np.ndarray:
 # ----------------------------------------------------------------------------------- in words
 
 
-def in_words(free: np.ndarray, box: Box, kinematics: Kinematics, length: float) -> str:
-    """Free motions (rows of `free`) by name."""
+def in_words(part: FreePart, free: np.ndarray, length: float) -> str:
+    """Rigid motions of a part (rows of `free`) by name; `length` is the unit of length in m."""
     width = free.shape[1]
-    axes = kinematics.axes
+    kinematics, box, axes = part.kinematics, part.box, part.kinematics.axes
     if len(free) == width > 1 and kinematics.cartesian:
         return f"every rigid motion, translations along {_listed(list(axes))} and rotations"
     words = []
@@ -309,7 +277,7 @@ def in_words(free: np.ndarray, box: Box, kinematics: Kinematics, length: float) 
         # Points of the axis move along it only.  Lengths are in units of half the part's size.
         along = float(turn @ shift) / size
         on_axis = np.cross(turn, shift) / size**2
-        at = point((box.middle + box.size / 2 * on_axis) * length, len(axes))
+        at = point((box.middle + box.half * on_axis) * length, len(axes))
         screw = "" if abs(along) < 1e-6 * size else " together with a translation along it"
         which = f"about the {_direction(turn)} axis " if len(axes) == 3 else ""
         words.append(f"rotation {which}{'through' if which else 'about'} {at}{screw}")

@@ -25,12 +25,11 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.fixed_values import Constraints
-from dea_fenicsx.model.scales import Scales
+from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.tied_unknowns import Group, Rows
-from dea_fenicsx.scene.declarations import RigidSurface
-from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.scene.declarations import RigidAngle, RigidMoment, RigidSurface
 from dea_fenicsx.support.errors import InputError
 
 
@@ -90,8 +89,10 @@ class RigidParts:
 
     Parameters
     ----------
-    scene
-        The scene.
+    declared
+        The surfaces that move as one body.
+    device
+        The device.
     motion
         The displacement components.
     fields
@@ -102,21 +103,28 @@ class RigidParts:
 
     def __init__(
         self,
-        scene: Scene,
+        declared: Sequence[RigidSurface],
+        device: Device,
         motion: Sequence[Component],
         fields: dict[str, dict[str, Component]],
         rows: Rows,
     ) -> None:
         self._rows = rows
-        found = scene.declared.rigid_surfaces
-        self.parts = [_part(scene, told, motion, fields[told.field], rows) for told in found]
-        self._told = found
+        self._held = {told.surface: told.held for told in declared}
+        self.parts = [_part(told, device, motion, fields[told.field], rows) for told in declared]
 
     def __bool__(self) -> bool:
         return bool(self.parts)
 
-    def fix(self, scene: Scene, constraints: Constraints) -> np.ndarray:
+    def fix(self, values: FixedValues, turned: Sequence[RigidAngle]) -> np.ndarray:
         """Fix what is held or prescribed of the parts.  Collective.
+
+        Parameters
+        ----------
+        values
+            The values that are fixed already, and that are added to.
+        turned
+            The angles by which parts are turned.
 
         Returns
         -------
@@ -130,10 +138,11 @@ class RigidParts:
             If a part shares a node with a support, a prescribed motion or another part, or is
             turned twice.
         """
-        given = np.zeros(len(constraints.fixed), dtype=bool)
-        taken = constraints.fixed.copy()
-        angles = {told.surface: told for told in scene.declared.rigid_angles}
-        for part, told in zip(self.parts, self._told, strict=True):
+        given = np.zeros(len(values.fixed), dtype=bool)
+        taken = values.fixed.copy()
+        angles = {told.surface: told for told in turned}
+        for part in self.parts:
+            held = self._held[part.name]
             mine = np.concatenate(part.dofs)
             if self._rows.comm.allreduce(bool(taken[mine].any()), op=MPI.LOR):
                 raise InputError(
@@ -141,13 +150,13 @@ class RigidParts:
                     "displacement or another rigid part; a node can follow one of them only."
                 )
             taken[mine] = True
-            for a, axis in enumerate(scene.kinematics.axes):
-                if axis in told.held:
-                    constraints.fix(part.unknowns[a])
+            for axis, unknown in zip("xy", part.unknowns, strict=False):
+                if axis in held:
+                    values.fix(unknown)
             if part.name in angles:
                 turn = angles[part.name]
-                constraints.fix(part.unknowns[-1], turn.radians, turn.ramp)
-            given[mine] = len(told.held) == len(part.dofs) and part.name in angles
+                values.fix(part.unknowns[-1], turn.radians, turn.ramp)
+            given[mine] = len(held) == len(part.dofs) and part.name in angles
         return given
 
     def followers(self, owned: int) -> np.ndarray:
@@ -158,15 +167,24 @@ class RigidParts:
                 found[dofs[dofs < owned]] = True
         return found
 
-    def groups(self, scene: Scene, scales: Scales, constraints: Constraints) -> list[Group]:
-        """One group for each unknown of a part that is not fixed, with its moments.  Collective."""
-        moments = scene.declared.rigid_moments
-        unit = scales.force * scales.length
+    def groups(
+        self, fixed: np.ndarray, moments: Sequence[RigidMoment], unit: float
+    ) -> list[Group]:
+        """One group for each unknown of a part that is not fixed, with its moments.  Collective.
+
+        Parameters
+        ----------
+        fixed
+            Mask of the fixed local degrees of freedom.
+        moments
+            The moments on the parts.
+        unit
+            The unit of moment in N m.
+        """
         found = []
         for part in self.parts:
             for k, dofs in enumerate(part.unknowns):
-                fixed = bool(np.all(constraints.fixed[dofs]))
-                if self._rows.comm.allreduce(fixed, op=MPI.LAND):
+                if self._rows.comm.allreduce(bool(np.all(fixed[dofs])), op=MPI.LAND):
                     continue
                 mine = [m for m in moments if m.surface == part.name and k == len(part.dofs)]
                 sources = tuple((m.ramp, -m.newton_metres / unit) for m in mine)
@@ -196,7 +214,7 @@ class RigidParts:
             [int(np.max(column[dofs[dofs < owned]], initial=-1)) for dofs in part.unknowns]
             for part in self.parts
         ]
-        columns = np.array(mine, dtype=np.int64).reshape(len(self.parts), -1)
+        columns = np.array(mine, dtype=np.int64)
         self._rows.comm.Allreduce(MPI.IN_PLACE, columns, MPI.MAX)
         self._columns = columns
 
@@ -206,8 +224,8 @@ class RigidParts:
         Parameters
         ----------
         expansion
-            PETSc matrix, see `tied_unknowns.expansion`.  Entries that happen to be 0 are entered,
-            too, so that its pattern is the same at any angle.
+            PETSc matrix from `tied_unknowns.expansion`, which is assembled here.  Entries that
+            happen to be 0 are entered, too, so that its pattern is the same at any angle.
         at
             Values of the state.
         """
@@ -253,10 +271,9 @@ class RigidParts:
 
 
 def _part(
-    scene: Scene, told: RigidSurface, motion: Sequence[Component],
+    told: RigidSurface, device: Device, motion: Sequence[Component],
     unknowns: dict[str, Component], rows: Rows,
 ) -> RigidPart:  # fmt: skip
-    device = scene.device
     local = motion[0].on(device.dim - 1, device.facets_of(told.surface))
     X = motion[0].space.tabulate_dof_coordinates()[local, :2]
     mine = X[motion[0].dofs[local] < rows.owned]

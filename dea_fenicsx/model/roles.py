@@ -8,6 +8,9 @@ from mpi4py import MPI
 from dea_fenicsx.model.fields import Field, Role
 from dea_fenicsx.model.unknowns import Unknowns
 
+NORM_ROLE = {Role.GLOBAL: Role.MOTION}
+"""Roles whose residuals are included in the norm of another role."""
+
 
 class Roles:
     """Where the unknowns of each role are, and how many.
@@ -33,8 +36,15 @@ class Roles:
     """
 
     def __init__(self, space: Unknowns, free: np.ndarray, comm: MPI.Comm) -> None:
-        self.groups: dict[str, list[Field]] = space.groups()
-        self._owned = {name: space.owned_of(fields) for name, fields in self.groups.items()}
+        leaders = {field.role: field.name for field in reversed(space.fields)}
+        self.groups: dict[str, list[Field]] = {}
+        for field in space.fields:
+            shared = NORM_ROLE.get(field.role)
+            self.groups.setdefault(leaders[shared] if shared else field.name, []).append(field)
+        self._owned = {}
+        for name, fields in self.groups.items():
+            dofs = np.concatenate([p.dofs for f in fields for p in space.parts[f.name].values()])
+            self._owned[name] = np.sort(dofs[dofs < space.owned])
         self._free = {
             name: np.searchsorted(free, np.intersect1d(dofs, free))
             for name, dofs in self._owned.items()

@@ -6,16 +6,20 @@ ends are matched by their positions, which the rank that owns a node provides.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import Device
-from dea_fenicsx.model.fixed_values import Component, Constraints
+from dea_fenicsx.model.components import Component
+from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.scales import Scales
-from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.scene.condition import Condition
+from dea_fenicsx.scene.declarations import FloatingPotential, GlobalForce, GlobalUnknown
+from dea_fenicsx.scene.electrodes import Conducting
 from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import InputError
 
@@ -79,14 +83,15 @@ class Group:
 
 
 def floating_groups(
-    scene: Scene, charge: float, electrode_dofs: Mapping[str, np.ndarray], rows: Rows
-) -> list[Group]:
+    declared: Iterable[tuple[Conducting, FloatingPotential]], charge: float,
+    electrode_dofs: Mapping[str, np.ndarray], rows: Rows,
+) -> list[Group]:  # fmt: skip
     """One group for each electrode whose potential floats, with its charge.  Collective.
 
     Parameters
     ----------
-    scene
-        The scene.
+    declared
+        The electrodes whose potential floats, each with its declaration.
     charge
         The unit of charge in C.
     electrode_dofs
@@ -96,39 +101,44 @@ def floating_groups(
     """
     return [
         Group.of(electrode_dofs[e.label], rows, ((told.ramp, told.coulombs / charge),))
-        for e, told in scene.declared.floating
+        for e, told in declared
     ]
 
 
 def global_groups(
-    scene: Scene, scales: Scales, overall: Mapping[str, Component], constraints: Constraints,
-    rows: Rows,
+    unknowns: Sequence[GlobalUnknown], forces: Sequence[tuple[Condition, GlobalForce]],
+    period: float, scales: Scales, parts: Mapping[str, Component], fixed: np.ndarray, rows: Rows,
 ) -> list[Group]:  # fmt: skip
     """One group for each global unknown that is not fixed, with what works on it.  Collective.
 
     Parameters
     ----------
-    scene, scales
-        The scene and its units.
-    overall
+    unknowns
+        The global unknowns.
+    forces
+        The forces on them, each with its condition.
+    period
+        Length in m along the global elongation.
+    scales
+        The units.
+    parts
         The global unknowns by name.
-    constraints
-        What is fixed.
+    fixed
+        Mask of the fixed local degrees of freedom.
     rows
         The degrees of freedom that this rank owns.
     """
     found = []
-    for unknown in scene.kinematics.global_unknowns:
-        part = overall[unknown.name]
+    for unknown in unknowns:
+        part = parts[unknown.name]
         # A rank without cells has none of these degrees of freedom, but must join the reduction.
-        fixed = bool(np.all(constraints.fixed[part.dofs]))
-        if rows.comm.allreduce(fixed, op=MPI.LAND):
+        if rows.comm.allreduce(bool(np.all(fixed[part.dofs])), op=MPI.LAND):
             continue
-        height = scene.kinematics.period(scene.device) / scales.length
+        height = period / scales.length
         unit = scales.length**unknown.per_length
         sources = [
             (told.ramp, -told.amount / scales.force / unit * height)
-            for told in scene.declared.global_forces if told.unknown == unknown
+            for _, told in forces if told.unknown == unknown
         ]  # fmt: skip
         found.append(Group.of(part.dofs, rows, tuple(sources)))
     return found
@@ -182,6 +192,12 @@ class Pairs:
         counts = tuple(len(numbers) for numbers in slaves)
         return cls(np.concatenate(slaves), np.concatenate(masters), rows, ends, counts)
 
+    def widen(self, dofs: np.ndarray) -> np.ndarray:
+        """Some local degrees of freedom and the owned partners of those that are owned, sorted."""
+        member = np.zeros(self.rows.owned, dtype=bool)
+        member[dofs[dofs < self.rows.owned]] = True
+        return np.union1d(dofs, np.flatnonzero(self.join(member)))
+
     def join(self, member: np.ndarray) -> np.ndarray:
         """A mask over owned degrees of freedom, widened to the partners of its members."""
         both = [self.rows.fetch(member, n) for n in (self.slaves, self.masters)]
@@ -191,8 +207,15 @@ class Pairs:
             wide[local] = (both[0] | both[1])[here]
         return wide
 
-    def share_fixed(self, constraints: Constraints, space: object) -> None:
+    def share_fixed(self, constraints: FixedValues, space: Any) -> None:
         """Fix the partner of every fixed degree of freedom, at the same value.
+
+        Parameters
+        ----------
+        constraints
+            What is fixed.
+        space
+            The mixed function space.
 
         Raises
         ------
@@ -261,23 +284,22 @@ def columns(
     return column
 
 
-def expansion(
-    free: np.ndarray, groups: list[Group], pairs: Pairs | None, rows: Rows,
-    enter: Callable[[PETSc.Mat], None] = PETSc.Mat.assemble,
-) -> PETSc.Mat:  # fmt: skip
+def expansion(column: np.ndarray, free: int, rows: Rows) -> PETSc.Mat:
     """Matrix from the free unknowns to all owned degrees of freedom; rows of fixed ones are 0.
+
+    It is not assembled yet, and has room for two more numbers in each row.  Collective.
 
     Parameters
     ----------
-    free, groups, pairs, rows
-        The free unknowns, and what follows them alike.
-    enter
-        Enters at most two more numbers a row, and assembles the matrix.
+    column
+        Number of the free unknown that each owned one follows, from `columns`.
+    free
+        Number of free unknowns of this rank.
+    rows
+        The degrees of freedom that this rank owns.
     """
-    column = columns(free, groups, pairs, rows)
-    P = PETSc.Mat().createAIJ(((rows.owned, None), (len(free), None)), nnz=(2, 2), comm=rows.comm)
+    P = PETSc.Mat().createAIJ(((rows.owned, None), (free, None)), nnz=(2, 2), comm=rows.comm)
     first = P.getOwnershipRange()[0]
     for row in np.flatnonzero(column >= 0):
         P.setValue(first + int(row), int(column[row]), 1.0)
-    enter(P)
     return P

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import basix.ufl
@@ -9,13 +10,10 @@ import numpy as np
 import ufl
 
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.fields import Field, Role, declared_fields
+from dea_fenicsx.model.fields import Field, Role
 from dea_fenicsx.model.tied_unknowns import Rows
-from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.scene.declarations import GlobalUnknown
 from dea_fenicsx.support.compat import dolfinx
-
-NORM_ROLE = {Role.GLOBAL: Role.MOTION}
-"""Roles whose residuals are included in the norm of another role."""
 
 
 class Unknowns:
@@ -23,15 +21,21 @@ class Unknowns:
 
     Parameters
     ----------
-    scene
-        The scene.
+    mesh
+        The mesh.
+    fields
+        The fields, in the order in which they lie in the mixed function.
+    global_unknowns
+        The numbers that the field ``"global"`` holds.
 
     Attributes
     ----------
     fields
-        The fields, in the order in which they lie in the mixed function.
-    W, w
-        The mixed space and function, dimensionless.
+        The fields.
+    W, w, test
+        The mixed space, its function and its test function, dimensionless.
+    present, virtual
+        The fields of the function and of its test function by name, symbolic.
     parts
         For each field its scalar parts, by name; a scalar field has one, of its own name.
     owned, size
@@ -39,15 +43,18 @@ class Unknowns:
     rows
         The owned ones by their number over all ranks.
     at_rest
-        All local values in the undeformed body without loads.
+        All local values in the undeformed body without loads; those that are fixed are 0 instead.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self.fields: list[Field] = declared_fields(scene)
-        self._global = scene.kinematics.global_unknowns
-        mixed = basix.ufl.mixed_element([field.element for field in self.fields])
-        self.W = dolfinx.fem.functionspace(scene.device.mesh, mixed)
+    def __init__(
+        self, mesh: Any, fields: Sequence[Field], global_unknowns: Sequence[GlobalUnknown] = ()
+    ) -> None:
+        self.fields, self._global = list(fields), global_unknowns
+        mixed = basix.ufl.mixed_element([field.element for field in fields])
+        self.W = dolfinx.fem.functionspace(mesh, mixed)
         self.w = dolfinx.fem.Function(self.W, name="state")
+        self.test = ufl.TestFunction(self.W)
+        self.present, self.virtual = self._split(self.w), self._split(self.test)
         self.parts = {f.name: self._components(k, f) for k, f in enumerate(self.fields)}
         index_map = self.W.dofmap.index_map
         assert self.W.dofmap.index_map_bs == 1
@@ -57,7 +64,7 @@ class Unknowns:
         for field in self.fields:
             for part in self.parts[field.name].values():
                 self.at_rest[part.dofs] = field.at_rest
-        self.rows = Rows(self.owned, index_map.local_range[0], scene.device.comm)
+        self.rows = Rows(self.owned, index_map.local_range[0], mesh.comm)
 
     def _components(self, number: int, field: Field) -> dict[str, Component]:
         whole = self.W.sub(number)
@@ -76,27 +83,19 @@ class Unknowns:
         """The one scalar part of a role, or None."""
         return next(iter(self.of(role)), None)
 
-    def groups(self) -> dict[str, list[Field]]:
-        """The fields whose residuals are taken together, by the name of the first of them."""
-        leaders = {field.role: field.name for field in reversed(self.fields)}
-        found: dict[str, list[Field]] = {}
-        for field in self.fields:
-            shared = NORM_ROLE.get(field.role)
-            found.setdefault(leaders[shared] if shared else field.name, []).append(field)
-        return found
-
-    def owned_of(self, fields: list[Field]) -> np.ndarray:
-        """Owned degrees of freedom of some fields, sorted."""
-        parts = [p for f in fields for p in self.parts[f.name].values()]
-        dofs = np.concatenate([part.dofs for part in parts])
-        return np.sort(dofs[dofs < self.owned])
+    @property
+    def continuous(self) -> list[Component]:
+        """The scalar parts of all continuous fields, the displacement first."""
+        others = [f for f in self.fields if f.role is not Role.MOTION and f.is_continuous]
+        found = [part for field in others for part in self.parts[field.name].values()]
+        return [*self.of(Role.MOTION), *found]
 
     def symbolic(self, role: Role, function: Any) -> Any:
         """The first field of a role in a mixed function or in its test function, symbolic."""
         name = next(field.name for field in self.fields if field.role is role)
-        return self.split(function)[name]
+        return self._split(function)[name]
 
-    def split(self, function: Any) -> dict[str, Any]:
+    def _split(self, function: Any) -> dict[str, Any]:
         """The fields of a mixed function or of its test function, symbolic, by name."""
         parts = ufl.split(function)
         return {field.name: part for field, part in zip(self.fields, parts, strict=True)}

@@ -15,7 +15,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, LoadCourse, Point
+from dea_fenicsx.path.arclength import Branch, LoadCourse, Point
+from dea_fenicsx.path.branch_steps import BranchSteps
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.stability import Place
 from dea_fenicsx.solvers.newton import NewtonSolver
@@ -30,16 +31,10 @@ A sharp bend has to be followed in steps that are short compared with its radius
 LONGEST_ARC = 1.0
 """Longest step along the branch, in units of arc."""
 
-ARC_GROWTH = 1.5
-"""Length of the next step over that of the last one, if the last one needed few iterations."""
+MOST_STEPS = 60
+"""Largest number of steps along the branch.
 
-MOST_NEWTON_FOR_GROWTH = 3
-"""Largest number of Newton iterations of a step after which the next one is longer."""
-
-MOST_POINTS = 60
-"""Largest number of points of the branch.
-
-Their steps reach the longest one after a dozen points.  So the way is at most twice the device's
+They reach the longest one after a dozen points.  So the way is at most twice the device's
 size, which is more than a bend needs.
 """
 
@@ -122,16 +117,11 @@ def follow(branch: Branch, sentinel: Sentinel, wanted: float) -> Bridge:
     wanted
         The load f to come to.
     """
-    here, arc = branch.point(branch.problem.state, None, 1.0), FIRST_ARC
-    points = [here] if here is not None else []
-    before: Point | None = None
-    while here is not None and len(points) <= MOST_POINTS:
-        attempt, there = branch.advance(here, arc, before)
-        if there is None or not _is_same_branch(sentinel, there):
-            arc /= 2
-            if arc < SHORTEST_ARC:
-                break
-            continue
+    steps = BranchSteps(
+        branch, FIRST_ARC, LONGEST_ARC, MOST_STEPS, lambda there: _is_same_branch(sentinel, there)
+    )
+    points = [steps.begin] if steps.begin is not None else []
+    for here, there, arc in steps:
         if there.slope < 0:
             found = branch.limit_point(here, there, arc)
             if found is None:
@@ -140,9 +130,6 @@ def follow(branch: Branch, sentinel: Sentinel, wanted: float) -> Bridge:
         points.append(there)
         if there.factor >= wanted:
             break
-        few = attempt.iterations <= MOST_NEWTON_FOR_GROWTH
-        arc = min(arc * (ARC_GROWTH if few else 1.0), LONGEST_ARC)
-        before, here = here, there
     return Bridge(branch, points)
 
 

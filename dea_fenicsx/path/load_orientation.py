@@ -11,8 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.dead_loads import felt_axes
+from dea_fenicsx.model.free_body import HeldBody
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.support.compat import dolfinx
@@ -45,17 +44,24 @@ def turn_to_loads(
     acting = problem.turning.ramps & {ramp for ramp, rate in rates.items() if rate}
     if not acting or not problem.turning.holds(problem.factors):
         return problem.state, 0.0
+    body = _body(problem)
     forces = -sum(rates[ramp] * problem.forms.load_vector(ramp) for ramp in sorted(acting))
     moments, size = _first_moments(problem, np.asarray(forces))
-    axes = felt_axes(problem.scene, problem.conditions.fixed_values.released)
+    axes = body.axes
     turned = np.array([moments[2, 1] - moments[1, 2], moments[0, 2] - moments[2, 0],
                        moments[1, 0] - moments[0, 1]])  # fmt: skip
     if np.linalg.norm(axes @ turned) <= NEGLIGIBLE_MOMENT * size:
         return problem.state, 0.0
     R = _about(axes[0], moments) if len(axes) == 1 else _lowest(moments)
-    centre = problem.conditions.fixed_values.pins[0].place
-    turned_state = problem.anchored(problem.imposed(_rotated(problem, R, centre)))
+    turned_state = problem.anchored(problem.imposed(_rotated(problem, R, body.pins[0].place)))
     return turned_state, float(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1)))
+
+
+def _body(problem: Problem) -> HeldBody:
+    """The free body of a problem that has one."""
+    body = problem.conditions.body
+    assert body is not None
+    return body
 
 
 def _positions(problem: Problem) -> list[np.ndarray]:
@@ -76,26 +82,16 @@ def _positions(problem: Problem) -> list[np.ndarray]:
 
 def _first_moments(problem: Problem, forces: np.ndarray) -> tuple[np.ndarray, float]:
     """Sum of f_i x_j over the nodes, shape (3, 3), and of |f| |x|, about the middle of the body."""
-    released = problem.conditions.fixed_values.released
-    assert released is not None
+    free = _body(problem).part
     total = np.zeros((3, 3))
     size = 0.0
     for i, (part, x) in enumerate(zip(problem.displacement, _positions(problem), strict=True)):
-        mine = _nodes(problem, part) & (part.dofs < problem.owned)
-        f, arm = forces[part.dofs[mine]], x[mine] - released.box.middle
+        mine = free.holds(part) & (part.dofs < problem.owned)
+        f, arm = forces[part.dofs[mine]], x[mine] - free.box.middle
         total[i] = f @ arm
         size += float(np.abs(f) @ np.linalg.norm(arm, axis=1))
     summed = problem.comm.allreduce(np.append(total.ravel(), size), op=MPI.SUM)
     return summed[:9].reshape(3, 3), float(summed[9])
-
-
-def _nodes(problem: Problem, component: Component) -> np.ndarray:
-    """Mask of a component's local nodes that lie in the part which turns."""
-    released = problem.conditions.fixed_values.released
-    assert released is not None
-    mine = np.zeros(len(component.dofs), dtype=bool)
-    mine[component.space.dofmap.list[released.cells].ravel()] = True
-    return mine
 
 
 def _rotation(axis: np.ndarray, cosine: float, sine: float) -> np.ndarray:
@@ -137,7 +133,7 @@ def _rotated(problem: Problem, R: np.ndarray, centre: np.ndarray) -> State:
     values = dolfinx.fem.Function(problem.W)
     values.x.array[:] = state.values
     for i, (part, x) in enumerate(zip(problem.displacement, _positions(problem), strict=True)):
-        mine = _nodes(problem, part)
+        mine = _body(problem).part.holds(part)
         turned = (x[mine] - centre) @ R[i] + centre[i]
         values.x.array[part.dofs[mine]] = turned - part.space.tabulate_dof_coordinates()[mine, i]
     values.x.scatter_forward()

@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, LoadCourse, Point
+from dea_fenicsx.path.arclength import Branch, LoadCourse, Point
+from dea_fenicsx.path.branch_steps import BranchSteps
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import SolverError
 
-MOST_POINTS = 400
-"""Largest number of points of the branch that are computed to find the landing."""
+FIRST_ARC = 1.0
+"""First step along the branch, in units of arc."""
 
 LONGEST_ARC = 4.0
 """Longest step along the branch, in units of arc."""
+
+MOST_STEPS = 400
+"""Largest number of steps along the branch that are made to find the landing."""
 
 
 def over_the_limit(
@@ -48,20 +52,10 @@ def over_the_limit(
         If no limit point is found.
     """
     branch = Branch(solver, LoadCourse(solver, rates, factor), first)
-    here, arc = branch.point(solver.problem.state, None, 1.0), 1.0
-    before: Point | None = None
-    limit: Point | None = None
-    for _ in range(MOST_POINTS):
-        if here is None:
-            break
-        attempt, there = branch.advance(here, arc, before)
-        if there is None:
-            arc /= 2
-            if arc < SHORTEST_ARC:
-                log(f"the branch could be followed to {here.factor:.8g} only "
-                    f"({attempt.outcome.value})")  # fmt: skip
-                break
-            continue
+    steps = BranchSteps(branch, FIRST_ARC, LONGEST_ARC, MOST_STEPS)
+    reached, limit = steps.begin, None
+    for here, there, arc in steps:
+        reached = there
         if limit is None and there.slope < 0 and (
             found := branch.limit_point(here, there, arc)
         ):  # fmt: skip
@@ -74,8 +68,9 @@ def over_the_limit(
         with solver.problem.at(there.state):
             # Towards lock-up the forces and their rounding errors grow by orders of magnitude.
             solver.references.remember(solver.problem.residual())
-        arc = min(arc * (1.5 if attempt.iterations <= 3 else 1.0), LONGEST_ARC)
-        before, here = here, there
+    if steps.lost is not None and reached is not None:
+        log(f"the branch could be followed to {reached.factor:.8g} only "
+            f"({steps.lost.outcome.value})")  # fmt: skip
     if limit is None:
         raise SolverError("no limit point was found")
     return limit, None

@@ -35,7 +35,7 @@ SUMMARY = (
 )  # fmt: skip
 """Entries of summary.json that are not the last values of columns."""
 
-LONGEST_NAME = 100
+LONGEST_COLUMN = 100
 """Largest number of characters of a column's name."""
 
 
@@ -171,9 +171,10 @@ def check_added(values: Mapping[str, Any]) -> None:
 
 def _check_plain(name: str, what: str) -> None:
     """Raise InputError unless a name can stand in CSV, XDMF and a file's name."""
-    good = name.isprintable() and name == name.strip() and 0 < len(name) <= LONGEST_NAME
+    good = name.isprintable() and name == name.strip() and 0 < len(name) <= LONGEST_COLUMN
     if not good or any(c in name for c in '/\\,"') or name[0] in "=+-@.":
         raise InputError(
-            f"{what} is {shown(name)}, but must be a plain word of 1 to {LONGEST_NAME} characters "
-            'without / \\ , " and line breaks, and not begin with one of = + - @ and a dot.'
+            f"{what} is {shown(name)}, but must be a plain word of 1 to {LONGEST_COLUMN} "
+            'characters without / \\ , " and line breaks, and not begin with one of = + - @ and a '
+            "dot."
         )

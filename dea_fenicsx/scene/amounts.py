@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from dea_fenicsx.scene.condition import Driven
 from dea_fenicsx.support.errors import InputError
 
 if TYPE_CHECKING:
@@ -35,8 +36,8 @@ def amounts_of(scene: Scene) -> dict[str, dict[str, list[float]]]:
             add(electrode.ramp, "coulombs", [electrode.given_coulombs])
         elif electrode.given_volts:
             add(electrode.ramp, "volts", [electrode.given_volts])
-    for item in (*scene.prescribed, *scene.loads):
-        for told in item.declarations(scene):
+    for item, told in scene.declared.told:
+        if isinstance(item, Driven):
             for quantity, values in told.amounts().items():
                 add(item.ramp, quantity, values)
     return found

@@ -6,7 +6,7 @@ A condition checks itself against the scene and describes itself to the model by
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from dea_fenicsx.materials import Material
@@ -34,6 +34,10 @@ class Setting(Protocol):
     def prescribed(self) -> Sequence[Prescribed]: ...
     @property
     def loads(self) -> Sequence[Load]: ...
+
+
+type Told = Sequence[tuple[Condition, Declaration]]
+"""All declarations of a scene, each with the condition that makes it."""
 
 
 class Condition(ABC):
@@ -67,7 +71,13 @@ class Condition(ABC):
 
     @abstractmethod
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
-        """The declarations that describe this condition to the model."""
+        """The declarations that describe this condition to the model.
+
+        The scene asks for them once, after `check` of all conditions.
+        """
+
+    def check_beside(self, told: Told) -> None:  # noqa: B027  (most have nothing to check)
+        """Raise InputError unless it agrees with what all conditions of a scene declare."""
 
 
 class Support(Condition):
@@ -105,14 +115,9 @@ class OnSurface:
         return (self.where,)
 
 
-def declared[D: Declaration, C: Condition](
-    items: Iterable[C], scene: Setting, kind: type[D]
-) -> list[tuple[C, D]]:
-    """All declarations of a kind that conditions make, each with its condition, in their order."""
-    return [
-        (item, told) for item in items for told in item.declarations(scene)
-        if isinstance(told, kind)
-    ]  # fmt: skip
+def of_kind[D: Declaration](told: Told, kind: type[D]) -> list[tuple[Condition, D]]:
+    """The declarations of one kind, each with its condition, in their order."""
+    return [(item, one) for item, one in told if isinstance(one, kind)]
 
 
 def check_global(scene: Setting, unknown: GlobalUnknown, item: object) -> None:

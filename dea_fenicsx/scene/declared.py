@@ -1,13 +1,14 @@
 """All declarations of a scene, gathered once and sorted by their kind.
 
-The model takes from here what each of its parts needs, so no part asks the conditions by itself.
+The checks of a scene and the parts of the model take from here what each of them needs, so that
+none asks the conditions by itself.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dea_fenicsx.scene.condition import Condition, Setting
+from dea_fenicsx.scene.condition import Condition, Setting, Told, of_kind
 from dea_fenicsx.scene.declarations import (
     AddedPhysics,
     Declaration,
@@ -32,6 +33,9 @@ class Declared:
 
     Attributes
     ----------
+    told
+        All declarations but those of the electrodes, each with its condition; prescribed motions
+        come first, then supports, then loads.
     displacements
         Displacements on facet groups, each with its condition; prescribed ones come first.
     holds_rigid_motions
@@ -39,7 +43,7 @@ class Declared:
     initial_stretches
         Stretches that regions had undergone.
     fixed_globals, global_forces
-        Values of global unknowns, and what does work on such unknowns.
+        Values of global unknowns, and what does work on such unknowns, each with its condition.
     surface_works
         Loads on surfaces, each with its condition.
     rigid_surfaces, rigid_angles, rigid_moments
@@ -50,11 +54,12 @@ class Declared:
         Fields and terms beyond those that every problem has.
     """
 
+    told: Told
     displacements: list[tuple[Condition, FixedDisplacement]]
     holds_rigid_motions: bool
     initial_stretches: list[InitialStretch]
-    fixed_globals: list[FixedGlobal]
-    global_forces: list[GlobalForce]
+    fixed_globals: list[tuple[Condition, FixedGlobal]]
+    global_forces: list[tuple[Condition, GlobalForce]]
     surface_works: list[tuple[Condition, SurfaceWork]]
     rigid_surfaces: list[RigidSurface]
     rigid_angles: list[RigidAngle]
@@ -66,23 +71,21 @@ class Declared:
 
 def gathered(scene: Setting) -> Declared:
     """Ask each condition of a checked scene for its declarations, once."""
-    conditions = (*scene.prescribed, *scene.supports, *scene.loads)
+    conditions: tuple[Condition, ...] = (*scene.prescribed, *scene.supports, *scene.loads)
     told = [(item, one) for item in conditions for one in item.declarations(scene)]
     electric = [(item, one) for item in scene.electrodes for one in item.declarations(scene)]
 
     def of[D: Declaration](kind: type[D]) -> list[D]:
-        return [one for _, one in told if isinstance(one, kind)]
-
-    def with_condition[D: Declaration](kind: type[D]) -> list[tuple[Condition, D]]:
-        return [(item, one) for item, one in told if isinstance(one, kind)]
+        return [one for _, one in of_kind(told, kind)]
 
     return Declared(
-        displacements=with_condition(FixedDisplacement),
+        told=told,
+        displacements=of_kind(told, FixedDisplacement),
         holds_rigid_motions=bool(of(HeldRigidMotions)),
         initial_stretches=of(InitialStretch),
-        fixed_globals=of(FixedGlobal),
-        global_forces=of(GlobalForce),
-        surface_works=with_condition(SurfaceWork),
+        fixed_globals=of_kind(told, FixedGlobal),
+        global_forces=of_kind(told, GlobalForce),
+        surface_works=of_kind(told, SurfaceWork),
         rigid_surfaces=of(RigidSurface),
         rigid_angles=of(RigidAngle),
         rigid_moments=of(RigidMoment),

@@ -45,6 +45,12 @@ class Discretisation:
 
     PRESSURES: ClassVar[tuple[str, ...]] = get_args(PressureElement)
 
+    def pressure_on(self, cell: str) -> str:
+        """``"continuous"`` or ``"discontinuous"``: the pressure on a type of cell."""
+        if self.pressure != "auto":
+            return self.pressure
+        return "continuous" if cell in SIMPLICES else "discontinuous"
+
     def check(self, cell: str) -> None:
         """Raise InputError unless the elements exist and are stable on a type of cell."""
         one_of(self.pressure, self.PRESSURES, "The pressure element")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from dea_fenicsx.scene.condition import (
     Load,
@@ -12,7 +11,8 @@ from dea_fenicsx.scene.condition import (
     Prescribed,
     Setting,
     Support,
-    declared,
+    Told,
+    of_kind,
 )
 from dea_fenicsx.scene.declarations import (
     Declaration,
@@ -52,17 +52,19 @@ class Rigid(OnSurface, Support):
                 f"Rigid on {self.where!r} needs PlaneStrain(depth) or GeneralisedPlaneStrain(depth)"
                 f", but the kinematics is {type(scene.kinematics).__name__}; leave it out."
             )
-        if declared(scene.supports, scene, HeldRigidMotions):
-            raise InputError(
-                f"Rigid on {self.where!r} and FreeBody() do not go together; hold the rigid part, "
-                'as in Rigid(..., held="xy"), or another surface.'
-            )
         if any(axis not in axes for axis in self.held):
             raise InputError(
                 f"Rigid on {self.where!r} is held along {self.held!r}, but must be held along "
                 f"none or some of {', '.join(axes)}."
             )
-        if len(_on(self.where, declared(scene.supports, scene, RigidSurface))) > 1:
+
+    def check_beside(self, told: Told) -> None:
+        if of_kind(told, HeldRigidMotions):
+            raise InputError(
+                f"Rigid on {self.where!r} and FreeBody() do not go together; hold the rigid part, "
+                'as in Rigid(..., held="xy"), or another surface.'
+            )
+        if len(_on(self.where, told, RigidSurface)) > 1:
             raise InputError(f"{self.where!r} is rigid twice; name it once.")
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
@@ -80,9 +82,11 @@ class Turn(OnSurface, Prescribed):
 
     def check(self, scene: Setting) -> None:
         super().check(scene)
-        _check_part(self, self.where, scene)
         finite(self.radians, f"The angle of {self.where!r}")
-        if len(_on(self.where, declared(scene.prescribed, scene, RigidAngle))) > 1:
+
+    def check_beside(self, told: Told) -> None:
+        _check_part(self, self.where, told)
+        if len(_on(self.where, told, RigidAngle)) > 1:
             raise InputError(f"{self.where!r} is turned twice; give one angle.")
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
@@ -100,9 +104,11 @@ class Moment(OnSurface, Load):
 
     def check(self, scene: Setting) -> None:
         super().check(scene)
-        _check_part(self, self.where, scene)
         finite(self.newton_metres, f"The moment on {self.where!r}")
-        if _on(self.where, declared(scene.prescribed, scene, RigidAngle)):
+
+    def check_beside(self, told: Told) -> None:
+        _check_part(self, self.where, told)
+        if _on(self.where, told, RigidAngle):
             raise InputError(
                 f"The moment on {self.where!r} has no effect, since its angle is prescribed; "
                 "leave one of the two out."
@@ -112,13 +118,13 @@ class Moment(OnSurface, Load):
         return [RigidMoment(self.where, self.newton_metres, self.ramp)]
 
 
-def _on[T: RigidSurface | RigidAngle](where: str, told: Sequence[tuple[Any, T]]) -> list[T]:
-    """What is declared of one facet group."""
-    return [one for _, one in told if one.surface == where]
+def _on[T: RigidSurface | RigidAngle](where: str, told: Told, kind: type[T]) -> list[T]:
+    """The declarations of a kind that are about one facet group."""
+    return [one for _, one in of_kind(told, kind) if one.surface == where]
 
 
-def _check_part(item: Turn | Moment, where: str, scene: Setting) -> None:
-    if not _on(where, declared(scene.supports, scene, RigidSurface)):
+def _check_part(item: Turn | Moment, where: str, told: Told) -> None:
+    if not _on(where, told, RigidSurface):
         raise InputError(
             f"{type(item).__name__} on {where!r} needs a rigid part; add Rigid({where!r}) to the "
             "supports."

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 from dea_fenicsx.materials import Material
+from dea_fenicsx.mesh.cell_quality import check_cells
 from dea_fenicsx.mesh.device import Device
-from dea_fenicsx.scene.condition import Condition, Driven, Load, Prescribed, Support, declared
-from dea_fenicsx.scene.declarations import FixedGlobal, GlobalForce
+from dea_fenicsx.scene.condition import Condition, Driven, Load, Prescribed, Support
 from dea_fenicsx.scene.declared import Declared, gathered
 from dea_fenicsx.scene.electrode_checks import check_electrodes
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode
@@ -20,7 +20,7 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
 from dea_fenicsx.support.validation import finite, known
 
-__all__ = ["SIMPLICES", "Scene", "finite", "known", "period"]
+__all__ = ["SIMPLICES", "Scene", "finite", "known"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +55,8 @@ class Scene:
     ------
     InputError
         For an unknown name, a region without material, an electrode without facets, unphysical
-        constants and the like; one sentence says what is wrong, where, and what would be right.
+        constants, folded cells and the like; one sentence says what is wrong, where, and what would
+        be right.
     """
 
     device: Device
@@ -82,13 +83,17 @@ class Scene:
         check_electrodes(self)
         for condition in self.mechanics:
             condition.check(self)
+        for condition in self.mechanics:
+            condition.check_beside(self.declared.told)
         if not self.supports:
             raise InputError(
                 "The scene has no supports, so the device could drift away; add Clamp(...), "
                 "Fix(...) or FreeBody()."
             )
         _check_global_unknowns(self)
+        _check_added_fields(self)
         self.elements.check(self.device.mesh.topology.cell_name())
+        check_cells(self.device, self.elements.quadrature_degree)
 
     @property
     def mechanics(self) -> tuple[Condition, ...]:
@@ -97,7 +102,7 @@ class Scene:
 
     @cached_property
     def declared(self) -> Declared:
-        """What all conditions declare to the model.  They are asked once, after the checks."""
+        """What all conditions declare.  They are asked once, after each has checked itself."""
         return gathered(self)
 
     @property
@@ -108,6 +113,11 @@ class Scene:
         return tuple(dict.fromkeys(item.ramp for item in driven))
 
     @property
+    def period(self) -> float:
+        """Length in m along the global elongation, such as a helical cell's height.  Collective."""
+        return self.kinematics.period(self.device)
+
+    @property
     def has_potential(self) -> bool:
         return bool(self.electrodes)
 
@@ -115,6 +125,11 @@ class Scene:
         """The potential in V, largest in size, of the electrodes on a ramp; 0 if there are none."""
         given = [e.given_volts for e in self.electrodes if e.ramp == ramp and not e.floats]
         return max(given, key=abs, default=0.0)
+
+    @property
+    def unit_volts(self) -> dict[str, float]:
+        """`reference_voltage` of each ramp."""
+        return {ramp: self.reference_voltage(ramp) for ramp in self.ramps}
 
     def is_electric(self, ramp: str) -> bool:
         """Whether a ramp drives potentials or charges and nothing else."""
@@ -143,11 +158,6 @@ def _check_names(scene: Scene) -> None:
         )
 
 
-def period(scene: Scene) -> float:
-    """Length in m along the global elongation: height of a helical cell, depth of a slice."""
-    return scene.kinematics.period(scene.device)
-
-
 def _check_materials(scene: Scene) -> None:
     regions = scene.device.regions
     for name in scene.materials:
@@ -172,13 +182,21 @@ def _check_materials(scene: Scene) -> None:
 def _check_global_unknowns(scene: Scene) -> None:
     """Check that no global unknown is prescribed twice, or both prescribed and loaded."""
     given = set()
-    for item, value in declared(scene.prescribed, scene, FixedGlobal):
+    for item, value in scene.declared.fixed_globals:
         if value.unknown in given:
             raise InputError(f"{type(item).__name__} is prescribed twice; give it once.")
         given.add(value.unknown)
-    for load, force in declared(scene.loads, scene, GlobalForce):
+    for load, force in scene.declared.global_forces:
         if force.unknown in given:
             raise InputError(
                 f"{type(load).__name__} has no effect on a cell whose motion along it is "
                 "prescribed; leave one of the two out."
             )
+
+
+def _check_added_fields(scene: Scene) -> None:
+    """Check that the regions in which conditions place fields of their own exist."""
+    for added in scene.declared.added:
+        for new in added.fields:
+            for name in new.regions or ():
+                known(name, scene.device.regions, f"region of the field {new.name!r}")

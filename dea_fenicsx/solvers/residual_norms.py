@@ -200,7 +200,7 @@ class References:
         here, sizes = problem.state, []
         everywhere = np.full(len(moduli), STRESS_BY_SOFTEST_MODULUS)
         for pressure in (everywhere, STRESS_BY_OWN_MODULUS * moduli):
-            values = problem.space.at_rest.copy()
+            values = problem.rest.values.copy()
             values[part.dofs] = pressure
             with problem.at(here.with_values(values)):
                 problem.w.x.scatter_forward()
