@@ -36,16 +36,17 @@ def evaluated_at(
     callable
         Takes the mesh and local cells; gives values of shape (cells, numbers).
     """
+    numbers = expression.ufl_shape[0]
     if not kernel.branches:
         found = compat.expression(expression, at[None, :])
-        return lambda mesh, cells: np.asarray(found(mesh, cells)).reshape(len(cells), -1)
+        return lambda mesh, cells: np.asarray(found(mesh, cells)).reshape(len(cells), numbers)
     everywhere = compat.expression(expression, quadrature)
     terms = np.hstack([np.ones((len(quadrature), 1)), quadrature - at])
     weights = np.linalg.pinv(terms)[0]
 
     def value(mesh: Any, cells: np.ndarray) -> np.ndarray:
         if len(cells) == 0:
-            return np.zeros((0, expression.ufl_shape[0]))
+            return np.zeros((0, numbers))
         return np.einsum("q,cqn->cn", weights, everywhere(mesh, cells))
 
     return value
