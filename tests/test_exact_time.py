@@ -124,7 +124,7 @@ def test_small_strain_relaxes_exponentially():
     (with_branches((2e4, math.inf)), {"field": Rise(2 * UNIT, 9.0)}),
     (with_branches((2e4, 1e-5)), {"field": Rise(0.5 * UNIT, 9.0)}),
     (with_branches((1000 * G, 5.0)), {"field": Rise(UNIT, 4.0)}),
-    (with_branches((2e4, 0.01), (2e4, 10.0)), {"field": lambda t: UNIT * math.tanh(t / 9)}),
+    (with_branches((2e4, 0.1), (2e4, 10.0)), {"field": lambda t: UNIT * math.tanh(t / 9)}),
 ])  # fmt: skip
 def test_balance_and_dissipation(film, drive):
     """Work in is stored or dissipated, whatever is driven; no branch dissipates less than 0."""
@@ -192,7 +192,7 @@ def test_map_against_marches_and_in_time():
     begin = time.process_time()
     found = pull_in_map(FILM, held, rate, seconds=1e4)
     assert time.process_time() - begin < 10  # of one core, whatever else it does
-    for i, j in ((30, 30), (20, 25), (49, 5)):
+    for i, j in ((30, 30), (12, 25)):
         seconds = found.held[i, j] / found.rate[i, j]
         course = march(FILM, 1e4, field=Rise(found.held[i, j], seconds))
         assert found.time[i, j] == pytest.approx(course.pull_in_time, rel=1e-8)
@@ -232,6 +232,7 @@ def test_charge_in_closed_form():
 @pytest.mark.parametrize(("call", "words"), [
     (lambda: march(FILM, -1.0), "must last a finite time"),
     (lambda: march(FILM, 9.0, field=Table([0, 5], [0, 1])), "ends at 5 s"),
+    (lambda: march(FILM, 9.0, field=Table([1, 9], [0, 1])), "begins at 1 s"),
     (lambda: march(FILM, 9.0, field=Table([0, 5, 3], [0, 1, 2])), "run backwards"),
     (lambda: march(FILM, 9.0, field=1.0, voltage=1.0), "takes one of them"),
     (lambda: march(FILM, 9.0, field="high"), "must be a number, a wave"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -169,7 +170,7 @@ class Scaled(Wave):
 
     def __init__(self, wave: Wave, factor: float):
         self.wave, self.factor = wave, factor
-        self.end = wave.end
+        self.begin, self.end = getattr(wave, "begin", -math.inf), wave.end
 
     def __call__(self, t: float) -> float:
         return self.factor * self.wave(t)
