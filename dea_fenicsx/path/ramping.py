@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.path.bridging import bridge
@@ -142,8 +143,8 @@ class RampWalk:
             if self.cursor.position > left:
                 continue
             lost = self._lost(target, attempt)
-            if not self.ramp.snap or not isinstance(lost, EquilibriumLost):
-                raise lost
+            if not self.ramp.snap or not isinstance(lost(), EquilibriumLost):
+                raise lost()
             for step in self._snap(lost):
                 yield replace(step, retries=retries)
                 retries = 0
@@ -238,15 +239,19 @@ class RampWalk:
         yield self._accept(position, wanted, wanted == landing, landed, retries)
         self._start_from(self.problem.state)
 
-    def _lost(self, target: float, attempt: Attempt) -> PathError:
-        """The error that ends the ramp."""
+    def _lost(self, target: float, attempt: Attempt) -> Callable[[], PathError]:
+        """A function that makes the error which ends the ramp.
+
+        An error in a local variable of the function that raises it is a cycle of references, for
+        its traceback holds the variable.  The whole run would stay until Python looks for cycles.
+        """
         failed = self.factors_at(target if self.limit is None else max(target, self.limit))
         near_limit = bool(self.near_limit) or self.limit is not None
-        return ramp_lost(
-            self.names, self.label, self.problem.factors, failed, attempt, near_limit
+        return partial(
+            ramp_lost, self.names, self.label, self.problem.factors, failed, attempt, near_limit
         )
 
-    def _snap(self, lost: EquilibriumLost) -> Iterator[Step]:
+    def _snap(self, lost: Callable[[], PathError]) -> Iterator[Step]:
         """The limit point that the ramp has come to, and the state to which the device snaps."""
         ramp, cursor = self.ramp, self.cursor
         try:
@@ -254,7 +259,7 @@ class RampWalk:
                 self.solver, self.rates, cursor.position, self.first, self.log
             )
         except SolverError:
-            raise lost from None
+            raise lost() from None
         factors = self.factors_at(limit.factor)
         cursor = replace(cursor, step=cursor.step + 1, position=limit.factor, size=0.0)
         # "maximum" refers to the size of the load: a voltage may have either sign.
@@ -264,7 +269,7 @@ class RampWalk:
         yield Step(cursor, self.label, top, event="maximum" if outwards else "minimum")
         if landing is None:
             self.log(f"{self.label}: no stable state was found behind the limit point at this load")
-            raise lost
+            raise lost()
         landed = landing.with_factors(factors)
         self.problem.commit(landed)
         self.log(f"{self.label}: snapped at {factors.told(self.names)}")
