@@ -8,6 +8,7 @@ from functools import partial
 
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.path.bridging import bridge
+from dea_fenicsx.path.crushing import Crush, find_crush
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.evidence import Evidence
@@ -142,8 +143,9 @@ class RampWalk:
                 retries = 0
             if self.cursor.position > left:
                 continue
-            lost = self._lost(target, attempt)
-            if not self.ramp.snap or not isinstance(lost(), EquilibriumLost):
+            crush = self._crush(target)
+            lost = self._lost(target, attempt, crush)
+            if crush or not self.ramp.snap or not isinstance(lost(), EquilibriumLost):
                 raise lost()
             for step in self._snap(lost):
                 yield replace(step, retries=retries)
@@ -239,17 +241,30 @@ class RampWalk:
         yield self._accept(position, wanted, wanted == landing, landed, retries)
         self._start_from(self.problem.state)
 
-    def _lost(self, target: float, attempt: Attempt) -> Callable[[], PathError]:
+    def _crush(self, target: float) -> Crush | None:
+        """What the ramp presses to zero thickness, if that is how it ends.  Collective."""
+        if self.limit is not None:
+            return None
+        return find_crush(self.predictor, self.origin, self.factors_at(target))
+
+    def _lost(
+        self, target: float, attempt: Attempt, crush: Crush | None
+    ) -> Callable[[], PathError]:
         """A function that makes the error which ends the ramp.
 
         An error in a local variable of the function that raises it is a cycle of references, for
         its traceback holds the variable.  The whole run would stay until Python looks for cycles.
         """
-        failed = self.factors_at(target if self.limit is None else max(target, self.limit))
+        ends = [target] if self.limit is None else [target, self.limit]
+        if crush:
+            begin = self.start[self.lead]
+            ends.append(min((crush.factor - begin) / (self.ramp.to - begin), 1.0))
+        failed = self.factors_at(max(ends))
         near_limit = bool(self.near_limit) or self.limit is not None
         return partial(
-            ramp_lost, self.names, self.label, self.problem.factors, failed, attempt, near_limit
-        )
+            ramp_lost, self.names, self.label, self.problem.factors, failed, attempt, near_limit,
+            crush,
+        )  # fmt: skip
 
     def _snap(self, lost: Callable[[], PathError]) -> Iterator[Step]:
         """The limit point that the ramp has come to, and the state to which the device snaps."""

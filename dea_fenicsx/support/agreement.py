@@ -100,6 +100,7 @@ def together[T](comm: MPI.Comm, action: Callable[[], T], what: str) -> T:
         `DeaError` if it is one, else `OtherRankFailed`.
     """
     fault: Exception | None = None
+    raised: DeaError | None = None
     result: Any = None
     try:
         result = action()
