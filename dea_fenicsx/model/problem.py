@@ -28,6 +28,7 @@ from dea_fenicsx.model.viscous_history import ViscousHistory
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
+from dea_fenicsx.support.petsc_objects import PetscObjects
 
 
 class Problem:
@@ -111,9 +112,14 @@ class Problem:
         self.kernels, self.states = forms.kernels, forms.points
         self._step = dolfinx.fem.Function(self.W)
         self._b: Any = None
+        self._petsc = PetscObjects(self.comm)
         self.shown, self._expanded = 0, 0
         if conditions.expansion is not None:
             self._few, self._all = conditions.expansion.createVecs()
+            for name, thing in (
+                ("expansion", conditions.expansion), ("few", self._few), ("all", self._all)
+            ):  # fmt: skip
+                self._petsc.keep(name, thing)
 
     def _check_balance(self) -> None:
         """Raise InputError if loads on surfaces have a resultant that nothing bears."""
@@ -248,7 +254,7 @@ class Problem:
     def residual(self) -> np.ndarray:
         """Internal minus external forces at all owned degrees of freedom, fixed ones included."""
         if self._b is None:
-            self._b = compat.create_vector(self.forms.compiled)
+            self._b = self._petsc.keep("b", compat.create_vector(self.forms.compiled))
         return assembled(self._b, self.forms.compiled).copy()
 
     def restrict(self, residual: np.ndarray) -> np.ndarray:

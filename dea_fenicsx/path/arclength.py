@@ -27,12 +27,11 @@ from typing import Protocol
 
 import numpy as np
 from mpi4py import MPI
-from scipy.optimize import brentq
 
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.roots import Bracket
+from dea_fenicsx.path.roots import Bracket, root
 from dea_fenicsx.path.stability import Place, load_derivative
 from dea_fenicsx.solvers.newton import LINEARISING, NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome, fault_of
@@ -318,7 +317,7 @@ class Branch:
         """Find the equilibrium at a given load, which the branch passes once between two points."""
         cubic = Cubic.through(self, start, end)
         try:
-            s = brentq(lambda x: cubic.load(x) - wanted, 0.0, cubic.arc)
+            s = root(lambda x: cubic.load(x) - wanted, 0.0, cubic.arc)
         except ValueError:
             return Attempt(Outcome.SLOW, 0, np.inf)
         first = self.step(start, s, end)
@@ -375,7 +374,7 @@ class Cubic:
         def slope(t: float) -> float:
             return 6 * t * (1 - t) * rise + (1 - t) * (1 - 3 * t) * a + t * (3 * t - 2) * b
 
-        return float(self.arc * brentq(slope, 0.0, 1.0))
+        return float(self.arc * root(slope, 0.0, 1.0))
 
     def guess(self, s: float) -> tuple[State, float]:
         """The state at an arc, which is not yet in equilibrium, and its load f."""

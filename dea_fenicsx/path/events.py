@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
 from dea_fenicsx.model.state import State
+from dea_fenicsx.path.roots import root
 from dea_fenicsx.path.stability import Place, Spectrum
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt
@@ -186,7 +186,7 @@ class Sentinel:
 
         try:
             # The margins at both ends are known; only states in between are solved for.
-            share = 0.0 if low <= 0 else brentq(
+            share = 0.0 if low <= 0 else root(
                 lambda s: low if s == 0 else high if s == 1 else margin(s), 0.0, 1.0, xtol=1e-10,
                 rtol=1e-10,
             )  # fmt: skip

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.path.bridging import bridge
+from dea_fenicsx.path.crushing import Crush, find_crush
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.evidence import Evidence
@@ -142,9 +144,10 @@ class RampWalk:
                 retries = 0
             if self.cursor.position > left:
                 continue
-            lost = self._lost(target, attempt)
-            if not self.ramp.snap or not isinstance(lost, EquilibriumLost):
-                raise lost
+            crush = self._crush(target)
+            lost = self._lost(target, attempt, crush)
+            if crush or not self.ramp.snap or not isinstance(lost(), EquilibriumLost):
+                raise lost()
             for step in self._snap(lost):
                 yield replace(step, retries=retries)
                 retries = 0
@@ -241,15 +244,32 @@ class RampWalk:
         yield self._accept(position, wanted, wanted == landing, landed, retries)
         self._start_from(self.problem.state)
 
-    def _lost(self, target: float, attempt: Attempt) -> PathError:
-        """The error that ends the ramp."""
-        failed = self.factors_at(target if self.limit is None else max(target, self.limit))
-        near_limit = bool(self.near_limit) or self.limit is not None
-        return ramp_lost(
-            self.names, self.label, self.problem.factors, failed, attempt, near_limit
-        )
+    def _crush(self, target: float) -> Crush | None:
+        """What the ramp presses to zero thickness, if that is how it ends.  Collective."""
+        if self.limit is not None:
+            return None
+        return find_crush(self.predictor, self.origin, self.factors_at(target))
 
-    def _snap(self, lost: EquilibriumLost) -> Iterator[Step]:
+    def _lost(
+        self, target: float, attempt: Attempt, crush: Crush | None
+    ) -> Callable[[], PathError]:
+        """A function that makes the error which ends the ramp.
+
+        An error in a local variable of the function that raises it is a cycle of references, for
+        its traceback holds the variable.  The whole run would stay until Python looks for cycles.
+        """
+        ends = [target] if self.limit is None else [target, self.limit]
+        if crush:
+            begin = self.start[self.lead]
+            ends.append(min((crush.factor - begin) / (self.ramp.to - begin), 1.0))
+        failed = self.factors_at(max(ends))
+        near_limit = bool(self.near_limit) or self.limit is not None
+        return partial(
+            ramp_lost, self.names, self.label, self.problem.factors, failed, attempt, near_limit,
+            crush,
+        )  # fmt: skip
+
+    def _snap(self, lost: Callable[[], PathError]) -> Iterator[Step]:
         """The limit point that the ramp has come to, and the state to which the device snaps."""
         cursor = self.cursor
         try:
@@ -257,7 +277,7 @@ class RampWalk:
                 self.solver, self.rates, cursor.position, self.first, self.log
             )
         except SolverError:
-            raise lost from None
+            raise lost() from None
         factors = self.factors_at(limit.factor)
         cursor = replace(cursor, step=cursor.step + 1, position=limit.factor, size=0.0)
         # "maximum" refers to the size of the load: a voltage may have either sign.
@@ -267,7 +287,7 @@ class RampWalk:
         yield Step(cursor, self.label, top, event="maximum" if outwards else "minimum")
         if landing is None:
             self.log(f"{self.label}: no stable state was found behind the limit point at this load")
-            raise lost
+            raise lost()
         landed = landing.with_factors(factors)
         self.problem.commit(landed)
         self.log(f"{self.label}: snapped at {factors.told(self.names)}")

@@ -1,8 +1,25 @@
-"""The root finder for places along a path: a bracket, narrowed by the Illinois rule."""
+"""Root finders for places along a path: Brent's method, and a bracket of the Illinois rule."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
+
+from scipy.optimize import brentq
+
+
+def root(function: Callable[[float], float], low: float, high: float, **options: Any) -> float:
+    """Root of a function between two places, by scipy's `brentq` with its options.
+
+    scipy wraps the function in one that refers to itself.  So the function, with all that it holds,
+    would stay until Python looks for cycles of references.  Here it is let go of at the end.
+    """
+    held = [function]
+    try:
+        return float(brentq(lambda place: held[0](place), low, high, **options))
+    finally:
+        held.clear()
 
 
 @dataclass

@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import Factors, State
+from dea_fenicsx.path.crushing import Crush
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.stability import path_slope
 from dea_fenicsx.scene.scene import Scene
@@ -88,6 +89,7 @@ def ramp_lost(
     failed: Factors,
     attempt: Attempt,
     near_limit: bool,
+    crush: Crush | None = None,
 ) -> PathError:
     """The error that ends a ramp that cannot be followed any further.
 
@@ -101,8 +103,18 @@ def ramp_lost(
         The last trial.
     near_limit
         Whether the last accepted state shows a limit point ahead.
+    crush
+        What is pressed to zero thickness.  Then the last trial tells nothing, for it depends on the
+        last step how Newton's method fails.
     """
     low, high, last = reached.told(names), failed.told(names), attempt.outcome.value
+    if crush is not None:
+        error = EquilibriumLost(
+            f"Equilibrium was lost between {low} and {high} of the {label} ramp: {crush.words}; "
+            "all steps before it are kept."
+        )
+        error.reached, error.failed, error.ramps = dict(reached), dict(failed), ()
+        return error
     if attempt.outcome.is_linear_failure:
         return SolverError(
             f"The linear solver failed between {low} and {high} of the {label} ramp "

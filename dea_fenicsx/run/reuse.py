@@ -11,13 +11,13 @@ from __future__ import annotations
 import weakref
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from itertools import count
 from typing import Any
 
 import numpy as np
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.base import choices, constants
+from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.folder import Run
 from dea_fenicsx.scene.scene import Scene
@@ -36,7 +36,7 @@ MOST_CHANGE = 100.0
 
 @dataclass(eq=False)
 class _Kept:
-    """A problem with its solver and its run; the number is the same on all ranks."""
+    """A problem with its solver and its run; the number is the same on all ranks of its device."""
 
     number: int
     solver: NewtonSolver
@@ -49,7 +49,8 @@ class _Kept:
 
 
 _kept: list[_Kept] = []
-_numbers = count()
+_runs: weakref.WeakKeyDictionary[Device, int] = weakref.WeakKeyDictionary()
+"""Number of runs of each device.  A rank may have solved other devices alone."""
 
 
 def clear() -> None:
@@ -71,7 +72,8 @@ def keep(run: Run, solver: NewtonSolver, observables: Iterable[Any]) -> None:
     """
     problem = solver.problem
     own = all(type(o).__module__.startswith("dea_fenicsx.") for o in observables)
-    number = next(_numbers)
+    device = problem.scene.device
+    number = _runs[device] = _runs.get(device, 0) + 1
     if problem.unknowns > MOST_UNKNOWNS or not own:
         return
     _kept.append(_Kept(number, solver, solver.options, weakref.ref(run)))
@@ -85,16 +87,16 @@ def solver_for(scene: Scene, options: NewtonOptions | None) -> NewtonSolver:
     """
     chosen = options or NewtonOptions()
     _kept[:] = [kept for kept in _kept if not kept.solver.problem.handed_out]
-    usable = [
-        kept.number for kept in _kept
+    usable = {
+        kept.number: kept for kept in _kept
         if kept.is_free() and kept.options == chosen and _is_like(kept.solver.problem.scene, scene)
-    ]  # fmt: skip
+    }  # fmt: skip
     # ranks may differ in what a script still holds
-    everyone = scene.device.comm.allgather(usable)
+    everyone = scene.device.comm.allgather(list(usable))
     common = set(everyone[0]).intersection(*everyone[1:])
     if not common:
         return NewtonSolver(Problem(scene), options)
-    kept = next(kept for kept in _kept if kept.number == min(common))
+    kept = usable[min(common)]
     _kept.remove(kept)
     kept.solver.problem.reuse(scene)
     kept.solver.renew()

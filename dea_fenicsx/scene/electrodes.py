@@ -227,8 +227,10 @@ class Electrode(Conducting):
             )
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
+        kinematics = scene.kinematics  # the scene keeps this function, which must not keep it
+
         def volts(X: np.ndarray) -> np.ndarray:
-            return self.volts * self.profile(scene.kinematics, X)
+            return self.volts * self.profile(kinematics, X)
 
         return [FixedPotential(self.names, volts, self.ramp if self.volts else None)]
 

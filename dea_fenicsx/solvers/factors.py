@@ -15,6 +15,7 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.tangent import MOST_UNKNOWNS_KEPT
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc
+from dea_fenicsx.support.petsc_objects import PetscObjects
 
 WORKSPACE_MARGINS_PERCENT = (60, 200, 600)
 """Extra workspace for MUMPS in percent.  If one is too small for it, the next is tried."""
@@ -132,9 +133,12 @@ class Mumps:
         return factor.getMumpsRinfog(3) / (FLOPS_PER_ENTRY_READ * max(entries, 1.0))
 
     def release(self) -> None:
+        """Delete the factor.  The matrix stays."""
         if self.pc is not None:
             self.pc.destroy()
             self.pc = None
+
+    destroy = release
 
 
 class WholeFactor:
@@ -155,6 +159,7 @@ class WholeFactor:
         self.single = single
         self._keep = problem.unknowns <= MOST_UNKNOWNS_KEPT
         self._factor: Mumps | None = None
+        self._petsc = PetscObjects(problem.comm)
 
     def make(self, tangent: Any) -> bool:
         """Factorise an assembled tangent and use it up, unless `Tangent` keeps it.  Collective.
@@ -169,6 +174,7 @@ class WholeFactor:
             icntl = {24: 1, 7: order}
             symmetric = problem.forms.is_symmetric
             self._factor = Mumps(tangent, icntl, {}, self.single, self._keep, symmetric)
+            self._petsc.keep("factor", self._factor)
         return self._factor.make()
 
     @property

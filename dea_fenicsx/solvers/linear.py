@@ -8,7 +8,9 @@ turned with the material, and renewed only when the Krylov iterations grow.
 from __future__ import annotations
 
 import time
+import weakref
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,7 @@ from dea_fenicsx.solvers.split_factor import SPLIT_ROLES, SplitFactor
 from dea_fenicsx.solvers.tangent import SCALAR_MASS, Tangent
 from dea_fenicsx.support.compat import PETSc
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.petsc_objects import PetscObjects
 
 UNKNOWNS_FOR_CHEAP_FACTOR = 20_000
 """From this number of unknowns on, ``factor="auto"`` keeps a split or single-precision factor."""
@@ -43,6 +46,23 @@ KRYLOV_PER_DIGIT_FRESH = 1.0
 
 def silent(stage: str) -> None:
     """The default of `LinearSolver.notify`: it does nothing."""
+
+
+@dataclass
+class _Preconditioner:
+    """The preconditioner that PETSc calls; it only holds a weak reference, as `_Product` does."""
+
+    corotation: weakref.ref[Corotation]
+
+    def apply(self, context: Any, x: Any, y: Any) -> None:
+        corotation = self.corotation()
+        assert corotation
+        corotation.apply(context, x, y)
+
+    def applyTranspose(self, context: Any, x: Any, y: Any) -> None:
+        corotation = self.corotation()
+        assert corotation
+        corotation.applyTranspose(context, x, y)
 
 
 class LinearSolver:
@@ -75,7 +95,8 @@ class LinearSolver:
         self.tangent = Tangent(problem)
         self._whole = WholeFactor(problem)
         self._corotation = Corotation(problem)
-        self._ksp = self._gmres()
+        self._petsc = PetscObjects(problem.comm)
+        self._ksp = self._petsc.keep("ksp", self._gmres())
         self._begin()
 
     def renew(self) -> None:
@@ -298,7 +319,7 @@ class LinearSolver:
         ksp.setGMRESRestart(2 * self.options.krylov_limit)
         ksp.setOperators(self.tangent.operator)
         ksp.getPC().setType("python")
-        ksp.getPC().setPythonContext(self._corotation)
+        ksp.getPC().setPythonContext(_Preconditioner(weakref.ref(self._corotation)))
         ksp.setErrorIfNotConverged(False)
         ksp.setFromOptions()
         return ksp

@@ -30,6 +30,7 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.factors import Mumps, ordering
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
+from dea_fenicsx.support.petsc_objects import PetscObjects
 
 BULK_OVER_SHEAR_MODULUS = 50.0
 """Bulk modulus of incompressible regions in the preconditioner, in units of the shear modulus.
@@ -78,7 +79,11 @@ class SplitFactor:
         self._negative_in = {
             role: _negative_unknowns(problem, role) for role in (U, PHI, Role.INTERNAL)
         }
-        self._rows = {name: self._index_set(on) for name, on in self._on.items()}
+        self._petsc = PetscObjects(problem.comm)
+        self._rows = {
+            role: self._petsc.keep(f"rows of {role}", self._index_set(on))
+            for role, on in self._on.items()
+        }
         self._vectors: dict[Role, tuple[Any, Any]] = {}
         self._cells, self._softness = _pressure_cells(problem)
 
@@ -104,6 +109,8 @@ class SplitFactor:
             self._vectors[name] = factor.matrix.createVecs()
         self._vectors[P] = blocks["1/C"].createVecs()
         tangent.destroy()  # The factors need the memory.
+        for number, thing in enumerate(self._made()):
+            self._petsc.keep(f"part {number}", thing)
         return all([factor.make() for factor in self._factors.values()])
 
     def excess(self, tangent: Any) -> int | None:
@@ -139,8 +146,8 @@ class SplitFactor:
         from_p = tangent.createSubMatrix(rows, self._rows[P])
         to_p = tangent.createSubMatrix(self._rows[P], rows)
         matrix = _condensed(tangent.createSubMatrix(rows, rows), from_p, inverse, to_p)
-        from_p.destroy()
-        to_p.destroy()
+        for thing in (rows, from_p, to_p):
+            thing.destroy()
         # A body that is held at single points has eigenvalues far smaller than those of its cells.
         # The low-rank blocks must be exact enough to keep their signs.
         factor = _definite(matrix, 0.1 * LOW_RANK_TOLERANCE, single=False)
@@ -218,14 +225,15 @@ class SplitFactor:
         self.release()
 
     def release(self) -> None:
-        for factor in self._factors.values():
-            factor.release()
-        for vectors in self._vectors.values():
-            for vector in vectors:
-                vector.destroy()
-        for block in self._blocks.values():
-            block.destroy()
+        for thing in self._made():
+            thing.destroy()
         self._factors, self._blocks, self._vectors = {}, {}, {}
+
+
+    def _made(self) -> list[Any]:
+        """The factors, and the matrices and vectors that they are applied with."""
+        vectors = [vector for pair in self._vectors.values() for vector in pair]
+        return [*self._factors.values(), *vectors, *self._blocks.values()]
 
 
 def _negative_unknowns(problem: Problem, role: Role) -> int:

@@ -23,6 +23,7 @@ from dea_fenicsx.model.forms import assembled
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
+from dea_fenicsx.support.petsc_objects import PetscObjects
 
 SCALAR_MASS = 1e-8
 """Mass on p and phi in a matrix that is factorised, as a dimensionless compressibility mu/kappa.
@@ -74,19 +75,20 @@ class Tangent:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self._along = dolfinx.fem.Function(problem.W)
+        self._petsc = PetscObjects(problem.comm)
         residual, w = problem.forms.residual, problem.w
         self._matrix_form = compat.compile_form(
             ufl.derivative(residual, w, ufl.TrialFunction(problem.W))
         )
         self._action = compat.compile_form(ufl.derivative(residual, w, self._along))
-        self._product = compat.create_vector(self._action)
-        self._columns = PETSc.IS().createGeneral(
+        self._product = self._petsc.keep("product", compat.create_vector(self._action))
+        self._columns = self._petsc.keep("columns", PETSc.IS().createGeneral(
             problem.free + problem.space.rows.start, comm=problem.comm
-        )
+        ))  # fmt: skip
         n = (len(problem.free), None)
-        self.operator = PETSc.Mat().createPython(
+        self.operator = self._petsc.keep("operator", PETSc.Mat().createPython(
             (n, n), context=_Product(weakref.ref(self)), comm=problem.comm
-        )
+        ))  # fmt: skip
         self.operator.setUp()
         self._transposed: tuple[Any, Any] | None = None
         self._loads: dict[str, np.ndarray] = {}
@@ -113,7 +115,8 @@ class Tangent:
             trial = ufl.TrialFunction(problem.W)
             adjoint = ufl.adjoint(ufl.derivative(problem.forms.residual, problem.w, trial))
             form = compat.compile_form(ufl.action(adjoint, self._along))
-            self._transposed = form, compat.create_vector(form)
+            product = self._petsc.keep("transposed product", compat.create_vector(form))
+            self._transposed = form, product
         self.problem.spread(direction, self._along)
         form, product = self._transposed
         return self._with_springs(assembled(product, form), direction)
@@ -229,6 +232,8 @@ class Tangent:
             free.assemble()
         if problem.unknowns <= MOST_UNKNOWNS_KEPT:
             self._kept = whole, free
+            self._petsc.keep("whole", whole)
+            self._petsc.keep("free", free)
         else:
             whole.destroy()
         return free

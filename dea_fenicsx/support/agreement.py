@@ -100,23 +100,27 @@ def together[T](comm: MPI.Comm, action: Callable[[], T], what: str) -> T:
         `DeaError` if it is one, else `OtherRankFailed`.
     """
     fault: Exception | None = None
+    raised: DeaError | None = None
     result: Any = None
     try:
         result = action()
     except Exception as error:
         fault = error
-    if comm.size > 1:
-        failed = np.zeros(comm.size, dtype=np.int32)
-        request = comm.Iallgather(np.array([fault is not None], dtype=np.int32), failed)
-        if fault is not None and not _arrives(request, errors.GRACE_S):
-            raise fault  # the other ranks wait in another collective call: they have to be ended
-        complete(comm, request)
-        if failed.any():
-            other = _from_rank(comm, int(np.flatnonzero(failed)[0]), fault, what)
-            raise fault or other
-    if fault is not None:
-        raise fault
-    return result
+    try:
+        if comm.size > 1:
+            failed = np.zeros(comm.size, dtype=np.int32)
+            request = comm.Iallgather(np.array([fault is not None], dtype=np.int32), failed)
+            if fault is not None and not _arrives(request, errors.GRACE_S):
+                raise fault  # the others wait in another collective call: they have to be ended
+            complete(comm, request)
+            if failed.any():
+                raised = _from_rank(comm, int(np.flatnonzero(failed)[0]), fault, what)
+                raise fault or raised
+        if fault is not None:
+            raise fault
+        return result
+    finally:
+        fault = raised = None  # its traceback holds these variables: a cycle of references
 
 
 def _arrives(request: MPI.Request, seconds: float) -> bool:

@@ -50,7 +50,8 @@ class EquilibriumLost(PathError):
         Ramp factors of the last accepted state and of the last trial: the critical load lies
         between them.
     ramps
-        Names of the ramps that moved; empty where a trace was lost, which is no limit point.
+        Names of the ramps that moved; empty where a trace was lost, or a part was crushed, which
+        is no limit point.
     """
 
     exit_status = 3
