@@ -33,7 +33,7 @@ def parse():
     parser.number("--mu", 15.36e3, "Pa", "equilibrium shear modulus")
     parser.number("--thickness", 0.5e-3, "m", "thickness of a layer")
     parser.count("--layers", 2, "layers of the column")
-    parser.number("--voltage", 8000.0, "V", "largest voltage")
+    parser.number("--voltage", 6000.0, "V", "largest voltage")
     parser.number("--hertz", 0.1, "1/s", "frequency of the triangle between 0 V and that voltage")
     parser.count("--cycles", 3, "cycles")
     parser.number("--tolerance", 1e-5, "-", "largest error of a step in the viscous strains")
@@ -128,7 +128,7 @@ def report(args, run):
           f"{s['max_contraction_error']:.1e}")  # fmt: skip
     print(f"lost in the last cycle: {1e6 * s['loss_of_last_cycle_J']:.6f} uJ, exact "
           f"{1e6 * s['exact_loss_of_last_cycle_J']:.6f} uJ")  # fmt: skip
-    print(f"\nresults: {run.out}/history.csv, contraction_voltage.png, fields.xdmf")
+    print(f"\nresults: {run.out}/history.csv, voltage_contraction.png, fields.xdmf")
 
 
 if __name__ == "__main__":

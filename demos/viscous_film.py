@@ -5,7 +5,7 @@ is driven by a nominal field that grows at a constant rate (--rate), or by one t
 and stays (--field).  The film creeps, ever faster, until no equilibrium is left.  All of it is in
 the same state, for which dea.exact solves an ordinary differential equation.
 
-Fields are in units of sqrt(G/eps), with G the equilibrium modulus; rates in that unit over a second.
+Fields are in units of sqrt(G/eps), with G the equilibrium modulus; rates are those per second.
 
 Constants: Wang, Decker, Henann, Chester, J. Mech. Phys. Solids 95 (2016) 213.
 
