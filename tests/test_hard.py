@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hard import devices, films, runs  # noqa: F401  (each enters its cases)
+from hard import devices, films, marches, runs  # noqa: F401  (each enters its cases)
 from hard.table import CASES, passed, verdict
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
@@ -33,6 +33,14 @@ PART = [
     "rigid motion: a film on a table in space",
     "resuming after pull-in",
     "resuming from a broken checkpoint",
+    "march: a relaxation time that is infinite",
+    "march: a branch 1000 times stiffer than the equilibrium",
+    "march: a square wave, which jumps",
+    "march: a table with a jump, and rows close together",
+    "march: pull-in within the first step",
+    "march: steps of backward Euler against the same recurrence",
+    "march: relaxed before, then creep",
+    "march: resumed in its midst",
 ]
 
 
