@@ -73,7 +73,8 @@ def moment_told(found: Any) -> Moment | None:
 
 def stacked(history: ViscousHistory, cells: int) -> np.ndarray:
     """The viscous strains of the first cells, of shape (cells, times x branches x points x 6)."""
-    tables = [np.moveaxis(s[:, :cells], 1, 0).reshape(cells, -1) for s in history.strains]
+    width = len(history.strains[0]) * int(np.prod(history.strains[0].shape[2:]))
+    tables = [np.moveaxis(s[:, :cells], 1, 0).reshape(cells, width) for s in history.strains]
     return np.hstack(tables)
 
 
