@@ -11,7 +11,7 @@ the disc is solved, of half of the film's thickness; the potential is V/T throug
 Constants: Wang, Decker, Henann, Chester, J. Mech. Phys. Solids 95 (2016) 213.
 
     python demos/creep_disc.py
-    python demos/creep_disc.py --voltage 3500 --stretch 2.5
+    python demos/creep_disc.py --voltage 4000 --stretch 3.2
 """
 
 from dataclasses import replace
@@ -36,7 +36,7 @@ def parse():
     parser.number("--radius", 12e-3, "m", "radius before the pre-stretch")
     parser.number("--electrode", 4e-3, "m", "radius of the electrode before the pre-stretch")
     parser.number("--stretch", 3.0, "-", "pre-stretch")
-    parser.number("--voltage", 4000.0, "V", "voltage that is switched on")
+    parser.number("--voltage", 3500.0, "V", "voltage that is switched on")
     parser.number("--rest", 600.0, "s", "time between the pre-stretch and the voltage")
     parser.number("--seconds", 3600.0, "s", "time under voltage")
     parser.number("--tolerance", 3e-3, "-", "largest error of a step in the viscous strains")

@@ -403,8 +403,37 @@ def check_read_results(out, printed):
     assert "hexahedron27" in printed
 
 
+def check_viscous_film(out, printed):
+    """The exact course in time, whose pull-in is that of the literature's constants."""
+    s = summary(out)
+    assert s["exact_pull_in_field"] == pytest.approx(1.508249, abs=1e-6)
+    assert s["pull_in_field"] == pytest.approx(1.508249, rel=2e-4)
+    assert s["stretch_at_pull_in"] == pytest.approx(1.282547, rel=1e-4)
+    assert s["max_relative_error"] < 1e-4
+    assert s["pull_in_time_s"] is None and s["stretch_at_0"] is None
+    assert (out / "stretch_time.png").exists()
+
+
+def check_creep(out, printed):
+    """It grows all the time, from the instantaneous response to that without branches."""
+    s = summary(out)
+    ratios = [s["area_ratio_at_0"], *s["area_ratios"].values(), s["relaxed_area_ratio"]]
+    assert np.all(np.diff(ratios) > 0)
+    assert s["area_ratio_at_end"] == pytest.approx(s["relaxed_area_ratio"], rel=5e-3)
+    assert (out / "area_time.png").exists()
+
+
+def check_hysteresis(out, printed):
+    """The exact film under the same cycles; the loss by the trapezoidal rule over the steps."""
+    s = summary(out)
+    assert s["max_contraction_error"] < 1e-4
+    assert s["loss_of_last_cycle_J"] == pytest.approx(s["exact_loss_of_last_cycle_J"], rel=0.01)
+    assert (out / "voltage_contraction.png").exists()
+
+
 CHECKS = {
     "buckling_strip.py": (check_buckling, []),
+    "creep_disc.py": (check_creep, []),
     "cube.py": (check_cube, []),
     "ddea_stack.py": (check_ddea, []),
     "dea_hinge.py": (check_hinge, ["--set", "C10-D1", "--top", 4000]),
@@ -418,6 +447,7 @@ CHECKS = {
     "hdea_single_layer.py": (check_single_layer, []),
     "hdea_ten_layer.py": (check_ten_layer, ["--turns", 3, "--mesh", 1, "--steps", 3]),
     "hdea_two_turn.py": (check_hdea, ["--mesh", 1, "--steps", 4, "--trend"]),
+    "hysteresis_stack.py": (check_hysteresis, []),
     "kresling_box.py": (check_box, []),
     "kresling_cell.py": (check_cell, ["--mesh", 1, "--steps", 8, "--stroke", 0.01,
                                       "--held-stroke", 0.0002]),
@@ -432,6 +462,7 @@ CHECKS = {
     "smooth_fold.py": (check_smooth_fold, []),
     "snap_through.py": (check_snap_through, ["--mesh", "irregular"]),
     "stiffened_membrane.py": (check_stiffened, ["--models", "gent", "--model", "gent"]),
+    "viscous_film.py": (check_viscous_film, ["--rate", 1.6, "--tolerance", 1e-5]),
     "wrinkling_film.py": (check_wrinkles, []),
 }
 NEEDS = {"design_search.py": "pymoo", "read_results.py": "pandas"}  # optional extras

@@ -10,6 +10,8 @@ from conftest import block
 
 import dea_fenicsx as dea
 from dea_fenicsx.exact import Film, march
+from dea_fenicsx.model.viscous_history import ViscousHistory
+from dea_fenicsx.results.moment import stacked
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
@@ -83,3 +85,9 @@ def test_fitted_order(cells, order, steps):
     found = np.array([errors(device, number, order) for number in steps])
     slopes = -np.polyfit(np.log(steps), np.log(np.abs(found)), 1)[0]
     assert slopes == pytest.approx(order, abs=0.1)
+
+
+def test_a_rank_without_cells_writes_its_history():
+    """More ranks than cells: a table without rows has as many columns as that of other ranks."""
+    history = ViscousHistory((np.zeros((3, 0, 8, 6)),) * 2, (1.0, 0.0))
+    assert stacked(history, 0).shape == (0, 2 * 3 * 8 * 6)

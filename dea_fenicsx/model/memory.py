@@ -159,15 +159,17 @@ class Memory:
         total = self._mesh.comm.allreduce(float((self._weights * squares).sum()), op=MPI.SUM)
         return float(np.sqrt(total / self._volume))
 
-    def relaxation_times(self) -> tuple[float, float]:
-        """The shortest and the longest finite relaxation time in s.  Collective."""
+    def relaxation_times(self) -> tuple[float, float] | None:
+        """The shortest and the longest finite relaxation time in s; None if all are infinite.
+
+        Collective.
+        """
         rates = self._rates
         mine = rates[rates > 0]
-        high, low = np.max(mine, initial=0.0), np.min(mine, initial=np.inf)
         comm = self._mesh.comm
-        return 1 / comm.allreduce(float(high), op=MPI.MAX), 1 / comm.allreduce(
-            float(low), op=MPI.MIN
-        )
+        high = comm.allreduce(float(np.max(mine, initial=0.0)), op=MPI.MAX)
+        low = comm.allreduce(float(np.min(mine, initial=np.inf)), op=MPI.MIN)
+        return (1 / high, 1 / low) if high > 0 else None
 
     def rates(self, strains: np.ndarray) -> np.ndarray:
         """dC_v/dt in 1/s of the viscous strains in the present state."""

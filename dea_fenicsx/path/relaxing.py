@@ -62,7 +62,10 @@ def _relax(solver: NewtonSolver) -> None:
     problem = solver.problem
     memory, clock = problem.forms.memory, problem.state.time
     stepper = TimeStepper(solver, {}, clock, order=1)
-    shortest, longest = memory.relaxation_times()
+    times = memory.relaxation_times()
+    if times is None:
+        return
+    shortest, longest = times
     seconds, last = FIRST_RELAXATION * shortest, LONGEST_RELAXATION * longest
     smallest = seconds * 2.0**-20
     while seconds < last:
