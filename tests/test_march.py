@@ -246,11 +246,11 @@ class Stopper:
         return value
 
 
-@pytest.mark.parametrize("last", [4, 9, 25])
+@pytest.mark.parametrize("last", [4, 12])
 def test_a_march_goes_on_after_it_was_killed(tmp_path, last):
     path = [
         dea.Ramp("voltage", 0.3, steps=2, response="instantaneous"),
-        dea.March(2.0, {"voltage": dea.Square(1.0, 0.1, 0.4)}, tolerance=1e-3, at=(0.7, 1.6)),
+        dea.March(0.9, {"voltage": dea.Square(1.0, 0.1, 0.4)}, tolerance=1e-2, at=(0.7,)),
     ]
     whole = solve(film(), path, {**STRETCH, "stop": Stopper(0)})
     with pytest.raises(KeyboardInterrupt):
@@ -258,7 +258,7 @@ def test_a_march_goes_on_after_it_was_killed(tmp_path, last):
     again = solve(
         film(), path, {**STRETCH, "stop": Stopper(0)}, out=tmp_path / "out", resume=True
     )
-    for time in (0.5, 0.7, 1.6, 2.0):
+    for time in (0.5, 0.7, 0.9):
         mine, other = (
             [row["u_m"] for row in run.history if row["time_s"] == time] for run in (whole, again)
         )
