@@ -24,7 +24,8 @@ MODELS = {"neo-hookean": dea.NeoHookean, "yeoh": dea.Yeoh}
 def main():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/fit_viscous")
     parser.add_argument("--model", choices=sorted(MODELS), default="yeoh",
-                        help="elastic model of the equilibrium (default: %(default)s)")  # fmt: skip
+                        help="elastic model of the equilibrium; moduli are fitted in Pa "
+                        "(default: %(default)s)")  # fmt: skip
     args = parser.parse_args()
     if MPI.COMM_WORLD.rank != 0:
         return  # nothing here is shared work

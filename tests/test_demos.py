@@ -433,7 +433,7 @@ def check_hysteresis(out, printed):
 
 CHECKS = {
     "buckling_strip.py": (check_buckling, []),
-    "creep_disc.py": (check_creep, []),
+    "creep_disc.py": (check_creep, ["--tolerance", 2e-2, "--rest", 100]),
     "cube.py": (check_cube, []),
     "ddea_stack.py": (check_ddea, []),
     "dea_hinge.py": (check_hinge, ["--set", "C10-D1", "--top", 4000]),
@@ -447,7 +447,7 @@ CHECKS = {
     "hdea_single_layer.py": (check_single_layer, []),
     "hdea_ten_layer.py": (check_ten_layer, ["--turns", 3, "--mesh", 1, "--steps", 3]),
     "hdea_two_turn.py": (check_hdea, ["--mesh", 1, "--steps", 4, "--trend"]),
-    "hysteresis_stack.py": (check_hysteresis, []),
+    "hysteresis_stack.py": (check_hysteresis, ["--cycles", 1, "--tolerance", 3e-5]),
     "kresling_box.py": (check_box, []),
     "kresling_cell.py": (check_cell, ["--mesh", 1, "--steps", 8, "--stroke", 0.01,
                                       "--held-stroke", 0.0002]),
