@@ -1,4 +1,4 @@
-"""What the demos of folding devices and of fits must print; used by test_demos.py."""
+"""What the demos of folding devices, of fits and of time must print; used by test_demos.py."""
 
 from __future__ import annotations
 
@@ -84,3 +84,31 @@ def check_viscous_fit(out, printed):
     assert len(s["branches"]) == 2
     assert (out / "cycles.png").exists()
     assert "(predicted)" in printed
+
+
+def check_viscous_film(out, printed):
+    """The exact course in time, whose pull-in is that of the literature's constants."""
+    s = summary(out)
+    assert s["exact_pull_in_field"] == pytest.approx(1.508249, abs=1e-6)
+    assert s["pull_in_field"] == pytest.approx(1.508249, rel=2e-4)
+    assert s["stretch_at_pull_in"] == pytest.approx(1.282547, rel=1e-4)
+    assert s["max_relative_error"] < 1e-4
+    assert s["pull_in_time_s"] is None and s["stretch_at_0"] is None
+    assert (out / "stretch_time.png").exists()
+
+
+def check_creep(out, printed):
+    """It grows all the time, from the instantaneous response to that without branches."""
+    s = summary(out)
+    ratios = [s["area_ratio_at_0"], *s["area_ratios"].values(), s["relaxed_area_ratio"]]
+    assert np.all(np.diff(ratios) > 0)
+    assert s["area_ratio_at_end"] == pytest.approx(s["relaxed_area_ratio"], rel=5e-3)
+    assert (out / "area_time.png").exists()
+
+
+def check_hysteresis(out, printed):
+    """The exact film under the same cycles; the loss by the trapezoidal rule over the steps."""
+    s = summary(out)
+    assert s["max_contraction_error"] < 1e-4
+    assert s["loss_of_last_cycle_J"] == pytest.approx(s["exact_loss_of_last_cycle_J"], rel=0.01)
+    assert (out / "voltage_contraction.png").exists()

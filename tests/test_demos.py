@@ -8,7 +8,16 @@ import json
 import numpy as np
 import pytest
 from conftest import ROOT
-from demo_checks import check_fit, check_hinge, check_stiffened, check_viscous_fit, summary
+from demo_checks import (
+    check_creep,
+    check_fit,
+    check_hinge,
+    check_hysteresis,
+    check_stiffened,
+    check_viscous_film,
+    check_viscous_fit,
+    summary,
+)
 
 import dea_fenicsx as dea
 
@@ -401,34 +410,6 @@ def check_read_results(out, printed):
     assert found["largest_displacement_h5py_m"] == pytest.approx(-s["top_m"], rel=1e-14)
     assert found["field_V_per_m"] == found["field_meshio_V_per_m"] > 4e6
     assert "hexahedron27" in printed
-
-
-def check_viscous_film(out, printed):
-    """The exact course in time, whose pull-in is that of the literature's constants."""
-    s = summary(out)
-    assert s["exact_pull_in_field"] == pytest.approx(1.508249, abs=1e-6)
-    assert s["pull_in_field"] == pytest.approx(1.508249, rel=2e-4)
-    assert s["stretch_at_pull_in"] == pytest.approx(1.282547, rel=1e-4)
-    assert s["max_relative_error"] < 1e-4
-    assert s["pull_in_time_s"] is None and s["stretch_at_0"] is None
-    assert (out / "stretch_time.png").exists()
-
-
-def check_creep(out, printed):
-    """It grows all the time, from the instantaneous response to that without branches."""
-    s = summary(out)
-    ratios = [s["area_ratio_at_0"], *s["area_ratios"].values(), s["relaxed_area_ratio"]]
-    assert np.all(np.diff(ratios) > 0)
-    assert s["area_ratio_at_end"] == pytest.approx(s["relaxed_area_ratio"], rel=5e-3)
-    assert (out / "area_time.png").exists()
-
-
-def check_hysteresis(out, printed):
-    """The exact film under the same cycles; the loss by the trapezoidal rule over the steps."""
-    s = summary(out)
-    assert s["max_contraction_error"] < 1e-4
-    assert s["loss_of_last_cycle_J"] == pytest.approx(s["exact_loss_of_last_cycle_J"], rel=0.01)
-    assert (out / "voltage_contraction.png").exists()
 
 
 CHECKS = {
