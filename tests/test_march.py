@@ -264,3 +264,26 @@ def test_a_march_goes_on_after_it_was_killed(tmp_path, last):
         )
         assert mine == pytest.approx(other, rel=1e-8)
         assert mine
+
+
+def test_another_drive_of_the_same_name_is_not_resumed(tmp_path):
+    def path(factor):
+        return dea.March(0.4, {"voltage": lambda t: factor * t}, steps=4)
+
+    with pytest.raises(KeyboardInterrupt):
+        solve(film(), path(0.5), {**STRETCH, "stop": Stopper(3)}, out=tmp_path / "out")
+    again = {**STRETCH, "stop": Stopper(0)}
+    with pytest.raises(InputError, match="its drives is not this script's"):
+        solve(film(), path(0.6), again, out=tmp_path / "out", resume=True)
+    assert solve(film(), path(0.5), again, out=tmp_path / "out", resume=True).history
+
+
+def test_a_corner_of_the_drive_keeps_the_tolerance():
+    """The slope of a triangle jumps; a finer tolerance brings the end closer to the exact one."""
+    wave = dea.Triangle(0.25, amplitude=0.6)
+    ends = [
+        stretch(solve(film(), dea.March(4.5, {"voltage": wave}, tolerance=tolerance)))
+        for tolerance in (1e-4, 1e-5, 1e-7)
+    ]
+    assert abs(ends[0] - ends[2]) < 3e-4
+    assert abs(ends[1] - ends[2]) < 3e-5

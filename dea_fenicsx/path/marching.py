@@ -107,6 +107,8 @@ class MarchWalk:
         self.room = ROUNDING * march.seconds
         self.stepper = TimeStepper(solver, self.drive, cursor.began, march.order)
         self.adaptive = march.steps is None and bool(self.stepper.memory)
+        end = march.seconds
+        self.corners = sorted({t for w in self.drive.values() for t in w.corners(0.0, end)})
         self.stops = self._stops()
         self.ladder = Ladder(self._longest())
         self.limit: float | None = None  # time of the limit point ahead, as known so far
@@ -116,10 +118,9 @@ class MarchWalk:
     def _stops(self) -> list[float]:
         """Times since the beginning of the march at which a step ends."""
         end = self.march.seconds
-        inside = {t for wave in self.drive.values() for t in wave.corners(0.0, end)}
-        inside |= {t for t in self.march.at if t < end - self.room}
+        asked = [t for t in self.march.at if t < end - self.room]
         found: list[float] = []
-        for t in sorted(inside):
+        for t in sorted([*self.corners, *asked]):
             if not found or t > found[-1] + self.room:
                 found.append(t)
         return [*found, end]
@@ -173,15 +174,17 @@ class MarchWalk:
             error = None
             if self.adaptive:
                 rule = self.stepper.rule()
-                error = self.stepper.error(settled, rule)
+                corner = any(abs(now - t) <= self.room for t in self.corners)
+                error = self.stepper.error(settled, rule, corner)
+                order = 3 if rule is Rule.BDF2 and not corner else 2
                 if error is not None and error > self.march.tolerance:
                     self.rung = max(
-                        self.rung + 1, self.ladder.at_most(self._allowed(seconds, error, rule))
+                        self.rung + 1, self.ladder.at_most(self._allowed(seconds, error, order))
                     )
                     if self.ladder.size(self.rung) < SHORTEST_STEP * self.ladder.longest:
                         raise march_too_exact(now, self.march.tolerance, error)
                     continue
-                self._grow(seconds, error, rule)
+                self._grow(seconds, error, order)
             elif self.rung > 0 and not failures:
                 self.rung -= 1
             yield from self._events(now, seconds, settled)
@@ -202,19 +205,18 @@ class MarchWalk:
         self.rung = max(self.rung + 1, self.ladder.at_most(seconds / 2))
         return seconds / 2 / self.ladder.longest
 
-    def _allowed(self, seconds: float, error: float, rule: Rule) -> float:
-        """The length of a step whose error is the tolerance."""
-        order = 3 if rule is Rule.BDF2 else 2
+    def _allowed(self, seconds: float, error: float, order: int) -> float:
+        """The length of a step whose error, of an order in its length, is the tolerance."""
         return seconds * (self.march.tolerance / max(error, 1e-30)) ** (1 / order)
 
-    def _grow(self, seconds: float, error: float | None, rule: Rule) -> None:
+    def _grow(self, seconds: float, error: float | None, order: int) -> None:
         """Choose the rung of the next step after one that is accepted."""
         if error is None:
             return
         used = self.ladder.at_most(seconds * (1 + 1e-9))
         if used > self.rung:  # the step was cut short by a landing, and tells less of the next one
             return
-        self.rung = self.ladder.next_rung(self.rung, self._allowed(seconds, error, rule))
+        self.rung = self.ladder.next_rung(self.rung, self._allowed(seconds, error, order))
 
     def _first_step(self) -> float:
         """Length of the first step after a jump, in which the error of backward Euler is small."""

@@ -76,11 +76,15 @@ class Ladder:
         return rung
 
 
-def estimate(new: ViscousHistory, order: int = 2) -> np.ndarray | None:
+def estimate(
+    new: ViscousHistory, order: int = 2, corner: bool = False
+) -> np.ndarray | None:
     """Estimated error of the newest viscous strains, like them; None with too short a history.
 
     A step of BDF2 is compared with the parabola, one of backward Euler (`order` 1) with the
     straight line through the two values before, whose error is -h (h + h1)/2 y'' against h^2/2 y''.
+    In a step that begins at a `corner` of the drive, y'' jumps, and BDF2 is wrong by as much as the
+    parabola; the whole difference is then the estimate.
     """
     times, strains = new.times, new.strains
     if len(times) < order + 2:
@@ -92,6 +96,8 @@ def estimate(new: ViscousHistory, order: int = 2) -> np.ndarray | None:
     h2 = times[2] - times[3]
     weights = _lagrange(np.array(times[1:4]), times[0])
     parabola = sum(w * s for w, s in zip(weights, strains[1:4], strict=True))
+    if corner:
+        return np.asarray(strains[0] - parabola)
     wrong = h**2 * (h + h1) ** 2 / (6 * (2 * h + h1))
     off = h * (h + h1) * (h + h1 + h2) / 6
     return np.asarray((strains[0] - parabola) * wrong / (wrong + off))

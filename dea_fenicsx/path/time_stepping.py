@@ -165,8 +165,10 @@ class TimeStepper:
             return attempt
         return replace(attempt, state=self.settled(attempt.found))
 
-    def error(self, settled: State, rule: Rule) -> float | None:
+    def error(self, settled: State, rule: Rule, corner: bool = False) -> float | None:
         """Estimated error of a step that has ended in a settled state; None if not known.
+
+        `corner` tells whether the step began at a corner of the drive.
 
         A step of SDIRK2 is compared with backward Euler's rule over the first stage, continued to
         the end of the step, which has order 1.  Collective.
@@ -177,7 +179,7 @@ class TimeStepper:
             old = history.strains[1]
             found = history.strains[0] - old - (self._stage - old) / STAGE_SHARE
         else:
-            estimated = estimate(history, 1 if rule is Rule.EULER else 2)
+            estimated = estimate(history, 1 if rule is Rule.EULER else 2, corner)
             if estimated is None:
                 return None
             found = estimated

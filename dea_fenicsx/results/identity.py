@@ -14,6 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.path.items import March
 from dea_fenicsx.results.columns import column_of
 from dea_fenicsx.results.fields import Grid
 from dea_fenicsx.support.compat import dolfinx
@@ -21,6 +22,9 @@ from dea_fenicsx.support.type_checks import plain
 
 COORDINATE_TOLERANCE = 1e-9
 """Coordinates differ by up to this share of the device's size on another number of ranks."""
+
+DRIVE_SAMPLES = 17
+"""Times of a march at which its drives are compared with those of an earlier run."""
 
 _DEEPEST = 8
 
@@ -94,7 +98,15 @@ def fingerprint(
         "observables": {column_of(n, o): _definition(o) for n, o in record.items()},
         "failures": [described(f) for f in failures],
     }
+    if marches := [item for item in path if isinstance(item, March)]:
+        facts["drives"] = [_sampled(march) for march in marches]
     return dict(json.loads(json.dumps(facts)))
+
+
+def _sampled(march: March) -> dict[str, list[float]]:
+    """Values of the drives of a march, for a function is else known by its name alone."""
+    times = np.linspace(0.0, march.seconds, DRIVE_SAMPLES)
+    return {name: [wave(float(t)) for t in times] for name, wave in march.waves.items()}
 
 
 def _definition(observable: Any) -> Any:
