@@ -27,6 +27,7 @@ SOFT = [
     name
     for name in dea.materials.list()
     if (m := dea.materials.get(name)).is_dielectric and m.bulk_modulus is None
+    and not m.is_viscous
 ]
 
 # r_o, r_i, pitch (mm); lead angles (deg), lengths (mm), area, flat area, eq 40 with one angle and

@@ -81,6 +81,10 @@ def recorded(kind):
     return lambda **given: solve(record={"it": kind(**given)})
 
 
+def driven(kind):
+    return lambda **given: solve(path=dea.March(1.0, {"voltage": kind(**given)}))
+
+
 FIELDS = {
     dea.Scene: (scene, dict.fromkeys(
         ("device", "materials", "electrodes", "supports", "prescribed", "loads", "kinematics",
@@ -118,6 +122,21 @@ FIELDS = {
                    dict(elastic=dea.NeoHookean(5e4))),
     dea.Ramp: (lambda **g: solve(path=dea.Ramp(**g)), {}),
     dea.Trace: (lambda **g: solve(path=dea.Trace(**g)), dict(what="voltage")),
+    dea.March: (lambda **g: solve(path=dea.March(**g)), dict(seconds=1.0)),
+    dea.Constant: (driven(dea.Constant), {}),
+    dea.Rise: (driven(dea.Rise), {}),
+    dea.Step: (driven(dea.Step), {}),
+    dea.Sine: (driven(dea.Sine), dict(hertz=1.0)),
+    dea.Triangle: (driven(dea.Triangle), dict(hertz=1.0)),
+    dea.Square: (driven(dea.Square), dict(hertz=1.0)),
+    dea.Chirp: (driven(dea.Chirp), dict(low=1.0, high=2.0, seconds=1.0)),
+    dea.Table: (driven(dea.Table), dict(times=[0.0, 1.0], values=[0.0, 1.0])),
+    dea.Function: (driven(dea.Function), dict(function=abs)),
+    dea.Maxwell: (
+        lambda **g: scene(materials={"film": dea.Material(
+            dea.NeoHookean(5e4), dea.IdealDielectric(3.0), viscous=[dea.Maxwell(**g)])}),
+        dict(mu=1e4, tau=1.0)),
+    dea.Dissipation: (recorded(dea.Dissipation), {}),
     dea.NewtonOptions: (lambda **g: solve(options=dea.NewtonOptions(**g)), {}),
     dea.LossOfTension: (lambda **g: solve(failures=[dea.LossOfTension(**g)]), dict(normal="y")),
     dea.StretchLimit: (lambda **g: solve(failures=[dea.StretchLimit(**g)]), dict(stretch=2.0)),

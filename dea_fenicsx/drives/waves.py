@@ -272,7 +272,7 @@ class Table(Wave):
         for name in ("times", "values"):
             try:
                 given = np.asarray(getattr(self, name), dtype=float).ravel()
-            except (TypeError, ValueError):
+            except (TypeError, ValueError, OverflowError):
                 raise InputError(
                     f"The {name} of a Table are {shown(getattr(self, name))}, but must be numbers."
                 ) from None
@@ -339,12 +339,22 @@ class Function(Wave):
         value = self.function(t)
         if not is_number(value) or not math.isfinite(value):
             raise InputError(
-                f"The drive gives {shown(value)} at {t:g} s, but must give a finite number."
+                f"The function of a drive gives {shown(value)} at {t:g} s, but must give a finite "
+                "number."
             )
         return float(value)
 
     def corners(self, start: float, end: float) -> tuple[float, ...]:
         return _inside(self.at, start, end)
+
+    def check(self, what: str) -> None:
+        if not callable(self.function) or isinstance(self.function, type):
+            raise InputError(
+                f"The function of {what} is {shown(self.function)}, but must be a function of the "
+                "time in s."
+            )
+        for time in self.at:
+            finite(time, f"A time of {what} at which its slope jumps")
 
 
 def _inside(times: Sequence[float], start: float, end: float) -> tuple[float, ...]:
