@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import State
+from dea_fenicsx.path.interpolation import lagrange_weights
 from dea_fenicsx.path.stability import Place
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt
@@ -155,18 +156,12 @@ class Predictor:
         factor = target.factors[self.name]
         at = np.array([s.factors[self.name] for s in known])
         states = [s.values for s in known]
-        by_factor = _lagrange(at, factor)
+        by_factor = lagrange_weights(at, factor)
         guess = sum(c * s for c, s in zip(by_factor, states, strict=True))
         if self.even:
             squares = at**2
             if len(np.unique(squares)) == len(squares):
-                by_square = _lagrange(squares, factor**2)
+                by_square = lagrange_weights(squares, factor**2)
                 even = sum(c * s for c, s in zip(by_square, states, strict=True))
                 guess = np.where(self._odd, guess, even)
         return target.with_values(np.asarray(guess))
-
-
-def _lagrange(nodes: np.ndarray, x: float) -> np.ndarray:
-    """Weights of the polynomial through values at `nodes`, at x."""
-    others = [np.delete(nodes, k) for k in range(len(nodes))]
-    return np.array([np.prod((x - o) / (n - o)) for n, o in zip(nodes, others, strict=True)])

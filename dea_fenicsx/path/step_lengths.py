@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dea_fenicsx.model.viscous_history import ViscousHistory
+from dea_fenicsx.path.interpolation import lagrange_weights
 
 RUNG = math.sqrt(2.0)
 """Ratio of neighbouring sizes on the ladder; BDF2 is stable up to a growth of 2.41."""
@@ -94,15 +95,10 @@ def estimate(
         line = strains[1] + h / h1 * (strains[1] - strains[2])
         return np.asarray((strains[0] - line) * h / (2 * h + h1))
     h2 = times[2] - times[3]
-    weights = _lagrange(np.array(times[1:4]), times[0])
+    weights = lagrange_weights(np.array(times[1:4]), times[0])
     parabola = sum(w * s for w, s in zip(weights, strains[1:4], strict=True))
     if corner:
         return np.asarray(strains[0] - parabola)
     wrong = h**2 * (h + h1) ** 2 / (6 * (2 * h + h1))
     off = h * (h + h1) * (h + h1 + h2) / 6
     return np.asarray((strains[0] - parabola) * wrong / (wrong + off))
-
-
-def _lagrange(nodes: np.ndarray, x: float) -> np.ndarray:
-    others = [np.delete(nodes, k) for k in range(len(nodes))]
-    return np.array([np.prod((x - o) / (n - o)) for n, o in zip(nodes, others, strict=True)])

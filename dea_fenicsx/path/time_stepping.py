@@ -17,6 +17,7 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.model.viscous_history import STAGE_SHARE, Rule, ViscousHistory
+from dea_fenicsx.path.interpolation import lagrange_weights
 from dea_fenicsx.path.step_lengths import estimate
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
@@ -101,10 +102,7 @@ class TimeStepper:
         times = np.array([s.time for s in self.known])
         if len(times) < 2:
             return target
-        weights = [
-            np.prod((target.time - np.delete(times, k)) / (t - np.delete(times, k)))
-            for k, t in enumerate(times)
-        ]
+        weights = lagrange_weights(times, target.time)
         values = sum(w * s.values for w, s in zip(weights, self.known, strict=True))
         return target.with_values(np.asarray(values))
 
