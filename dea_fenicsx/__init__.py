@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         OverallTorque,
         OverallTwist,
     )
+    from dea_fenicsx.measure.currents import ChargeLoss, Current
     from dea_fenicsx.measure.energy import Dissipation, Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
     from dea_fenicsx.measure.observables import (
@@ -65,7 +66,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.mesh.device import Device, read_gmsh
-    from dea_fenicsx.path.items import March, Ramp, Trace
+    from dea_fenicsx.path.items import Close, March, Open, Ramp, Trace
     from dea_fenicsx.results.folder import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
@@ -103,6 +104,7 @@ if TYPE_CHECKING:
     )
     from dea_fenicsx.scene.rigid import Moment, Rigid, Turn
     from dea_fenicsx.scene.scene import Scene
+    from dea_fenicsx.scene.sources import Source
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
     from dea_fenicsx.solvers.options import NewtonOptions
     from dea_fenicsx.support.errors import (
@@ -121,6 +123,7 @@ _HOME = {
     "scene.loads": ("AxialForce", "DeadLoad", "DeadPressure", "FollowerPressure", "Torque"),
     "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),
     "scene.rigid": ("Moment", "Rigid", "Turn"),
+    "scene.sources": ("Source",),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
     "support.errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
@@ -132,8 +135,8 @@ _HOME = {
     ),
     "run.fidelity_ladder": ("speed_vs_error",),
     "materials": (
-        "ArrudaBoyce", "Breakdown", "Conductor", "Gent", "IdealDielectric", "Material", "Maxwell",
-        "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh",
+        "ArrudaBoyce", "Breakdown", "Conductivity", "Conductor", "Gent", "IdealDielectric",
+        "Material", "Maxwell", "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh",
     ),
     "mesh.device": ("Device", "read_gmsh"),
     "measure.observables": (
@@ -144,6 +147,7 @@ _HOME = {
         "OverallContraction", "OverallForce", "OverallStretch", "OverallTorque", "OverallTwist",
     ),
     "results.reading": ("read_history", "read_summary"),
+    "measure.currents": ("ChargeLoss", "Current"),
     "measure.energy": ("Dissipation", "Energy"),
     "measure.point": ("AtPoint",),
     "measure.rigid_part": ("PartRotation",),
@@ -156,7 +160,7 @@ _HOME = {
     "drives.waves": (
         "Chirp", "Constant", "Function", "Rise", "Sine", "Square", "Step", "Table", "Triangle",
     ),
-    "path.items": ("March", "Ramp", "Trace"),
+    "path.items": ("Close", "March", "Open", "Ramp", "Trace"),
     "results.per_turn": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}

@@ -10,7 +10,13 @@ All constants are in SI units.
 
 from dea_fenicsx.materials.base import EPSILON_0, Elastic, Strain
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
-from dea_fenicsx.materials.electric import Breakdown, Conductor, Dielectric, IdealDielectric
+from dea_fenicsx.materials.electric import (
+    Breakdown,
+    Conductivity,
+    Conductor,
+    Dielectric,
+    IdealDielectric,
+)
 from dea_fenicsx.materials.fitting import Fit, TestData, fit, read_data
 from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.ogden import Ogden
@@ -34,6 +40,7 @@ __all__ = [
     "ArrudaBoyce",
     "IdealDielectric",
     "Breakdown",
+    "Conductivity",
     "Conductor",
     "Dielectric",
     "Material",

@@ -6,9 +6,14 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+import numpy as np
+
 from dea_fenicsx.materials.base import EPSILON_0
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite
+
+MOST_EXPONENT = 50.0
+"""Largest exponent of a conductivity.  A dielectric breaks down long before."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,54 @@ class Breakdown:
         return found
 
 
+@dataclass(frozen=True)
+@in_si(siemens_per_metre="S/m", field="V/m")
+class Conductivity:
+    """Conductivity of a dielectric that grows with the true field E: g exp(|E|/field).
+
+    Parameters
+    ----------
+    siemens_per_metre
+        g in S/m at small fields, >= 0.
+    field
+        Field in V/m over which it grows by a factor of e; None for a constant conductivity.
+
+    References
+    ----------
+    Conduction of VHB 4910 and of silicones grows exponentially with the field: T. A. Gisby, S. Q.
+    Xie, E. P. Calius, I. A. Anderson, Proc. SPIE 7642 (2010) 764213.
+    """
+
+    siemens_per_metre: float
+    field: float | None = None
+
+    def at(self, field: Any) -> Any:
+        """Conductivity in S/m at a true field in V/m."""
+        if self.field is None:
+            return self.siemens_per_metre + 0 * field
+        return self.siemens_per_metre * np.exp(np.minimum(field / self.field, MOST_EXPONENT))
+
+    def faults(self) -> list[str]:
+        """What is unphysical about the constants, as a list of clauses."""
+        found = []
+        if not is_finite(self.siemens_per_metre) or self.siemens_per_metre < 0:
+            found.append(
+                f"the conductivity is {self.siemens_per_metre!r}, but must be a finite number "
+                ">= 0 in S/m"
+            )
+        elif self.siemens_per_metre > 1e-3:
+            found.append(
+                f"the conductivity is {self.siemens_per_metre:g} S/m, which is that of an "
+                "electrode, not of a dielectric; the unit is S/m"
+            )
+        if self.field is not None and (not is_finite(self.field) or not self.field > 0):
+            found.append(
+                f"the field of the conductivity is {self.field!r}, but must be a number > 0 in "
+                "V/m, or None"
+            )
+        return found
+
+
 class Electric(ABC):
     """Base of the electric properties of a region.
 
@@ -78,6 +131,10 @@ class Dielectric(Electric):
     def permittivity(self) -> float:
         """Absolute permittivity in F/m."""
 
+    def conductivity_law(self) -> Conductivity | None:
+        """The law of its conductivity, or None where it does not conduct."""
+        return None
+
     def breakdown_law(self) -> Breakdown | None:
         """The law of its breakdown field, or None where it is not known."""
         return None
@@ -89,7 +146,7 @@ class Dielectric(Electric):
 
 
 @dataclass(frozen=True)
-@in_si(eps_r="", breakdown="V/m")
+@in_si(eps_r="", breakdown="V/m", conductivity="S/m")
 class IdealDielectric(Dielectric):
     """A dielectric whose true permittivity does not depend on strain: D = eps_r eps_0 E.
 
@@ -99,6 +156,9 @@ class IdealDielectric(Dielectric):
         Relative permittivity.
     breakdown
         Breakdown field: a number in V/m, a `Breakdown` law, or None where it is not known.
+    conductivity
+        Conductivity of the dielectric, by which charge leaks through it while time passes in a
+        `March`: a number in S/m, or a `Conductivity` law.  0 for a perfect insulator.
 
     References
     ----------
@@ -107,6 +167,13 @@ class IdealDielectric(Dielectric):
 
     eps_r: float
     breakdown: float | Breakdown | None = None
+    conductivity: float | Conductivity = 0.0
+
+    def conductivity_law(self) -> Conductivity | None:
+        law = self.conductivity
+        if not isinstance(law, Conductivity):
+            law = Conductivity(law)
+        return law if law.siemens_per_metre else None
 
     def permittivity(self) -> float:
         """Absolute permittivity in F/m."""
@@ -124,7 +191,10 @@ class IdealDielectric(Dielectric):
                 f"eps_r is {self.eps_r!r}, but a relative permittivity is a finite number >= 1"
             )
         law = self.breakdown_law()
-        return found if law is None else found + law.faults()
+        if law is not None:
+            found += law.faults()
+        leak = self.conductivity
+        return found + (leak if isinstance(leak, Conductivity) else Conductivity(leak)).faults()
 
 
 @dataclass(frozen=True)

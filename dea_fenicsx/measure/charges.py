@@ -47,15 +47,17 @@ class ElectrodeCharge:
         The problem.
     electrode
         One of its scene's electrodes.
+    rate
+        A coefficient in 1/s by which the displacement is multiplied; the result is then in A.
     """
 
-    def __init__(self, problem: Problem, electrode: Conducting) -> None:
+    def __init__(self, problem: Problem, electrode: Conducting, rate: Any = 1) -> None:
         self.problem = problem
         assert problem.potential is not None
         self._phi = dolfinx.fem.Function(problem.potential.space)
         shape = _profile_of(problem, electrode)
         cells = _cells_of(problem, electrode, shape.x.array)
-        self._form = compat.compile_form(_flux(problem, cells, self._phi, shape))
+        self._form = compat.compile_form(_flux(problem, cells, self._phi, shape, rate))
 
     def of_state(self) -> float:
         """In C, in the present state.  Collective."""
@@ -182,15 +184,18 @@ def _stiffness(problem: Problem) -> Any:
     return matrix
 
 
-def _flux(problem: Problem, cells: list[np.ndarray], a: Any, b: Any) -> Any:
-    """The form int eps J^-1 (cof F Grad a) . (cof F Grad b) dX over cells of each dielectric."""
+def _flux(problem: Problem, cells: list[np.ndarray], a: Any, b: Any, rate: Any = 1) -> Any:
+    """The form int eps J^-1 (cof F Grad a) . (cof F Grad b) dX over cells of each dielectric.
+
+    The integrand is multiplied by `rate`.
+    """
     scene, helix = problem.scene, problem.forms.motion
     kinematics = scene.kinematics
     x = ufl.SpatialCoordinate(problem.mesh)
     u = problem.space.symbolic(Role.MOTION, problem.w)
     cof, J = cofactor(ufl.Identity(3) + kinematics.displacement_gradient(u, x, helix))
     first, second = (ufl.dot(cof, kinematics.gradient(f, x, helix)) for f in (a, b))
-    density = ufl.dot(first, second) / J * kinematics.weight(x)
+    density = rate * ufl.dot(first, second) / J * kinematics.weight(x)
     dx = measure(scene.device, cells, scene.elements.quadrature_degree)
     dielectrics = [k for k in problem.kernels if k.eps is not None]
     return sum(k.eps * density * dx(i) for i, k in enumerate(dielectrics))

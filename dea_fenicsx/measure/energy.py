@@ -86,7 +86,7 @@ class Energy:
             kernel = problem.kernels[k]
             return [term.stored(point) for term in terms if term.lives_on(kernel)]
 
-        return _integral(problem, _over_regions(problem, self.regions, density))
+        return integral(problem, over_regions(problem, self.regions, density))
 
     def _terms(self, problem: Problem) -> list[EnergyTerm]:
         """The problem's terms that are part of this energy."""
@@ -115,7 +115,7 @@ class Energy:
         on_surfaces: Measurement = lambda: 0.0  # noqa: E731
         if problem.loads.work != 0:
             # the virtual work of dead loads is linear, so it gives the work on w itself
-            on_surfaces = _integral(problem, ufl.action(problem.loads.work, problem.w))
+            on_surfaces = integral(problem, ufl.action(problem.loads.work, problem.w))
         period = scene.period if scene.kinematics.global_unknowns else 0.0
         forces = [force for _, force in scene.declared.global_forces]
         places = [scene.kinematics.global_unknowns.index(told.unknown) for told in forces]
@@ -159,11 +159,11 @@ class Dissipation:
         def density(k: int, point: MaterialPoint) -> list[Any]:
             return [dissipation(point)] if problem.kernels[k].branches else []
 
-        form = _over_regions(problem, self.regions, density)
-        return _integral(problem, form) if form != 0 else lambda: 0.0
+        form = over_regions(problem, self.regions, density)
+        return integral(problem, form) if form != 0 else lambda: 0.0
 
 
-def _over_regions(
+def over_regions(
     problem: Problem,
     regions: str | tuple[str, ...] | None,
     density: Callable[[int, MaterialPoint], list[Any]],
@@ -184,7 +184,7 @@ def _over_regions(
     )
 
 
-def _integral(problem: Problem, form: Any) -> Measurement:
+def integral(problem: Problem, form: Any) -> Measurement:
     """How to measure a dimensionless energy in the present state, in J.  Collective."""
     compiled = compat.compile_form(form)
     unit = problem.scales.stress * problem.scales.volume

@@ -215,7 +215,7 @@ class Charge:
     unit = "C"
 
     def bind(self, problem: Problem) -> Measurement:
-        named = [_electrode(problem, name) for name in group_names(self.electrode)]
+        named = [electrode_named(problem, name) for name in group_names(self.electrode)]
         charges = [ElectrodeCharge(problem, e) for e in {e.label: e for e in named}.values()]
         return lambda: sum(charge.of_state() for charge in charges)
 
@@ -231,7 +231,7 @@ class Potential:
     unit = "V"
 
     def bind(self, problem: Problem) -> Measurement:
-        electrode = _electrode(problem, self.electrode)
+        electrode = electrode_named(problem, self.electrode)
         if not electrode.floats:
             volts = electrode.given_volts
             return lambda: 0.0 + problem.factors.get(electrode.ramp, 0.0) * volts
@@ -253,7 +253,7 @@ class Capacitance:
     unit = "F"
 
     def bind(self, problem: Problem) -> Measurement:
-        electrode = _electrode(problem, self.electrode)
+        electrode = electrode_named(problem, self.electrode)
         if not electrode.floats and not electrode.given_volts:
             raise InputError(
                 f"Electrode {self.electrode!r} is grounded; name a driven electrode for its "
@@ -285,7 +285,7 @@ def _common(problem: Problem, values: np.ndarray) -> float:
     return next(float(v[0]) for v in problem.comm.allgather(values[:1]) if len(v))
 
 
-def _electrode(problem: Problem, name: str) -> Conducting:
+def electrode_named(problem: Problem, name: str) -> Conducting:
     """An electrode of the scene by its label or one of its names."""
     for electrode in problem.scene.electrodes:
         if name in (electrode.label, *electrode.names):

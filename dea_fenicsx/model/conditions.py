@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.circuits import Circuits
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.free_body import HeldBody, held_body
@@ -56,6 +57,8 @@ class Conditions:
     expansion
         PETSc matrix from the free unknowns to all owned degrees of freedom where some follow
         others, or None.  With rigid parts it is that of the undeformed state at first.
+    circuits
+        The wires of electrodes that sources feed.
     turning
         What keeps a free body's orientation where no dead load gives it one.
     roles
@@ -122,6 +125,7 @@ class Conditions:
             self.rigid.number(column)
             self.rigid.fill(self.expansion, np.zeros(space.size))
 
+        self.circuits = Circuits(scene, scales, self.groups, self.electrode_dofs, self.free)
         self.turning = Turning(self.body, device, motion, self.free)
         self.roles = Roles(space, self.free, device.comm)
         self.unknowns: int = device.comm.allreduce(len(self.free), op=MPI.SUM)

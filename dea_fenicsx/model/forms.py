@@ -10,6 +10,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from dea_fenicsx.model.charge_memory import LeakMemory
 from dea_fenicsx.model.kernels import Kernel, kernels, measure
 from dea_fenicsx.model.loads import Loads, Surface, loaded_sides
 from dea_fenicsx.model.material_point import MaterialPoint
@@ -56,13 +57,14 @@ class Forms:
     compiled: Any
     prober: Prober
     memory: Memory
+    leaks: LeakMemory
     cell_volumes: np.ndarray
     volume: float
 
     def __init__(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
         device, kinematics, elements = scene.device, scene.kinematics, scene.elements
         mesh, degree, works = device.mesh, elements.quadrature_degree, scene.declared.surface_works
-        self._mesh, self._owned = mesh, space.owned
+        self._mesh, self._owned, self._scales = mesh, space.owned, scales
         self._weight = kinematics.weight(ufl.SpatialCoordinate(mesh))
         cell = getattr(basix.CellType, mesh.topology.cell_name())
         self.quadrature, _ = basix.make_quadrature(cell, degree)
@@ -110,6 +112,7 @@ class Forms:
         self.volume = mesh.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
         self.prober = Prober(mesh, self.kernels, self.points, self.quadrature)
         self.memory = Memory(mesh, self.kernels, self.points, self.quadrature)
+        self.leaks = LeakMemory(mesh, self.kernels, self.points, self.quadrature, self._scales)
 
     def _integral(self, k: int, density: Any) -> Any:
         """The integral of a density over the regions of kernel k."""

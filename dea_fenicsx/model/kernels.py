@@ -52,6 +52,22 @@ class BoundBranch:
 
 
 @dataclass(frozen=True)
+class BoundLeak:
+    """What the forms take of the charge that has leaked, at quadrature points.
+
+    Attributes
+    ----------
+    history
+        What the total displacement has beside the multiple of D, see `model.charge_history`.
+    excess
+        That multiple minus 1, psi - 1; 0 where the rows of the potential are divided by psi.
+    """
+
+    history: Any
+    excess: Any
+
+
+@dataclass(frozen=True)
 class Kernel:
     """Regions that share one integral.
 
@@ -70,6 +86,10 @@ class Kernel:
         Their cells that this rank owns.
     fields
         Names of the fields that live there.
+    branches
+        The viscous branches.
+    leak
+        The history of the charge that has leaked; None where no dielectric of the scene conducts.
     """
 
     elastic: Elastic
@@ -80,6 +100,7 @@ class Kernel:
     cells: np.ndarray
     fields: tuple[str, ...] = ()
     branches: tuple[BoundBranch, ...] = ()
+    leak: BoundLeak | None = None
 
     @property
     def is_incompressible(self) -> bool:
@@ -90,17 +111,9 @@ class Kernel:
 def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) -> list[Kernel]:
     """Group the regions of a scene by the shape of their energy."""
     device = scene.device
-    groups: dict[tuple, list[str]] = {}
+    groups = _groups(scene, fields_of_problem)
     prestretches = scene.declared.initial_stretches
     factors = {item.ramp: dolfinx.fem.Constant(device.mesh, 0.0) for item in prestretches}
-    for name in sorted(scene.materials, key=lambda n: device.regions[n]):
-        m = scene.materials[name]
-        alive = tuple(field.name for field in fields_of_problem if field.lives_in(name))
-        stretched = any(name in item.regions for item in prestretches)
-        groups.setdefault(
-            (type(m.elastic), _shape(m.elastic), alive, m.bulk_modulus is None, stretched,
-             len(m.viscous)), []
-        ).append(name)
     constant = dolfinx.fem.functionspace(device.mesh, ("DG", 0))
     owned = device.owned_cells()
 
@@ -111,6 +124,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
 
     histories = quadrature_functions(scene)
+    leak = _leak(scene)
     made = []
     charged = {field.name for field in fields_of_problem if field.role is Role.POTENTIAL}
 
@@ -122,6 +136,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
 
     for (_, _, alive, incompressible, stretched, branches), names in groups.items():
         cells = {n: device.cells_of(n) for n in names}
+        has_field = bool(charged & set(alive))
 
         def cellwise(value: Callable[[str], float], cells: Any = cells) -> Any:
             f = dolfinx.fem.Function(constant)
@@ -134,7 +149,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
         made.append(
             Kernel(
                 elastic=_bind({n: scene.materials[n].elastic for n in names}, cellwise),
-                eps=cellwise(permittivity) if charged & set(alive) else None,
+                eps=cellwise(permittivity) if has_field else None,
                 kappa=None if incompressible else cellwise(bulk_modulus),
                 prestretch={
                     ramp: (factors[ramp],
@@ -145,9 +160,24 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 cells=together[together < owned],
                 fields=alive,
                 branches=_branches(scene, cellwise, constant, histories[:branches]),
+                leak=leak if has_field else None,
             )
         )
     return made
+
+
+def _groups(scene: Scene, fields_of_problem: Sequence[Field]) -> dict[tuple, list[str]]:
+    """The regions whose energies have the same shape, by this shape."""
+    found: dict[tuple, list[str]] = {}
+    for name in sorted(scene.materials, key=lambda n: scene.device.regions[n]):
+        m = scene.materials[name]
+        alive = tuple(field.name for field in fields_of_problem if field.lives_in(name))
+        stretched = any(name in item.regions for item in scene.declared.initial_stretches)
+        found.setdefault(
+            (type(m.elastic), _shape(m.elastic), alive, m.bulk_modulus is None, stretched,
+             len(m.viscous)), []
+        ).append(name)  # fmt: skip
+    return found
 
 
 def _branches(
@@ -174,12 +204,26 @@ def quadrature_functions(scene: Scene) -> list[Any]:
     count = max(len(material.viscous) for material in scene.materials.values())
     if not count:
         return []
+    space = _quadrature_space(scene, (6,))
+    return [dolfinx.fem.Function(space) for _ in range(count)]
+
+
+def _leak(scene: Scene) -> BoundLeak | None:
+    """The functions for leaked charge, if a dielectric of the scene conducts."""
+    if not scene.leaks:
+        return None
+    return BoundLeak(
+        history=dolfinx.fem.Function(_quadrature_space(scene, (3,))),
+        excess=dolfinx.fem.Function(_quadrature_space(scene, ())),
+    )
+
+
+def _quadrature_space(scene: Scene, shape: tuple[int, ...]) -> Any:
     mesh, degree = scene.device.mesh, scene.elements.quadrature_degree
     element = basix.ufl.quadrature_element(
-        mesh.topology.cell_name(), value_shape=(6,), degree=degree
+        mesh.topology.cell_name(), value_shape=shape, degree=degree
     )
-    space = dolfinx.fem.functionspace(mesh, element)
-    return [dolfinx.fem.Function(space) for _ in range(count)]
+    return dolfinx.fem.functionspace(mesh, element)
 
 
 def _symmetric(six: Any) -> Any:

@@ -103,6 +103,17 @@ class MaterialPoint:
         return -ufl.dot(self.cofactor, gradient)
 
     @property
+    def nominal_field(self) -> Any:
+        """E = -Grad phi, whose flux lines are those of the undeformed body."""
+        return -self._kinematics.gradient(self.fields["phi"], self._x, self._motion)
+
+    @property
+    def displacement_field(self) -> Any:
+        """Nominal electric displacement eps J F^-1 F^-T E: charge per undeformed area."""
+        pulled = ufl.dot(ufl.transpose(self.cofactor), self.cofactor_field)
+        return self.kernel.eps * pulled / self.J
+
+    @property
     def true_field(self) -> Any:
         """The true electric field F^-T E; 0 where no field lives."""
         return ufl.zero(3) if self.kernel.eps is None else self.cofactor_field / self.J

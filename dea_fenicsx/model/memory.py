@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -124,6 +125,20 @@ class Memory:
             return history.strains[0]
         share = min(history.span, RELAXED) * self._rates
         return unimodular(share[..., None, None] * self.strains() + combined(history))
+
+    def refreshed(self, history: ViscousHistory, time: float) -> ViscousHistory:
+        """The history after changes in no time, without earlier values."""
+        return history.restarted()
+
+    def staged(self, history: ViscousHistory, time: float) -> ViscousHistory:
+        """The history with the end of the first stage of SDIRK2 as its newest level.
+
+        The problem is in the state at that end.
+        """
+        return replace(
+            history, strains=(self.strained(history), *history.strains),
+            times=(time, *history.times), rule=Rule.STAGE,
+        )  # fmt: skip
 
     def settled(self, history: ViscousHistory, time: float) -> ViscousHistory:
         """The history after the problem's present state has been accepted at a time in s.

@@ -14,11 +14,13 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.charge_memory import ChargeMemory
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.conditions import Conditions
 from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.forms import Forms, assembled
 from dea_fenicsx.model.load_balance import check_cell, check_free_body
+from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.parameters import Parameters
 from dea_fenicsx.model.probe import Probe
 from dea_fenicsx.model.scales import Scales
@@ -66,6 +68,8 @@ class Problem:
         Whether a script may hold it, so that no other run may use it.
     rigid
         The rigid parts.
+    charges, circuits
+        The charges that depend on the past, and the wires of electrodes that sources feed.
     rest
         The undeformed state without loads, in which it begins.
     shown
@@ -84,19 +88,24 @@ class Problem:
         self._name_parts()
         self._check_balance()
         self.forms.compile()
+        self.charges = ChargeMemory(self)
         self._weigh()
-        self._unstrained = self.forms.memory.at_rest()
         self.handed_out = False
+        self._unstrained: dict[str, Any] = {
+            memory.NAME: memory.at_rest() for memory in self.memories
+        }
         at_rest = np.where(self.conditions.fixed_values.fixed, 0.0, self.space.at_rest)
         unloaded = Factors(dict.fromkeys(scene.ramps, 0.0), scene.unit_volts)
         self.rest = self.anchored(State(at_rest, unloaded))
         self.commit(self.rest)
 
     def _weigh(self) -> None:
-        """Tell the memory the weights by which its errors are measured.  Collective."""
+        """Tell the memories the constants by which they work.  Collective."""
+        device, parameters = self.scene.device, self.parameters
         if memory := self.forms.memory:
-            device = self.scene.device
             memory.weigh(self.forms.cell_volumes, self.scene.materials, device.cells_of)
+        if leaks := self.forms.leaks:
+            leaks.take(lambda: parameters.materials, device.cells_of, self.scene.leaks_alike)
 
     def _name_parts(self) -> None:
         """Set short names for the parts that are used most often."""
@@ -109,6 +118,7 @@ class Problem:
         self.rigid = conditions.rigid
         self.unknowns, self.roles = conditions.unknowns, conditions.roles
         self.turning, self.loads = conditions.turning, forms.loads
+        self.circuits = conditions.circuits
         self.kernels, self.states = forms.kernels, forms.points
         self._step = dolfinx.fem.Function(self.W)
         self._b: Any = None
@@ -160,10 +170,22 @@ class Problem:
         return State(self.w.x.array.copy(), self.factors, self.time, history=self._history)
 
     @property
+    def memories(self) -> list[Memory | ChargeMemory]:
+        """What remembers earlier times: that of viscous branches, and that of charges."""
+        return [memory for memory in (self.forms.memory, self.charges) if memory]
+
+    @property
+    def histories(self) -> dict[str, Any]:
+        """The histories that belong to the present state, by the names of their memories."""
+        return {
+            memory.NAME: self._history.get(memory.NAME) or self._unstrained[memory.NAME]
+            for memory in self.memories
+        }
+
+    @property
     def history(self) -> ViscousHistory | None:
         """The viscous strains that belong to the present state; None without viscous branches."""
-        memory = self.forms.memory
-        return (self._history.get(memory.NAME) or self._unstrained) if memory else None
+        return self.histories.get(self.forms.memory.NAME)
 
     @contextmanager
     def at(self, state: State) -> Iterator[None]:
@@ -185,8 +207,9 @@ class Problem:
         self.factors = state.factors
         self.time = state.time
         self._history = state.history
-        if history := self.history:
-            self.forms.memory.show(history)
+        histories = self.histories
+        for memory in self.memories:
+            memory.show(histories[memory.NAME])
         self.springs = self.turning.springs_of(state)
         for ramp, constant in self.loads.factors.items():
             constant.value = state.factors[ramp]
@@ -213,6 +236,10 @@ class Problem:
         values = state.values.copy()
         fixed = self.conditions.fixed_values.fixed
         values[fixed] = self.conditions.fixed_values.values(state.factors)[fixed]
+        if self.circuits:
+            memory = self.charges.NAME
+            history = state.history.get(memory) or self._unstrained[memory]
+            self.circuits.impose(values, state.factors, history)
         self.rigid.place(values)
         return state.with_values(values)
 
@@ -278,6 +305,8 @@ class Problem:
             self.add_sources(rows, ramp, factor)
         at = self.springs
         rows[at.rows] += self.turning.force(at, self.w.x.array, self.factors)
+        if self.circuits:
+            self.circuits.add_charges(rows, self.w.x.array, self.factors)
         return rows
 
     def add_sources(self, rows: np.ndarray, ramp: str, factor: float) -> None:
@@ -285,7 +314,8 @@ class Problem:
         for group in self.conditions.groups:
             if group.master >= 0:
                 row = np.searchsorted(self.free, group.master)
-                rows[row] += factor * sum(amount for name, amount in group.sources if name == ramp)
+                total = sum(amount for name, amount in group.sources if name == ramp)
+                rows[row] += factor * total / (self.forms.leaks.psi if group.electric else 1.0)
 
     def probe(self) -> Probe:
         """Extremes of J, lock-up margin and field over the quadrature points.  Collective."""

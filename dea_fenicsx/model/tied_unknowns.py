@@ -62,14 +62,20 @@ class Group:
     sources
         Ramps, each with what it adds to the residual of the whole group at factor 1: a charge, or
         minus a generalised force.  Dimensionless.
+    electric
+        Whether the sources are charges.
     """
 
     dofs: np.ndarray
     master: int
     sources: tuple[tuple[str, float], ...]
+    electric: bool = False
 
     @classmethod
-    def of(cls, dofs: np.ndarray, rows: Rows, sources: tuple[tuple[str, float], ...]) -> Group:
+    def of(
+        cls, dofs: np.ndarray, rows: Rows, sources: tuple[tuple[str, float], ...],
+        electric: bool = False,
+    ) -> Group:  # fmt: skip
         """Gather a group; the lowest global number is the master."""
         mine = np.sort(dofs[dofs < rows.owned])
         lowest = int(mine[0]) + rows.start if len(mine) else np.iinfo(np.int64).max
@@ -79,6 +85,7 @@ class Group:
             dofs=mine[1:] if here else mine,
             master=int(mine[0]) if here else -1,
             sources=sources,
+            electric=electric,
         )
 
 
@@ -100,7 +107,10 @@ def floating_groups(
         The degrees of freedom that this rank owns.
     """
     return [
-        Group.of(electrode_dofs[e.label], rows, ((told.ramp, told.coulombs / charge),))
+        Group.of(
+            electrode_dofs[e.label], rows,
+            () if told.feed else ((told.ramp, told.coulombs / charge),), electric=True,
+        )
         for e, told in declared
     ]
 

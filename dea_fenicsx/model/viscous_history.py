@@ -66,6 +66,11 @@ class ViscousHistory:
     rule: Rule = Rule.BDF2
 
     @property
+    def levels(self) -> int:
+        """Number of accepted times that are known."""
+        return len(self.times)
+
+    @property
     def settled(self) -> bool:
         """Whether it is that of an accepted state."""
         return self.span == 0

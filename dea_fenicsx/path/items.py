@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
-from dea_fenicsx.drives.waves import ROUNDING, Constant, Function, Wave
+from dea_fenicsx.drives.waves import Constant, Function, Wave
 from dea_fenicsx.scene.scene import Scene
-from dea_fenicsx.support.errors import InputError
-from dea_fenicsx.support.type_checks import check_declared, is_number, plain_numbers, shown
-from dea_fenicsx.support.validation import finite, known, one_of, positive
-
-MOST_STEPS = 1_000_000
-"""Most steps of a ramp or a march."""
+from dea_fenicsx.scene.sources import Source
+from dea_fenicsx.support.type_checks import is_number, plain_numbers
+from dea_fenicsx.support.validation import known
 
 Response = Literal["instantaneous", "relaxed"]
 RESPONSES: tuple[Response, ...] = get_args(Response)
@@ -158,7 +155,81 @@ class March:
         return "march"
 
 
-Item = Ramp | Trace | March
+@dataclass(frozen=True)
+@plain_numbers
+class Open:
+    """Open the switch in the wire of a `Source`: its electrode keeps its charge from now on.
+
+    Parameters
+    ----------
+    where
+        The electrode, by a name that its source has.
+    """
+
+    where: str
+
+    def names(self, scene: Scene) -> tuple[str, ...]:
+        return ()
+
+    def label(self, scene: Scene) -> str:
+        return f"open {self.where}"
+
+
+@dataclass(frozen=True)
+@plain_numbers
+class Close:
+    """Close the switch in the wire of a `Source`.
+
+    An ideal source is set to the electrode's potential first, so that nothing jumps, and is then
+    ramped to a factor; charge comes and goes without loss.  A source behind a resistor is set to
+    the factor at once, and the charge flows in the next `March`.
+
+    Parameters
+    ----------
+    where
+        The electrode, by a name that its source has.
+    to
+        Factor of the source's ramp afterwards; 0 discharges the electrode.
+    steps
+        Number of steps of the ramp of an ideal source.
+    response
+        How viscous branches take part in this ramp, as of a `Ramp`.
+    """
+
+    where: str
+    to: float = 1.0
+    steps: int = 10
+    response: Response | None = None
+
+    def names(self, scene: Scene) -> tuple[str, ...]:
+        return (fed(scene, self.where).ramp,)
+
+    def label(self, scene: Scene) -> str:
+        return f"close {self.where}"
+
+    def ramp(self, scene: Scene) -> Ramp:
+        """The ramp of an ideal source that follows."""
+        return Ramp(self.names(scene), self.to, self.steps, response=self.response)
+
+
+def fed(scene: Scene, where: str) -> Source:
+    """The source of an electrode, by one of its names.
+
+    Raises
+    ------
+    InputError
+        If no source feeds an electrode of this name.
+    """
+    sources = [e for e in scene.electrodes if isinstance(e, Source)]
+    for source in sources:
+        if where in (source.label, *source.names):
+            return source
+    known(where, [s.label for s in sources], "source", "the scene")
+    raise AssertionError
+
+
+Switch = Open | Close
+Item = Ramp | Trace | March | Open | Close
 """An item of a path."""
 
 
@@ -166,134 +237,3 @@ def _as_wave(value: Wave | float | Callable[[float], float]) -> Wave:
     if isinstance(value, Wave):
         return value
     return Constant(float(value)) if is_number(value) else Function(value)  # type: ignore[arg-type]
-
-
-def check_path(
-    scene: Scene,
-    path: Sequence[Item],
-    start: Mapping[str, float | None] | None = None,
-) -> None:
-    """Raise InputError if the path does not fit the scene.
-
-    Parameters
-    ----------
-    scene, path
-        The scene, and the items of the path.
-    start
-        Factor of each ramp where the path begins, None where it is not known; all are 0 unless
-        given.
-    """
-    for item in path:
-        if not isinstance(item, Item):
-            raise InputError(
-                f"The path holds {shown(item)}, but needs Ramp(...), Trace(...) or March(...)."
-            )
-        check_declared(item)
-    if not path:
-        raise InputError("The path is empty; give at least one Ramp(...).")
-    if not scene.ramps and not all(isinstance(item, March) for item in path):
-        raise InputError(
-            "Nothing in the scene can be ramped; give an Electrode a voltage, or add a Stretch or "
-            "a load."
-        )
-    reached = dict.fromkeys(scene.ramps, 0.0) | dict(start or {})
-    for item in path:
-        for name in item.names(scene):
-            known(name, scene.ramps, "ramp in the scene")
-        if isinstance(item, March):
-            _check_march(item)
-            reached |= {name: wave(item.seconds) for name, wave in item.waves.items()}
-            continue
-        _check_response(item, scene)
-        if isinstance(item, Trace):
-            _check_trace(item)
-            reached[item.what] = None  # where a trace ends is not known before
-        else:
-            _check_ramp(item, scene, reached)
-            reached |= dict.fromkeys(item.names(scene), float(item.to))
-
-
-def _check_response(item: Ramp | Trace, scene: Scene) -> None:
-    """Whether a ramp or a trace says how the viscous branches of a scene take part."""
-    kind, label = type(item).__name__, item.label(scene)
-    if item.response is not None:
-        one_of(item.response, RESPONSES, f"The response of the {kind.lower()} of {label}")
-    elif any(material.is_viscous for material in scene.materials.values()):
-        raise InputError(
-            f"The scene has viscous branches, and the {kind.lower()} of {label} does not say how "
-            f'they take part: give {kind}(response="instantaneous") for a load in no time, '
-            'response="relaxed" for one that takes forever, or a March(seconds, drive={...}).'
-        )
-
-
-def _check_march(march: March) -> None:
-    """Check the numbers and the waves of a march."""
-    positive(march.seconds, "The length of the march", "a time > 0 in s")
-    positive(march.tolerance, "The tolerance of the march")
-    if march.steps is not None and not 1 <= march.steps <= MOST_STEPS:
-        raise InputError(
-            f"The march has {march.steps} steps, but needs a whole number from 1 to {MOST_STEPS}, "
-            "or None."
-        )
-    if march.order not in (1, 2):
-        raise InputError(f"The order of the march is {march.order}, but must be 1 or 2.")
-    for time in march.at:
-        finite(time, "A time at which the march is to land")
-        if not 0 < time <= march.seconds:
-            raise InputError(
-                f"The march is to land on {time:g} s, but it goes from 0 to {march.seconds:g} s; "
-                "times count from its beginning."
-            )
-    for name, value in march.drive.items():
-        if not (isinstance(value, Wave) or is_number(value) or callable(value)):
-            raise InputError(
-                f"The drive of {name!r} is {shown(value)}, but must be a wave such as "
-                "Sine(hertz=1), a number, or a function of the time in s."
-            )
-    for name, wave in march.waves.items():
-        what = f"the drive of {name!r}"
-        check_declared(wave)
-        wave.check(what)
-        if wave.end < march.seconds * (1 - ROUNDING):
-            raise InputError(
-                f"The drive of {name!r} ends at {wave.end:g} s, but the march lasts "
-                f"{march.seconds:g} s; add a row to the table, or shorten the march."
-            )
-        if wave.begin > 0:
-            raise InputError(
-                f"The drive of {name!r} begins at {wave.begin:g} s, but the march begins at 0 s; "
-                "add a row for it."
-            )
-        for time in (0.0, march.seconds):
-            finite(wave(time), f"The drive of {name!r} at {time:g} s")
-
-
-def _check_trace(trace: Trace) -> None:
-    finite(trace.first, f"The first step of the trace in {trace.what}")
-    for value in (*trace.at, *(trace.until[1:] if trace.until else ())):
-        finite(value, f"A value at which the trace in {trace.what} is to land or end")
-    if not 0 < abs(trace.first) <= 1e6 or trace.steps < 1 or not trace.longest > 0:
-        raise InputError(
-            f"The trace in {trace.what} needs a first step other than 0 (at most a million "
-            "times the load), at least one step and a longest step > 0."
-        )
-
-
-def _check_ramp(ramp: Ramp, scene: Scene, reached: dict[str, float | None]) -> None:
-    """Check a ramp; `reached` holds the factors where it starts, None where they are not known."""
-    label = ramp.label(scene)
-    if not 1 <= ramp.steps <= MOST_STEPS:
-        raise InputError(
-            f"The ramp of {label} has {ramp.steps} steps, but needs a whole number from 1 to "
-            f"{MOST_STEPS}."
-        )
-    landings = () if ramp.at is None else ramp.at
-    for value in (ramp.to, *landings):
-        finite(value, f"A target of the ramp of {label}")
-    start = reached[ramp.names(scene)[0]]
-    for value in landings:
-        if start is not None and not min(start, ramp.to) <= value <= max(start, ramp.to):
-            raise InputError(
-                f"The ramp of {label} is to land on {value:g}, but it goes from {start:g} to "
-                f"{ramp.to:g}; name values between the two in at=, or change to=."
-            )

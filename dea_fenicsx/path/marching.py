@@ -106,7 +106,7 @@ class MarchWalk:
         self.drive: dict[str, Wave] = march.waves
         self.room = ROUNDING * march.seconds
         self.stepper = TimeStepper(solver, self.drive, cursor.began, march.order)
-        self.adaptive = march.steps is None and bool(self.stepper.memory)
+        self.adaptive = march.steps is None and bool(self.stepper.memories)
         end = march.seconds
         self.corners = sorted({t for w in self.drive.values() for t in w.corners(0.0, end)})
         self.stops = self._stops()
@@ -158,7 +158,7 @@ class MarchWalk:
             stop = next(t for t in self.stops if t > now + self.room)
             seconds = self._length(now, stop)
             lands = now + seconds >= stop - self.room
-            if not self.stepper.memory:
+            if not self.stepper.memories:
                 yield from self._elastic(now, seconds, stop if lands else now + seconds)
                 continue
             attempt = self.stepper.step(seconds)
@@ -220,10 +220,12 @@ class MarchWalk:
 
     def _first_step(self) -> float:
         """Length of the first step after a jump, in which the error of backward Euler is small."""
+        first, memory = FIRST_STEP_SHARE * self.ladder.longest, self.problem.forms.memory
+        if not memory:
+            return first
         with self.problem.at(self.stepper.base):
-            rates = self.stepper.memory.second_rates(self.stepper.history.strains[0])
-            size = self.stepper.memory.size(rates)
-        first = FIRST_STEP_SHARE * self.ladder.longest
+            strains = self.stepper.histories[memory.NAME].strains[0]
+            size = memory.size(memory.second_rates(strains))
         if size == 0:
             return first
         wanted = 2 * FIRST_ERROR_SHARE * self.march.tolerance / size

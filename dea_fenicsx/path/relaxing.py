@@ -61,7 +61,7 @@ def _relax(solver: NewtonSolver) -> None:
     """Let the branches flow at constant load until they are relaxed, by backward Euler."""
     problem = solver.problem
     memory, clock = problem.forms.memory, problem.state.time
-    stepper = TimeStepper(solver, {}, clock, order=1)
+    stepper = TimeStepper(solver, {}, clock, order=1, only=memory.NAME)
     times = memory.relaxation_times()
     if times is None:
         return
@@ -83,7 +83,7 @@ def _relax(solver: NewtonSolver) -> None:
                     f"begin (last trial: {attempt.outcome.value}); the body may creep to a pull-in "
                     "there, which a March would show."
                 )
-    end = stepper.target(0.0, stepper.history.ahead(math.inf, Rule.EULER))
+    end = stepper.target(0.0, stepper.ahead(math.inf, Rule.EULER))
     attempt = solver.solve(end)
     if not attempt.converged:
         raise SolverError(

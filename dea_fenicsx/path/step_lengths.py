@@ -3,9 +3,9 @@
 Sizes are taken from a fixed ladder, so that rounding on another number of ranks does not choose
 others.
 
-The local error of a step of BDF2 is estimated from the difference between the viscous strains and
-the parabola through the three values before.  With the third derivative y''' and steps h, h1, h2
-(the newest first) BDF2 is wrong by E y''' and the parabola by -P y''',
+The local error of a step of BDF2 is estimated from the difference between what was found, such as
+viscous strains, and the parabola through the three values before.  With the third derivative y'''
+and steps h, h1, h2 (the newest first) BDF2 is wrong by E y''' and the parabola by -P y''',
 
     E = h^2 (h + h1)^2 / (6 (2 h + h1)),    P = h (h + h1)(h + h1 + h2) / 6,
 
@@ -15,11 +15,12 @@ so that the error of BDF2 is E/(E + P) of the difference.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from dea_fenicsx.model.viscous_history import ViscousHistory
+from dea_fenicsx.model.viscous_history import STAGE_SHARE
 from dea_fenicsx.path.interpolation import lagrange_weights
 
 RUNG = math.sqrt(2.0)
@@ -78,27 +79,40 @@ class Ladder:
 
 
 def estimate(
-    new: ViscousHistory, order: int = 2, corner: bool = False
+    times: Sequence[float], values: Sequence[np.ndarray], order: int = 2, corner: bool = False
 ) -> np.ndarray | None:
-    """Estimated error of the newest viscous strains, like them; None with too short a history.
+    """Estimated error of the newest values; None with too short a history.
 
     A step of BDF2 is compared with the parabola, one of backward Euler (`order` 1) with the
     straight line through the two values before, whose error is -h (h + h1)/2 y'' against h^2/2 y''.
     In a step that begins at a `corner` of the drive, y'' jumps, and BDF2 is wrong by as much as the
     parabola; the whole difference is then the estimate.
+
+    Parameters
+    ----------
+    times, values
+        Times in s, the newest first, and what was found at each.
     """
-    times, strains = new.times, new.strains
     if len(times) < order + 2:
         return None
     h, h1 = times[0] - times[1], times[1] - times[2]
     if order == 1:
-        line = strains[1] + h / h1 * (strains[1] - strains[2])
-        return np.asarray((strains[0] - line) * h / (2 * h + h1))
+        line = values[1] + h / h1 * (values[1] - values[2])
+        return np.asarray((values[0] - line) * h / (2 * h + h1))
     h2 = times[2] - times[3]
     weights = lagrange_weights(np.array(times[1:4]), times[0])
-    parabola = sum(w * s for w, s in zip(weights, strains[1:4], strict=True))
+    parabola = sum(w * s for w, s in zip(weights, values[1:4], strict=True))
     if corner:
-        return np.asarray(strains[0] - parabola)
+        return np.asarray(values[0] - parabola)
     wrong = h**2 * (h + h1) ** 2 / (6 * (2 * h + h1))
     off = h * (h + h1) * (h + h1 + h2) / 6
-    return np.asarray((strains[0] - parabola) * wrong / (wrong + off))
+    return np.asarray((values[0] - parabola) * wrong / (wrong + off))
+
+
+def stage_estimate(new: np.ndarray, old: np.ndarray, stage: np.ndarray) -> np.ndarray:
+    """Estimated error of a step of SDIRK2 from its beginning and the end of its first stage.
+
+    It is compared with backward Euler's rule over the first stage, continued to the end of the
+    step, which has order 1.
+    """
+    return np.asarray(new - old - (stage - old) / STAGE_SHARE)

@@ -45,18 +45,18 @@ class TimeCourse:
 
     def __init__(self, stepper: TimeStepper, seconds: float) -> None:
         self.stepper, self.problem, self.unit = stepper, stepper.problem, seconds
-        has_past = len(stepper.history.strains) > 1 and stepper.order > 1
+        has_past = stepper.levels > 1 and stepper.order > 1
         self.rule = Rule.BDF2 if has_past else Rule.EULER
 
     def loaded(self, state: State, share: float) -> State:
         """The unknowns of a state at the end of a step of this length, its fixed values set."""
         seconds = max(share, 0.0) * self.unit
-        target = self.stepper.target(seconds, self.stepper.history.ahead(seconds, self.rule))
+        target = self.stepper.target(seconds, self.stepper.ahead(seconds, self.rule))
         return self.problem.imposed(target.with_values(state.values))
 
     def factor_of(self, state: State) -> float:
         """Length of the step that ends in a state."""
-        return float(state.history[self.stepper.memory.NAME].span) / self.unit
+        return float(next(state.history[name].span for name in self.stepper.memories)) / self.unit
 
     def derivative(self) -> np.ndarray:
         """Derivative of the residual in the free rows by the length, at the present state."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -16,9 +17,9 @@ from dea_fenicsx.drives.waves import Wave
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
-from dea_fenicsx.model.viscous_history import STAGE_SHARE, Rule, ViscousHistory
+from dea_fenicsx.model.viscous_history import STAGE_SHARE, Rule
 from dea_fenicsx.path.interpolation import lagrange_weights
-from dea_fenicsx.path.step_lengths import estimate
+from dea_fenicsx.path.step_lengths import estimate, stage_estimate
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
@@ -27,6 +28,9 @@ MOST_MISSED = 0.1
 
 A state that lies farther away may be one of another branch, so that the step is halved.
 """
+
+Histories = dict[str, Any]
+"""What a state remembers, by the name of the memory that knows what to do with it."""
 
 
 class TimeStepper:
@@ -42,6 +46,8 @@ class TimeStepper:
         Time in s of the problem at which the time of the drive is 0.
     order
         1 for backward Euler, 2 for BDF2 with first steps of SDIRK2.
+    only
+        Name of the one memory for which time passes; None for all.
 
     Attributes
     ----------
@@ -50,14 +56,17 @@ class TimeStepper:
     """
 
     def __init__(
-        self, solver: NewtonSolver, drive: Mapping[str, Wave], began: float, order: int = 2
-    ) -> None:
+        self, solver: NewtonSolver, drive: Mapping[str, Wave], began: float, order: int = 2,
+        only: str | None = None,
+    ) -> None:  # fmt: skip
         self.solver = solver
         self.problem: Problem = solver.problem
-        self.memory = self.problem.forms.memory
+        self.memories = {
+            memory.NAME: memory for memory in self.problem.memories if only in (None, memory.NAME)
+        }
         self.drive, self.began, self.order = drive, began, order
         self.known: list[State] = []
-        self._stage: np.ndarray | None = None
+        self._stages: Histories = {}
         self.restart(self.problem.state)
 
     @property
@@ -66,18 +75,33 @@ class TimeStepper:
         return self.base.time - self.began
 
     @property
-    def history(self) -> ViscousHistory:
-        """The history of the last accepted state."""
-        found: ViscousHistory = self.base.history[self.memory.NAME]
-        return found
+    def histories(self) -> Histories:
+        """The histories of the last accepted state, by the names of their memories."""
+        return {name: self.base.history[name] for name in self.memories}
+
+    @property
+    def levels(self) -> int:
+        """Number of accepted times that are known since the last jump."""
+        return min(history.levels for history in self.histories.values())
+
+    def ahead(self, seconds: float, rule: Rule) -> Histories:
+        """The histories for a state that lies later by a time in s."""
+        return {name: h.ahead(seconds, rule) for name, h in self.histories.items()}
 
     def restart(self, state: State, jump: bool = False) -> None:
-        """Go on from a state that is not the end of the last step, such as one after a jump."""
+        """Go on from a state that is not the end of the last step, such as one after a jump.
+
+        Collective.
+        """
+        new = {name for name in self.memories if name not in state.history}
+        if jump or new:
+            with self.problem.at(state):
+                state = self._remembering(state, {
+                    name: memory.refreshed(self.problem.histories[name], state.time)
+                    for name, memory in self.memories.items() if jump or name in new
+                })  # fmt: skip
         self.base = state
         self.known = [state]
-        if self.memory and (jump or self.memory.NAME not in state.history):
-            history = state.history.get(self.memory.NAME) or self.memory.at_rest()
-            self.base = _remembering(state, history.restarted())
 
     def accept(self, state: State) -> None:
         """Go on from the settled end of a step."""
@@ -88,14 +112,14 @@ class TimeStepper:
         """The rule of the next step."""
         if self.order == 1:
             return Rule.EULER
-        return Rule.BDF2 if len(self.history.strains) > 2 else Rule.STAGE
+        return Rule.BDF2 if self.levels > 2 else Rule.STAGE
 
-    def target(self, seconds: float, history: ViscousHistory) -> State:
+    def target(self, seconds: float, histories: Histories) -> State:
         """The state that is searched after a time, with the last accepted unknowns.  Collective."""
         local = self.now + seconds
         loads = {name: wave.before(local) for name, wave in self.drive.items()}
         moved = self.problem.under(self.base, loads)
-        return _remembering(replace(moved, time=self.began + local), history)
+        return self._remembering(replace(moved, time=self.began + local), histories)
 
     def predicted(self, target: State) -> State:
         """The polynomial in time through the accepted states, at the time and load of another."""
@@ -110,19 +134,17 @@ class TimeStepper:
         """The state after a time; its history is that of the step, not yet settled.  Collective."""
         rule = self.rule()
         if rule is not Rule.STAGE:
-            return self._solve(self.target(seconds, self.history.ahead(seconds, rule)))
+            return self._solve(self.target(seconds, self.ahead(seconds, rule)))
         part = STAGE_SHARE * seconds
-        first = self._solve(self.target(part, self.history.ahead(part, Rule.EULER)))
+        first = self._solve(self.target(part, self.ahead(part, Rule.EULER)))
         if not first.converged:
             return first
         with self.problem.at(first.found):
-            stage = self.memory.strained(first.found.history[self.memory.NAME])
-        old = self.history
-        both = ViscousHistory(
-            (stage, *old.strains), (first.found.time, *old.times), part, Rule.STAGE
-        )
-        self._stage = stage
-        attempt = self._solve(self.target(seconds, both), near=first.found)
+            self._stages = {
+                name: memory.staged(first.found.history[name], first.found.time)
+                for name, memory in self.memories.items()
+            }
+        attempt = self._solve(self.target(seconds, self._stages), near=first.found)
         return replace(attempt, iterations=attempt.iterations + first.iterations)
 
     def _solve(self, target: State, near: State | None = None) -> Attempt:
@@ -149,12 +171,15 @@ class TimeStepper:
         return attempt if most <= MOST_MISSED else attempt.refused(Outcome.JUMPED)
 
     def settled(self, state: State) -> State:
-        """A state with the viscous strains at its own time.  Collective."""
-        if not self.memory:
+        """A state whose histories are those at its own time.  Collective."""
+        if not self.memories:
             return state
         with self.problem.at(state):
-            history = self.memory.settled(state.history[self.memory.NAME], state.time)
-        return _remembering(state, history)
+            histories = {
+                name: memory.settled(state.history[name], state.time)
+                for name, memory in self.memories.items()
+            }
+        return self._remembering(state, histories)
 
     def place(self, seconds: float) -> Attempt:
         """The settled state after a time, for the search of events.  Collective."""
@@ -166,23 +191,34 @@ class TimeStepper:
     def error(self, settled: State, rule: Rule, corner: bool = False) -> float | None:
         """Estimated error of a step that has ended in a settled state; None if not known.
 
-        `corner` tells whether the step began at a corner of the drive.
-
-        A step of SDIRK2 is compared with backward Euler's rule over the first stage, continued to
-        the end of the step, which has order 1.  Collective.
+        `corner` tells whether the step began at a corner of the drive.  Collective.
         """
-        history = settled.history[self.memory.NAME]
+        errors = []
+        if (strains := self.problem.forms.memory) and (new := settled.history[strains.NAME]):
+            wrong = self._wrong(new.times, new.strains, strains.NAME, "strains", rule, corner)
+            errors.append(None if wrong is None else strains.size(wrong))
+        if (charges := self.problem.charges) and (new := settled.history[charges.NAME]):
+            wrong = self._wrong(new.times, new.wires, charges.NAME, "wires", rule, corner)
+            errors.append(None if wrong is None else charges.wire_error(wrong, new.wires[0]))
+            if rule is Rule.STAGE:
+                stage = self._stages[charges.NAME]
+                times = (new.times[0], stage.times[0], new.times[1])
+                leaks = (new.leaks[0], stage.leaks[0], new.leaks[1])
+            else:
+                times, leaks = new.times, new.leaks
+            errors.append(charges.leak_error(times, leaks))
+        known = [error for error in errors if error is not None]
+        return max(known) if len(known) == len(errors) else None
+
+    def _wrong(
+        self, times: tuple[float, ...], values: tuple[np.ndarray, ...], name: str, what: str,
+        rule: Rule, corner: bool,
+    ) -> np.ndarray | None:  # fmt: skip
+        """The estimated error of the newest of some values of a history."""
         if rule is Rule.STAGE:
-            assert self._stage is not None
-            old = history.strains[1]
-            found = history.strains[0] - old - (self._stage - old) / STAGE_SHARE
-        else:
-            estimated = estimate(history, 1 if rule is Rule.EULER else 2, corner)
-            if estimated is None:
-                return None
-            found = estimated
-        return self.memory.size(found)
+            return stage_estimate(values[0], values[1], getattr(self._stages[name], what)[0])
+        return estimate(times, values, 1 if rule is Rule.EULER else 2, corner)
 
-
-def _remembering(state: State, history: ViscousHistory) -> State:
-    return replace(state, history={**state.history, "viscous": history})
+    @staticmethod
+    def _remembering(state: State, histories: Histories) -> State:
+        return replace(state, history={**state.history, **histories})

@@ -11,11 +11,21 @@ import numpy as np
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
-from dea_fenicsx.path.items import Item, March, Trace, check_path
+from dea_fenicsx.path.items import (
+    Close,
+    Item,
+    March,
+    Ramp,
+    Switch,
+    Trace,
+    fed,
+)
 from dea_fenicsx.path.load_orientation import turn_to_loads
 from dea_fenicsx.path.marching import MarchWalk
+from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.path.ramping import RampWalk
 from dea_fenicsx.path.relaxing import respond, settle
+from dea_fenicsx.path.switching import move_switch
 from dea_fenicsx.path.tracing import BranchLost, Tracer
 from dea_fenicsx.path.verdicts import trace_lost, trace_short
 from dea_fenicsx.scene.scene import Scene
@@ -85,8 +95,15 @@ class Walk:
         sentinel.start()
         while cursor.ramp < len(self.path):
             item = self.path[cursor.ramp]
+            if isinstance(item, Switch):
+                # A state within the item, as a resumed run has it, is beyond the switch.
+                if cursor.position == 0:
+                    move_switch(problem, item)
+                    cursor = replace(cursor, start=dict(problem.factors))
+                if isinstance(item, Close) and not fed(scene, item.where).ohms:
+                    item = item.ramp(scene)
             self._orient(item)
-            if not isinstance(item, March):
+            if isinstance(item, Ramp | Trace):
                 respond(self.solver, item, self.log)
             is_last = cursor.ramp == len(self.path) - 1
             for step in self._steps(item, cursor, is_last, sentinel):
@@ -102,7 +119,9 @@ class Walk:
     def _steps(
         self, item: Item, cursor: Cursor, is_last: bool, sentinel: Sentinel
     ) -> Iterator[Step]:
-        """The steps of one item of the path."""
+        """The steps of one item of the path; a switch that is moved takes none."""
+        if isinstance(item, Switch):
+            return iter(())
         if isinstance(item, Trace):
             return self._trace(item, cursor, is_last, sentinel)
         if isinstance(item, March):
@@ -161,6 +180,8 @@ class Walk:
 
 def _rates(item: Item, scene: Scene, factors: Mapping[str, float]) -> dict[str, float]:
     """Change of the factor of each ramp over an item of a path, or over its first step."""
+    if isinstance(item, Switch):
+        return {}
     if isinstance(item, Trace):
         return {item.what: item.first}
     if isinstance(item, March):

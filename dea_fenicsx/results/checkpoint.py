@@ -25,7 +25,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from dea_fenicsx.path.cursor import Cursor
-from dea_fenicsx.path.items import Item, March, Trace
+from dea_fenicsx.path.items import Close, Item, March, Open, Trace
 from dea_fenicsx.results.columns import COUNTS, load_column
 from dea_fenicsx.results.history import TEXTS
 from dea_fenicsx.results.moment import moment_told
@@ -239,11 +239,11 @@ def _check_start(
     """Check that the loads are those of the last row of the history.
 
     The loads at the start of the item must be those of the row at which the item began, unless it
-    is a march, which may begin with a jump.
+    is a march, which may begin with a jump, or sets a source to the potential of its electrode.
     """
     begun = [row for row in rows if row["time"] <= cursor.ramp + TIME_TOLERANCE]
     pairs = [(factors, _factors(rows[-1], scene))]
-    if cursor.ramp + cursor.position > 0 and not isinstance(item, March):
+    if cursor.ramp + cursor.position > 0 and not isinstance(item, March | Close):
         pairs.append((cursor.start, _factors(begun[-1], scene)))
     for mine, theirs in pairs:
         for ramp, factor in mine.items():
@@ -269,7 +269,7 @@ def _check_place(
     if isinstance(item, March):
         _check_march(cursor, factors, item)
         return
-    for ramp in item.names(scene):
+    for ramp in () if isinstance(item, Open) else item.names(scene):
         here = (1 - cursor.position) * cursor.start[ramp] + cursor.position * item.to
         if not abs(factors[ramp] - here) <= NUMBER_TOLERANCE * max(1.0, abs(here)):
             raise Unusable("its load factors are not those of its place on the path")

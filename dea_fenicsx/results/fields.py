@@ -20,7 +20,7 @@ from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.results.grids import Grid, SurfaceGrid, surface_grid
-from dea_fenicsx.results.moment import NO_MOMENT, Moment, stacked, unstacked
+from dea_fenicsx.results.moment import NO_MOMENT, Moment, history_of, table_of, width
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.cell_types import BY_DEGREE
 from dea_fenicsx.support.compat import dolfinx
@@ -305,23 +305,20 @@ class FieldWriter:
     def gather_state(self) -> np.ndarray | None:
         """The mixed function's values in each cell, in the order of the mesh file, on rank 0.
 
-        Behind them stand the viscous strains of the history, if the problem keeps one.
+        Behind them stands the history, if the problem keeps one.
         """
         table = self.problem.W.dofmap.list[: self.owned_cells]
         values = self.problem.w.x.array[table]
-        if history := self.problem.history:
-            values = np.hstack([values, stacked(history, self.owned_cells)])
-        return self.gather(values)
+        return self.gather(np.hstack([values, table_of(self.problem, self.owned_cells)]))
 
     def fits(self, values: np.ndarray | None, moment: Moment = NO_MOMENT) -> bool:
         """Whether what `gather_state` gave (on rank 0) is a state of this problem.  Collective."""
-        columns = self.problem.W.dofmap.list.shape[1]
-        columns += self.problem.forms.memory.columns * len(moment.times)
+        columns, more = self.problem.W.dofmap.list.shape[1], width(self.problem, moment)
         cells = self.problem.comm.allreduce(self.owned_cells, op=MPI.SUM)
-        kept = bool(moment.times) or not self.problem.forms.memory
         good = values is None or (
-            kept and values.shape == (cells, columns) and bool(np.isfinite(values).all())
-        )
+            more is not None and values.shape == (cells, columns + more)
+            and bool(np.isfinite(values).all())
+        )  # fmt: skip
         return bool(self.problem.comm.bcast(good, root=0))
 
     def scattered(
@@ -339,9 +336,7 @@ class FieldWriter:
         mine = values[self.original]
         carry.x.array[table.ravel()] = mine[:, : table.shape[1]].ravel()
         carry.x.scatter_forward()
-        memory, history = problem.forms.memory, {}
-        if memory:
-            history[memory.NAME] = unstacked(mine[:, table.shape[1] :], moment, memory.at_rest())
+        history = history_of(problem, mine[:, table.shape[1] :], moment)
         return State(carry.x.array.copy(), factors, moment.now, history=history)
 
 

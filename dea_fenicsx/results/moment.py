@@ -1,4 +1,4 @@
-"""The time of a stored state, and the viscous strains that belong to it, as tables by cell."""
+"""The time of a stored state, and the history that belongs to it, as tables by cell."""
 
 from __future__ import annotations
 
@@ -10,10 +10,30 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.model.charge_history import ChargeHistory
 from dea_fenicsx.model.memory import LEVELS
-from dea_fenicsx.model.state import State
+from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.viscous_history import Rule, ViscousHistory
 from dea_fenicsx.support.type_checks import is_number
+
+
+@dataclass(frozen=True)
+class ChargeMoment:
+    """What must be known of the charges of a state beside their tables.
+
+    Attributes
+    ----------
+    times
+        Times in s to which they belong, the newest first.
+    wires
+        The charge in C that has come through the wire of each electrode, at each of these times.
+    closed
+        Whether the switch in each of these wires is closed.
+    """
+
+    times: tuple[float, ...]
+    wires: tuple[tuple[float, ...], ...]
+    closed: tuple[bool, ...]
 
 
 @dataclass(frozen=True)
@@ -28,12 +48,15 @@ class Moment:
         Times in s to which the viscous strains belong, the newest first; none without a history.
     span, rule
         As of `ViscousHistory`; the rule by its name.
+    charge
+        The same of charges that depend on the past, None without such.
     """
 
     now: float = 0.0
     times: tuple[float, ...] = ()
     span: float = 0.0
     rule: str = Rule.BDF2.name
+    charge: ChargeMoment | None = None
 
     @property
     def told(self) -> dict[str, Any]:
@@ -45,30 +68,115 @@ NO_MOMENT = Moment()
 """That of a state without time and without history."""
 
 
-def moment_of(state: State, history: ViscousHistory | None) -> Moment:
-    """The moment of a state with its history, if it has one."""
+def moment_of(problem: Problem) -> Moment:
+    """The moment of a problem's present state."""
+    histories, charge = problem.histories, None
+    if problem.charges:
+        found = histories[problem.charges.NAME]
+        assert isinstance(found, ChargeHistory)
+        wires = tuple(tuple(float(q) for q in level) for level in found.wires)
+        charge = ChargeMoment(found.times, wires, found.closed)
+    history = problem.history
     if history is None:
-        return Moment(state.time)
-    return Moment(state.time, history.times, history.span, history.rule.name)
+        return Moment(problem.time, charge=charge)
+    return Moment(problem.time, history.times, history.span, history.rule.name, charge)
 
 
 def moment_told(found: Any) -> Moment | None:
     """The moment that a checkpoint tells, or None if that cannot be one.
 
-    A checkpoint of before there was time tells none.
+    A checkpoint of before there was time tells none, and an old one nothing of charges.
     """
     if found is None:
         return NO_MOMENT
-    if not isinstance(found, Mapping) or set(found) != set(NO_MOMENT.told):
+    if not isinstance(found, Mapping) or {*found, "charge"} != set(NO_MOMENT.told):
         return None
     now, times, span, rule = (found[key] for key in ("now", "times", "span", "rule"))
+    charge = found.get("charge")
     good = (
-        is_number(now) and math.isfinite(now) and isinstance(times, list | tuple)
-        and len(times) <= LEVELS and all(is_number(t) and math.isfinite(t) for t in times)
-        and all(a > b for a, b in pairwise(times))
+        is_number(now) and math.isfinite(now) and _are_times(times)
         and is_number(span) and span >= 0 and rule in Rule.__members__
+        and (charge is None or _tells_charges(charge))
     )  # fmt: skip
-    return Moment(float(now), tuple(map(float, times)), float(span), rule) if good else None
+    if not good:
+        return None
+    if charge is not None:
+        wires = tuple(tuple(float(q) for q in level) for level in charge["wires"])
+        charge = ChargeMoment(tuple(map(float, charge["times"])), wires, tuple(charge["closed"]))
+    return Moment(float(now), tuple(map(float, times)), float(span), rule, charge)
+
+
+def _are_times(found: Any) -> bool:
+    """Whether something is a row of falling times, not too many."""
+    return (
+        isinstance(found, list | tuple) and len(found) <= LEVELS
+        and all(is_number(t) and math.isfinite(t) for t in found)
+        and all(a > b for a, b in pairwise(found))
+    )  # fmt: skip
+
+
+def _tells_charges(found: Any) -> bool:
+    """Whether something tells the moment of charges."""
+    if not isinstance(found, Mapping) or set(found) != {"times", "wires", "closed"}:
+        return False
+    times, wires, closed = found["times"], found["wires"], found["closed"]
+    return (
+        _are_times(times) and len(times) > 0
+        and isinstance(closed, list | tuple) and all(isinstance(c, bool) for c in closed)
+        and isinstance(wires, list | tuple) and len(wires) == len(times)
+        and all(
+            isinstance(level, list | tuple) and len(level) == len(closed)
+            and all(is_number(q) and math.isfinite(q) for q in level)
+            for level in wires
+        )
+    )  # fmt: skip
+
+
+def width(problem: Problem, moment: Moment) -> int | None:
+    """Columns of the history's table for a problem; None if the moment is none of this problem."""
+    if bool(moment.times) != bool(problem.forms.memory):
+        return None
+    columns = problem.forms.memory.columns * len(moment.times)
+    charge = moment.charge
+    if (charge is not None) != bool(problem.charges):
+        return None
+    if charge is not None:
+        if len(charge.closed) != len(problem.scene.electrodes):
+            return None
+        columns += problem.charges.columns * len(charge.times)
+    return columns
+
+
+def table_of(problem: Problem, cells: int) -> np.ndarray:
+    """The history of the present state in the first cells, of shape (cells, `width`)."""
+    tables = [np.empty((cells, 0))]
+    if history := problem.history:
+        tables.append(stacked(history, cells))
+    if problem.charges:
+        charge = problem.histories[problem.charges.NAME]
+        assert isinstance(charge, ChargeHistory)
+        wide = problem.charges.columns
+        tables += [level[:cells].reshape(cells, wide) for level in charge.leaks]
+    return np.hstack(tables)
+
+
+def history_of(problem: Problem, table: np.ndarray, moment: Moment) -> dict[str, Any]:
+    """The histories that `table_of` gave, of the owned cells, by the names of their memories."""
+    memory, charges, found = problem.forms.memory, problem.charges, {}
+    strains = memory.columns * len(moment.times)
+    if memory:
+        found[memory.NAME] = unstacked(table[:, :strains], moment, memory.at_rest())
+    if charges and moment.charge is not None:
+        rest, told = charges.at_rest(), moment.charge
+        leaks = []
+        for part in np.split(table[:, strains:], len(told.times), axis=1):
+            values = rest.leaks[0].copy()
+            values[: len(table)] = part.reshape(len(table), *values.shape[1:])
+            leaks.append(values)
+        found[charges.NAME] = ChargeHistory(
+            tuple(leaks), tuple(np.array(q) for q in told.wires), told.times, told.closed
+        )  # type: ignore[assignment]
+    return found
 
 
 def stacked(history: ViscousHistory, cells: int) -> np.ndarray:

@@ -94,7 +94,7 @@ def of_run(problem: Problem, folder: str | None, step: int) -> StoredState:
     return StoredState(
         writer.gather_state(), dict(problem.factors), about(problem),
         mesh_facts(problem, writer.grid), folder, step,
-        moment_of(problem.state, problem.history),
+        moment_of(problem),
     )  # fmt: skip
 
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from dea_fenicsx.measure.failures import Failure
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.items import Item, March, Ramp, Trace, check_path
+from dea_fenicsx.path.items import Close, Item, March, Open, Ramp, Trace
+from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.results.folder import Run
 from dea_fenicsx.run.starting import Start
 from dea_fenicsx.scene.scene import Scene
@@ -114,7 +115,7 @@ def check_arguments(given: Arguments) -> None:
     """Raise InputError, with one sentence, for an argument that `solve` cannot use."""
     for value, kind, what in (
         (given.scene, Scene, "a Scene"),
-        (given.path, Ramp | Trace | March | list | tuple,
+        (given.path, Ramp | Trace | March | Open | Close | list | tuple,
          "a Ramp, a Trace, a March or a list of them"),
         (given.record, Mapping | None, "a dictionary of observables by name"),
         (given.out, str | os.PathLike | None, "a path, or None to write nothing"),

@@ -19,7 +19,7 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_motions import components, regions_in
-from dea_fenicsx.path.items import Item, March, Trace
+from dea_fenicsx.path.items import Item, March, Open, Trace
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
@@ -113,6 +113,8 @@ def _loads(
                 time = share * item.seconds
                 factors |= {name: wave(time) for name, wave in item.waves.items()}
                 yield dict(factors)
+            continue
+        if isinstance(item, Open):
             continue
         names, start = item.names(scene), dict(factors)
         factors |= dict.fromkeys(names, float(item.to))

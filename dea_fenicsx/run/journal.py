@@ -191,7 +191,7 @@ class Journal:
         told = None if step.event else {
             "cursor": asdict(step.cursor),
             "factors": dict(step.state.factors),
-            "moment": moment_of(step.state, self.solver.problem.history).told,
+            "moment": moment_of(self.solver.problem).told,
             "history": self.history,
             "fingerprint": self.fingerprint,
             "about": self.about,

@@ -12,7 +12,8 @@ from dea_fenicsx.measure.failures import Failure, Gauge, default_failures
 from dea_fenicsx.measure.observables import Measurement, Observable
 from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.path.events import Alarm, Sentinel
-from dea_fenicsx.path.items import Item, check_path
+from dea_fenicsx.path.items import Item
+from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.path.walk import Walk
 from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter

@@ -32,7 +32,7 @@ def amounts_of(scene: Scene) -> dict[str, dict[str, list[float]]]:
             found[ramp].setdefault(quantity, []).extend(float(v) for v in values)
 
     for electrode in scene.electrodes:
-        if electrode.floats:
+        if electrode.floats and not electrode.given_volts:
             add(electrode.ramp, "coulombs", [electrode.given_coulombs])
         elif electrode.given_volts:
             add(electrode.ramp, "volts", [electrode.given_volts])

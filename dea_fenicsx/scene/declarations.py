@@ -15,7 +15,7 @@ these declarations; the model reads them and knows no condition:
 `RigidAngle`           angle by which such a body is turned
 `RigidMoment`          moment on such a body
 `FixedPotential`       potential of an electrode
-`FloatingPotential`    one unknown potential for an electrode of given charge
+`FloatingPotential`    one unknown potential for an electrode of given charge or with a `Feed`
 `AddedPhysics`         fields and terms beyond those that every problem has
 =====================  =========================================================================
 
@@ -352,10 +352,35 @@ class FixedPotential(Declaration):
     ramp: str | None
 
 
+class Feed(NamedTuple):
+    """A source that feeds an electrode through a wire with a switch.
+
+    Attributes
+    ----------
+    volts
+        Voltage of the source in V at ramp factor 1.
+    ohms
+        Resistance of the wire in ohm; 0 for an ideal source.
+    amperes
+        Largest current in A that the source gives or takes; None for no limit.
+    closed
+        Whether the switch is closed before the path begins.
+    """
+
+    volts: float
+    ohms: float
+    amperes: float | None
+    closed: bool
+
+
 @dataclass(frozen=True)
 class FloatingPotential(Declaration):
-    """One unknown potential on groups, whose charge in C at ramp factor 1 is given."""
+    """One unknown potential on groups.
+
+    Its charge in C at ramp factor 1 is given, or comes from a source.
+    """
 
     groups: tuple[str, ...]
     coulombs: float
     ramp: str
+    feed: Feed | None = None

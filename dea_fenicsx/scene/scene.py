@@ -15,6 +15,7 @@ from dea_fenicsx.scene.electrode_checks import check_electrodes
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode
 from dea_fenicsx.scene.elements import SIMPLICES, Discretisation
 from dea_fenicsx.scene.kinematics import Kinematics, ThreeD
+from dea_fenicsx.scene.sources import Source
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
@@ -34,8 +35,8 @@ class Scene:
     materials
         Material of each region; every region must have one.
     electrodes
-        Electrodes (of given potential or charge) and grounds.  May be empty: then no potential is
-        modelled at all.
+        Electrodes (of given potential or charge, or with a source) and grounds.  May be empty: then
+        no potential is modelled at all.
     supports
         `Fix`, `Clamp` or `FreeBody`.
     prescribed
@@ -61,7 +62,7 @@ class Scene:
 
     device: Device
     materials: Mapping[str, Material]
-    electrodes: Sequence[Electrode | ChargedElectrode] = ()
+    electrodes: Sequence[Electrode | ChargedElectrode | Source] = ()
     supports: Sequence[Support] = ()
     prescribed: Sequence[Prescribed] = ()
     loads: Sequence[Load] = ()
@@ -121,9 +122,32 @@ class Scene:
     def has_potential(self) -> bool:
         return bool(self.electrodes)
 
+    @property
+    def leaks(self) -> bool:
+        """Whether a dielectric in which a field may live conducts."""
+        laws = [m.dielectric.conductivity_law() for m in self.materials.values() if m.is_dielectric]
+        return self.has_potential and any(law is not None for law in laws)
+
+    @property
+    def leaks_alike(self) -> bool:
+        """Whether charge leaks by one constant ratio g/eps in all dielectrics."""
+        found = set()
+        for material in self.materials.values():
+            if material.is_dielectric:
+                law = material.dielectric.conductivity_law()
+                if law is None or law.field is not None:
+                    return False
+                found.add((law.siemens_per_metre, material.dielectric.permittivity()))
+        return len(found) == 1
+
+    @property
+    def keeps_charges(self) -> bool:
+        """Whether charge leaks, or comes from a source through a wire."""
+        return self.leaks or any(told.feed for _, told in self.declared.floating)
+
     def reference_voltage(self, ramp: str) -> float:
         """The potential in V, largest in size, of the electrodes on a ramp; 0 if there are none."""
-        given = [e.given_volts for e in self.electrodes if e.ramp == ramp and not e.floats]
+        given = [e.given_volts for e in self.electrodes if e.ramp == ramp]
         return max(given, key=abs, default=0.0)
 
     @property

@@ -119,10 +119,7 @@ class NewtonSolver(LinearSolver):
             self.notify(LINEARISING)
             rhs = -problem.unbalanced(residual)
             if lifted is not None:
-                fixed = problem.fixed
-                rhs -= self.tangent.times_fixed(
-                    lifted.values[fixed] - problem.w.x.array[fixed]
-                )
+                rhs -= self.tangent.times_lift(lifted.values)
             increment = self.linear_solve(
                 rhs, self._forcing(norm, tolerance, lifted is not None), patient
             )

@@ -150,10 +150,12 @@ class References:
         for group in self._groups:
             sums += [np.sum(residual[group.owned] ** 2), np.sum(free[group.free] ** 2)]
         total = np.sqrt(problem.comm.allreduce(np.array(sums), op=MPI.SUM))
-        return [
-            (group, float(total[2 * k]), float(total[2 * k + 1]))
-            for k, group in enumerate(self._groups)
-        ]
+        found = []
+        for k, group in enumerate(self._groups):
+            # Where charge leaks, the rows of the potential are charges over psi.
+            unit = problem.forms.leaks.psi if group.role is Role.POTENTIAL else 1.0
+            found.append((group, unit * float(total[2 * k]), unit * float(total[2 * k + 1])))
+        return found
 
     def _size_u(self, forces: np.ndarray) -> float:
         mine = float(np.sum(forces[self.problem.roles.owned(Role.MOTION)] ** 2))

@@ -103,8 +103,17 @@ class Tangent:
 
     def times(self, direction: np.ndarray) -> np.ndarray:
         """Product with a vector of the free unknowns; both owned.  Collective."""
-        self.problem.spread(direction, self._along)
+        self.problem.spread(self._unheld(direction), self._along)
         return self._with_springs(self._along_times(), direction)
+
+    def _unheld(self, direction: np.ndarray) -> np.ndarray:
+        """A direction without its part in potentials that ideal sources give."""
+        held = self.problem.circuits.given_rows()
+        if not len(held):
+            return direction
+        direction = direction.copy()
+        direction[held] = 0.0
+        return direction
 
     def times_transposed(self, direction: np.ndarray) -> np.ndarray:
         """Product of the transpose with a vector of the free unknowns; both owned.  Collective."""
@@ -117,7 +126,7 @@ class Tangent:
             form = compat.compile_form(ufl.action(adjoint, self._along))
             product = self._petsc.keep("transposed product", compat.create_vector(form))
             self._transposed = form, product
-        self.problem.spread(direction, self._along)
+        self.problem.spread(self._unheld(direction), self._along)
         form, product = self._transposed
         return self._with_springs(assembled(product, form), direction)
 
@@ -129,13 +138,23 @@ class Tangent:
 
     def _with_springs(self, product: np.ndarray, direction: np.ndarray) -> np.ndarray:
         """A product at all owned unknowns in the free rows, with that of the springs."""
-        product = self.problem.restrict(product)
-        springs = self.problem.springs
-        stiffness = self.problem.turning.stiffness(springs, self.problem.factors)
+        problem = self.problem
+        product = problem.restrict(product)
+        springs = problem.springs
+        stiffness = problem.turning.stiffness(springs, problem.factors)
         product[springs.rows] += stiffness * direction[springs.rows]
         for row, value in self._rigid():
             product[row] += value * direction[row]
+        for row, value in self._wires():
+            product[row] += value * direction[row]
+        held = problem.circuits.given_rows()
+        product[held] = -direction[held]
         return product
+
+    def _wires(self) -> list[tuple[int, float]]:
+        """Rows of fed electrodes, and what the resistors of their wires add there."""
+        problem = self.problem
+        return problem.circuits.stiffness(problem.w.x.array, problem.factors)
 
     def _rigid(self) -> list[tuple[int, float]]:
         """Rows of the angles of rigid parts, and what their second derivatives add.  Collective."""
@@ -153,9 +172,28 @@ class Tangent:
         """Product with a change of the fixed values (owned), in the free rows.  Collective."""
         self._along.x.array[:] = 0.0
         self._along.x.array[self.problem.fixed] = change
+        return self._times_given()
+
+    def times_lift(self, lifted: np.ndarray) -> np.ndarray:
+        """Product with the change of what is given to that of other local values.  Collective.
+
+        Given are the fixed values, and the potentials of ideal sources.  In the free rows.
+        """
+        problem, along = self.problem, self._along
+        now = problem.w.x.array
+        along.x.array[:] = 0.0
+        along.x.array[problem.fixed] = lifted[problem.fixed] - now[problem.fixed]
+        problem.circuits.lift(along.x.array, lifted - now)
+        return self._times_given()
+
+    def _times_given(self) -> np.ndarray:
+        """Product with what stands in `_along`, in the rows of what is not given.  Collective."""
+        problem = self.problem
         self._along.x.scatter_forward()
-        self.problem.rigid.follow(self._along.x.array, self.problem.w.x.array)
-        return self.problem.restrict(self._along_times())
+        problem.rigid.follow(self._along.x.array, problem.w.x.array)
+        product = problem.restrict(self._along_times())
+        product[problem.circuits.given_rows()] = 0.0
+        return product
 
     def by_load(self, ramp: str) -> np.ndarray:
         """Derivative of the residual by a ramp's factor at fixed free unknowns (owned, free rows).
@@ -163,17 +201,26 @@ class Tangent:
         The derivative is exact, because fixed values, loads and charges are linear in the factor.
         The fixed values enter the residual through the columns of the tangent.
         """
-        problem = self.problem
-        changes = ramp in problem.loads.changing or bool(problem.rigid)
+        problem, circuits = self.problem, self.problem.circuits
+        changes = ramp in problem.loads.changing or bool(problem.rigid) or bool(problem.charges)
         if ramp not in self._loads or changes:
             vector = np.zeros(len(problem.free))
             if ramp in problem.loads.unit_work:
                 vector = problem.restrict(problem.forms.load_vector(ramp))
             problem.add_sources(vector, ramp, 1.0)
             self._loads[ramp] = vector
-        return self._loads[ramp] + self.times_fixed(
-            problem.conditions.fixed_values.base[ramp][problem.fixed]
-        )
+        along = self._along.x.array
+        along[:] = 0.0
+        along[problem.fixed] = problem.conditions.fixed_values.base[ramp][problem.fixed]
+        circuits.per_factor(ramp, along)
+        given = along.copy()
+        found = self._loads[ramp] + self._times_given()
+        for row, value in circuits.by_source(ramp, problem.w.x.array, problem.factors):
+            found[row] += value
+        held = circuits.given_rows()
+        # The row of a given potential is that of the source minus the electrode's.
+        found[held] = given[problem.free[held]]
+        return found
 
     def _along_times(self) -> np.ndarray:
         return assembled(self._product, self._action)
@@ -230,6 +277,8 @@ class Tangent:
             for row, value in self._rigid():
                 free.setValue(first + row, first + row, value, addv=True)
             free.assemble()
+        if problem.circuits:
+            self._feed(free)
         if problem.unknowns <= MOST_UNKNOWNS_KEPT:
             self._kept = whole, free
             self._petsc.keep("whole", whole)
@@ -237,6 +286,16 @@ class Tangent:
         else:
             whole.destroy()
         return free
+
+    def _feed(self, free: Any) -> None:
+        """Enter the wires into an assembled matrix.  Collective."""
+        first = free.getOwnershipRange()[0]
+        for row, value in self._wires():
+            free.setValue(first + row, first + row, value, addv=True)
+        free.assemble()
+        # The pattern stays, since the same matrix is filled again when the switch has opened.
+        free.setOption(PETSc.Mat.Option.KEEP_NONZERO_PATTERN, True)
+        free.zeroRowsColumns(self.problem.circuits.given_rows() + first, diag=-1.0)
 
 
 def scalar_masses(problem: Problem) -> np.ndarray:

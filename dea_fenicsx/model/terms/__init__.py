@@ -11,6 +11,7 @@ from dea_fenicsx.model.terms.base import EnergyTerm, Term, WorkTerm
 from dea_fenicsx.model.terms.dielectric import Dielectric
 from dea_fenicsx.model.terms.elastic import Elasticity
 from dea_fenicsx.model.terms.incompressibility import Volume
+from dea_fenicsx.model.terms.leak import AlikeLeak, MixedLeak
 from dea_fenicsx.model.terms.viscous import Viscous
 from dea_fenicsx.scene.scene import Scene
 
@@ -20,5 +21,7 @@ __all__ = ["EnergyTerm", "Term", "WorkTerm", "terms_of"]
 def terms_of(scene: Scene) -> list[Term]:
     """The terms of a scene, in the order in which they are added up."""
     augmentation = Augmentation(scene.elements.augmentation)
-    found = [Elasticity(), Volume(), augmentation, Dielectric(), Viscous()]
+    found: list[Term] = [Elasticity(), Volume(), augmentation, Dielectric(), Viscous()]
+    if scene.leaks:
+        found.append(AlikeLeak() if scene.leaks_alike else MixedLeak())
     return [*found, *(term for added in scene.declared.added for term in added.terms)]
