@@ -112,3 +112,11 @@ def check_hysteresis(out, printed):
     assert s["max_contraction_error"] < 1e-4
     assert s["loss_of_last_cycle_J"] == pytest.approx(s["exact_loss_of_last_cycle_J"], rel=0.01)
     assert (out / "voltage_contraction.png").exists()
+
+
+def check_harvest(out, printed):
+    """The closed form of the energy, with what leaks during the release."""
+    s = summary(out)
+    assert s["energy_density_over_mu"] == pytest.approx(s["closed_form_over_mu"], rel=1e-8)
+    assert s["charge_kept"] == pytest.approx(np.exp(-0.2), rel=1e-12)
+    assert (out / "potential_charge.png").exists()

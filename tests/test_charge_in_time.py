@@ -1,6 +1,7 @@
 """Charge in time: leakage, sources behind resistors, switches, currents and losses."""
 
 import math
+import textwrap
 
 import numpy as np
 import pytest
@@ -221,6 +222,57 @@ def test_a_harvesting_cycle_gains_its_closed_form():
     gained = -np.sum((v[1:] + v[:-1]) / 2 * np.diff(q)) / SIDE**3
     exact = dea.exact.harvesting_cycle(material, low, high, field).energy
     assert gained == pytest.approx(exact, rel=1e-8)
+
+
+# ---------------------------------------------------------------- ranks and resuming
+
+CYCLE = """
+    import math, sys
+    import dea_fenicsx as dea
+    from dea_fenicsx.geometry import BoxStack, Layer
+    MU, SIDE, EPS = 20e3, 1e-3, 4 * 8.8541878188e-12
+    UNIT = SIDE * math.sqrt(MU / EPS)
+    def film(omega):
+        electric = dea.IdealDielectric(4.0, conductivity=omega * EPS)
+        return dea.Material(dea.NeoHookean(MU), electric, viscous=[dea.Maxwell(MU, 1.0)])
+    device = dea.read_gmsh(
+        BoxStack(SIDE, None, [Layer("a", SIDE / 2), Layer("b", SIDE / 2)], divisions=(2,)))
+    scene = dea.Scene(
+        device, {"a": film(0.3), "b": film(0.1)},
+        [dea.Source("top", 0.5 * UNIT, ohms=0.5 / (EPS * SIDE)), dea.Ground("bottom")],
+        supports=[dea.Fix("x_min", "x"), dea.Fix("bottom", "y")],
+        kinematics=dea.PlaneStrain(SIDE))
+    class Stopper:
+        unit, of_the_state, count = "", False, 0
+        def bind(self, problem):
+            def value():
+                self.count += 1
+                if self.count == int(sys.argv[2]):
+                    raise KeyboardInterrupt
+                return 0.0
+            return value
+    path = [
+        dea.March(1.0, {"voltage": 1.0}, tolerance=1e-2), dea.Open("top"), dea.March(2.0, steps=4),
+        dea.Close("top", to=0.0), dea.March(1.0, steps=3)]
+    record = {"u": dea.MeanDisplacement("x_max", "x"), "v": dea.Potential("top"),
+              "i": dea.Current("top"), "loss": dea.ChargeLoss(), "stop": Stopper()}
+    dea.solve(scene, path, record, out=sys.argv[1], resume=True, quiet=True, stability="never")
+"""
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_a_cycle_goes_on_after_a_kill_on_other_ranks(start, tmp_path, ranks):
+    """Killed while it charges, with the switch open, and while it discharges."""
+    script = tmp_path / "cycle.py"
+    script.write_text(textwrap.dedent(CYCLE))
+    start(script, tmp_path / "whole", 0, check=True)
+    for last, number in ((9, 1), (8, ranks), (4, 1)):
+        start(script, tmp_path / "parts", last, ranks=number)
+    start(script, tmp_path / "parts", 0, ranks=ranks, check=True)
+    whole, parts = (dea.read_history(tmp_path / name) for name in ("whole", "parts"))
+    for name in ("time_s", "u_m", "v_V", "i_A", "loss_W"):
+        assert parts[name] == pytest.approx(whole[name], rel=1e-9, abs=1e-20)
 
 
 # ---------------------------------------------------------------- bad input

@@ -11,6 +11,7 @@ from conftest import ROOT
 from demo_checks import (
     check_creep,
     check_fit,
+    check_harvest,
     check_hinge,
     check_hysteresis,
     check_stiffened,
@@ -423,6 +424,7 @@ CHECKS = {
     "speed_vs_error.py": (check_speed_vs_error, []),
     "fit_rubber.py": (check_fit, []),
     "fit_viscous.py": (check_viscous_fit, []),
+    "harvesting_cycle.py": (check_harvest, ["--leak", 0.2, "--low", 2, "--high", 2.5]),
     "hdea_bending.py": (check_bending, ["--voltage", 4000, "--steps", 1, "--curvature", 5]),
     "hdea_helical_cell.py": (check_helical_cell, ["--steps", 3, "--linear", "--loads", "--force"]),
     "hdea_single_layer.py": (check_single_layer, []),

@@ -73,6 +73,19 @@ def in_scene(kind, place):
     return lambda **given: scene(**{place: [kind(**given)]})
 
 
+SOURCE = [dea.Source("top", 100.0), dea.Ground("bottom")]
+
+
+def switched(kind):
+    """Put an item about a switch into a path."""
+    return lambda **given: solve(path=kind(**given), changes={"electrodes": SOURCE})
+
+
+def fed(kind):
+    """Record an observable of a scene with a source."""
+    return lambda **given: solve(record={"x": kind(**given)}, changes={"electrodes": SOURCE})
+
+
 def of_material(kind):
     return lambda **given: scene(materials={"film": dea.Material(kind(**given))})
 
@@ -136,6 +149,17 @@ FIELDS = {
         lambda **g: scene(materials={"film": dea.Material(
             dea.NeoHookean(5e4), dea.IdealDielectric(3.0), viscous=[dea.Maxwell(**g)])}),
         dict(mu=1e4, tau=1.0)),
+    dea.Conductivity: (
+        lambda **g: scene(materials={"film": dea.Material(dea.NeoHookean(5e4), dea.IdealDielectric(
+            3.0, conductivity=dea.Conductivity(**g)))}),
+        dict(siemens_per_metre=1e-13)),
+    dea.Source: (
+        lambda **g: scene(electrodes=[dea.Source(**g), dea.Ground("bottom")]),
+        dict(where="top", volts=100.0)),
+    dea.Open: (switched(dea.Open), dict(where="top")),
+    dea.Close: (switched(dea.Close), dict(where="top")),
+    dea.Current: (fed(dea.Current), dict(electrode="top")),
+    dea.ChargeLoss: (fed(dea.ChargeLoss), {}),
     dea.Dissipation: (recorded(dea.Dissipation), {}),
     dea.NewtonOptions: (lambda **g: solve(options=dea.NewtonOptions(**g)), {}),
     dea.LossOfTension: (lambda **g: solve(failures=[dea.LossOfTension(**g)]), dict(normal="y")),
