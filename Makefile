@@ -36,7 +36,7 @@ quick: env
 	$(RUN) .venv/bin/python -m pytest -m "not slow and not mpi and not demo and not around"
 
 test: env
-	$(RUN) .venv/bin/python -m pytest
+	$(RUN) .ci/suite .venv/bin/python
 
 hard: env
 	$(RUN) .venv/bin/python tests/hard/run.py

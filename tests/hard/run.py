@@ -106,7 +106,7 @@ def main() -> int:
     if args.only in "random kill" and not args.no_kills:
         from hard.kills import as_cases
 
-        for row in as_cases():
+        for row in (*as_cases(), *as_cases(10, "march")):
             rows.append(row)
             print(f"{'  ' if row['passed'] else 'X '}{row['case']}: {row['verdict']} "
                   f"({row['seconds']:.1f} s)  {row['message'][:90]}", flush=True)  # fmt: skip
