@@ -135,8 +135,8 @@ _HOME = {
     ),
     "run.fidelity_ladder": ("speed_vs_error",),
     "materials": (
-        "ArrudaBoyce", "Breakdown", "Conductivity", "Conductor", "Gent", "IdealDielectric",
-        "Material", "Maxwell", "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh",
+        "ArrudaBoyce", "Breakdown", "Conductivity", "Conductor", "Debye", "Gent",
+        "IdealDielectric", "Material", "Maxwell", "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh",
     ),
     "mesh.device": ("Device", "read_gmsh"),
     "measure.observables": (

@@ -140,6 +140,78 @@ def test_voltage_of_a_charged_film_of_fixed_shape():
     assert v[1:] == pytest.approx(100.0 * np.exp(-OMEGA * time[1:]), rel=1e-7)
 
 
+# ---------------------------------------------------------------- dielectric relaxation
+
+
+def relaxing(mu, *terms, omega=0.0):
+    electric = dea.IdealDielectric(EPS_R, conductivity=omega * EPS, relaxation=list(terms))
+    return dea.Material(dea.NeoHookean(mu), electric)
+
+
+def test_charge_of_a_relaxing_dielectric_of_fixed_shape():
+    """At a constant voltage q = C V [1 + 1/2 (1 - exp(-t/tau))], exactly for any step."""
+    run = solve(
+        scene(dea.Electrode("top", 100.0), relaxing(1e9, dea.Debye(EPS_R / 2, 2.0))),
+        [dea.Ramp(steps=1), dea.March(6.0, steps=5)],
+        RECORD | {"energy": dea.Energy("electric"), "loss": dea.ChargeLoss()},
+    )  # fmt: skip
+    time, q, energy, loss = columns(run, "time_s", "q_C", "energy_J", "loss_W")
+    late = 0.5 * (1 - np.exp(-time[1:] / 2))
+    whole = EPS * SIDE * 100.0
+    assert q[1:] == pytest.approx(whole * (1 + late), rel=1e-7)
+    assert energy[1:] == pytest.approx(whole * 50.0 * (1 + late**2 / 0.5), rel=1e-7)
+    assert loss[1:] == pytest.approx(whole * 100.0 * (0.5 - late) ** 2 / 0.5 / 2.0, rel=1e-6)
+
+
+def test_voltage_of_a_disconnected_relaxing_dielectric_with_leakage():
+    """D' = -P' - omega D, P' = (D/2 - P)/tau: two rates, second order."""
+    from scipy.integrate import solve_ivp
+
+    omega, tau = 0.1, 2.0
+
+    def rate(t, y):
+        late = (y[0] / 2 - y[1]) / tau
+        return [-late - omega * y[0], late]
+
+    exact = solve_ivp(rate, (0, 6.0), [1.0, 0.0], rtol=1e-11, atol=1e-13).y[0, -1]
+    errors = []
+    for steps in (10, 20, 40):
+        run = solve(
+            scene(dea.Source("top", 100.0), relaxing(1e9, dea.Debye(EPS_R / 2, tau), omega=omega)),
+            [dea.Ramp(steps=1), dea.Open("top"), dea.March(6.0, steps=steps)],
+        )  # fmt: skip
+        errors.append(abs(run.history[-1]["v_V"] / 100.0 - exact))
+    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.2)
+    assert errors[-1] < 2e-4
+
+
+def test_a_relaxing_film_goes_on_to_deform():
+    """Equal-biaxial: mu (l^2 - l^-4) = eps E^2 l^4 + P^2 l^-4/eps_P, P' = (eps_P l^4 E - P)/tau."""
+    from scipy.integrate import solve_ivp
+    from scipy.optimize import brentq
+
+    e, tau, ratio = 0.4, 1.0, 0.5
+
+    def stretch(p):
+        return brentq(
+            lambda x: x**2 - x**-4 - e**2 * x**4 - p**2 * x**-4 / ratio, 1.0, 1.25, xtol=1e-14
+        )
+
+    def rate(t, p):
+        return [(ratio * stretch(p[0]) ** 4 * e - p[0]) / tau]
+
+    p = solve_ivp(rate, (0, 2.0), [0.0], rtol=1e-11, atol=1e-13).y[0, -1]
+    film = relaxing(MU, dea.Debye(ratio * EPS_R, tau))
+    errors = []
+    for steps in (8, 16, 32):
+        run = solve(
+            scene(dea.Electrode("top", e * UNIT), film), [dea.Ramp(), dea.March(2.0, steps=steps)]
+        )
+        errors.append(abs(run.history[-1]["u_m"] / SIDE + 1 - stretch(p)))
+    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.2)
+    assert errors[-1] < 1e-4
+
+
 # ---------------------------------------------------------------- sources and switches
 
 

@@ -153,6 +153,10 @@ FIELDS = {
         lambda **g: scene(materials={"film": dea.Material(dea.NeoHookean(5e4), dea.IdealDielectric(
             3.0, conductivity=dea.Conductivity(**g)))}),
         dict(siemens_per_metre=1e-13)),
+    dea.Debye: (
+        lambda **g: scene(materials={"film": dea.Material(dea.NeoHookean(5e4), dea.IdealDielectric(
+            3.0, relaxation=[dea.Debye(**g)]))}),
+        dict(eps_r=1.0, tau=1.0)),
     dea.Source: (
         lambda **g: scene(electrodes=[dea.Source(**g), dea.Ground("bottom")]),
         dict(where="top", volts=100.0)),

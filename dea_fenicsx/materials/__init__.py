@@ -14,6 +14,7 @@ from dea_fenicsx.materials.electric import (
     Breakdown,
     Conductivity,
     Conductor,
+    Debye,
     Dielectric,
     IdealDielectric,
 )
@@ -41,6 +42,7 @@ __all__ = [
     "IdealDielectric",
     "Breakdown",
     "Conductivity",
+    "Debye",
     "Conductor",
     "Dielectric",
     "Material",

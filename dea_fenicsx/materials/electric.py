@@ -10,7 +10,7 @@ import numpy as np
 
 from dea_fenicsx.materials.base import EPSILON_0
 from dea_fenicsx.support.units import in_si
-from dea_fenicsx.support.validation import is_finite
+from dea_fenicsx.support.validation import is_finite, is_positive
 
 MOST_EXPONENT = 50.0
 """Largest exponent of a conductivity.  A dielectric breaks down long before."""
@@ -103,6 +103,47 @@ class Conductivity:
         return found
 
 
+@dataclass(frozen=True)
+@in_si(eps_r="", tau="s")
+class Debye:
+    """A term of dielectric relaxation: a polarisation that follows the field with a delay.
+
+    The nominal polarisation P has the energy J |J^-1 F P|^2/(2 eps) - P . E per undeformed volume
+    and flows towards its minimum, where it adds eps to the permittivity:
+
+        dP/dt = (eps J C^-1 E - P)/tau,    eps = eps_r eps_0,
+
+    with the nominal field E.  In a body of fixed shape the permittivity at the angular frequency w
+    grows by eps/(1 + i w tau).
+
+    Parameters
+    ----------
+    eps_r
+        What the term adds to the relative permittivity at slow fields, > 0.
+    tau
+        Relaxation time in s, > 0.
+
+    References
+    ----------
+    P. Debye, Polar Molecules, Chemical Catalog Company, New York (1929).
+    """
+
+    eps_r: float
+    tau: float
+
+    def faults(self) -> list[str]:
+        """What is unphysical about the constants, as a list of clauses."""
+        return [
+            f"{name} of a Debye term is {value!r}, but must be a finite number > 0"
+            for name, value in (("eps_r", self.eps_r), ("tau", self.tau))
+            if not is_positive(value)
+        ]
+
+    def permittivity(self) -> float:
+        """What it adds to the absolute permittivity at slow fields, in F/m."""
+        return self.eps_r * EPSILON_0
+
+
 class Electric(ABC):
     """Base of the electric properties of a region.
 
@@ -135,6 +176,10 @@ class Dielectric(Electric):
         """The law of its conductivity, or None where it does not conduct."""
         return None
 
+    def relaxation_terms(self) -> tuple[Debye, ...]:
+        """The polarisations that follow the field with a delay."""
+        return ()
+
     def breakdown_law(self) -> Breakdown | None:
         """The law of its breakdown field, or None where it is not known."""
         return None
@@ -159,6 +204,9 @@ class IdealDielectric(Dielectric):
     conductivity
         Conductivity of the dielectric, by which charge leaks through it while time passes in a
         `March`: a number in S/m, or a `Conductivity` law.  0 for a perfect insulator.
+    relaxation
+        Polarisations that follow the field with a delay while time passes: `Debye` terms, to which
+        `eps_r` is the permittivity at once.
 
     References
     ----------
@@ -168,6 +216,16 @@ class IdealDielectric(Dielectric):
     eps_r: float
     breakdown: float | Breakdown | None = None
     conductivity: float | Conductivity = 0.0
+    relaxation: tuple[Debye, ...] = ()
+
+    def __post_init__(self) -> None:
+        if isinstance(self.relaxation, list):
+            object.__setattr__(self, "relaxation", tuple(self.relaxation))
+        elif isinstance(self.relaxation, Debye):
+            object.__setattr__(self, "relaxation", (self.relaxation,))
+
+    def relaxation_terms(self) -> tuple[Debye, ...]:
+        return self.relaxation
 
     def conductivity_law(self) -> Conductivity | None:
         law = self.conductivity
@@ -193,6 +251,14 @@ class IdealDielectric(Dielectric):
         law = self.breakdown_law()
         if law is not None:
             found += law.faults()
+        if not isinstance(self.relaxation, tuple):
+            found.append(f"relaxation is {self.relaxation!r}, but must be a list of Debye terms")
+        else:
+            for term in self.relaxation:
+                found += (
+                    term.faults() if isinstance(term, Debye)
+                    else [f"relaxation holds {term!r}, but needs Debye(eps_r, tau)"]
+                )  # fmt: skip
         leak = self.conductivity
         return found + (leak if isinstance(leak, Conductivity) else Conductivity(leak)).faults()
 

@@ -58,11 +58,17 @@ class ElectrodeCharge:
         shape = _profile_of(problem, electrode)
         cells = _cells_of(problem, electrode, shape.x.array)
         self._form = compat.compile_form(_flux(problem, cells, self._phi, shape, rate))
+        late = _delayed_flux(problem, cells, shape) if rate == 1 else 0
+        self._late = compat.compile_form(late) if late != 0 else None
 
     def of_state(self) -> float:
-        """In C, in the present state.  Collective."""
+        """In C, in the present state, delayed polarisations included.  Collective."""
         assert self.problem.potential is not None
-        return self.of(self.problem.w.x.array[self.problem.potential.dofs])
+        found = self.of(self.problem.w.x.array[self.problem.potential.dofs])
+        if self._late is None:
+            return found
+        mine = float(np.real(dolfinx.fem.assemble_scalar(self._late)))
+        return found + self.problem.comm.allreduce(mine, op=MPI.SUM) * self.problem.scales.charge
 
     def of(self, potential: np.ndarray) -> float:
         """In C, in a potential by its local values, ghosts included, dimensionless.  Collective."""
@@ -199,6 +205,19 @@ def _flux(problem: Problem, cells: list[np.ndarray], a: Any, b: Any, rate: Any =
     dx = measure(scene.device, cells, scene.elements.quadrature_degree)
     dielectrics = [k for k in problem.kernels if k.eps is not None]
     return sum(k.eps * density * dx(i) for i, k in enumerate(dielectrics))
+
+
+def _delayed_flux(problem: Problem, cells: list[np.ndarray], shape: Any) -> Any:
+    """The flux - int P . Grad N dX of the delayed polarisations, over cells of each dielectric."""
+    scene, x = problem.scene, ufl.SpatialCoordinate(problem.mesh)
+    gradient = scene.kinematics.gradient(shape, x, problem.forms.motion)
+    weight = scene.kinematics.weight(x)
+    dx = measure(scene.device, cells, scene.elements.quadrature_degree)
+    points = [p for p in problem.forms.points if p.kernel.eps is not None]
+    return sum(
+        -ufl.dot(p.polarisation(term), gradient) * weight * dx(i)
+        for i, p in enumerate(points) for term in p.kernel.relaxation
+    )  # fmt: skip
 
 
 def _profile_of(problem: Problem, electrode: Conducting) -> Any:

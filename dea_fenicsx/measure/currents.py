@@ -17,12 +17,13 @@ from dea_fenicsx.model.charge_history import RATE, ChargeHistory
 from dea_fenicsx.model.circuits import Wire
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.terms.relaxation import relaxation_power
 from dea_fenicsx.scene.electrodes import Conducting
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import one_of
 
-Loss = Literal["all", "leak", "resistors"]
+Loss = Literal["all", "leak", "relaxation", "resistors"]
 
 
 def _history(problem: Problem) -> ChargeHistory:
@@ -95,13 +96,14 @@ def _slope(times: tuple[float, ...], values: list[Any]) -> float:
 class ChargeLoss:
     """The power in W that leakage and resistors turn into heat; never negative.
 
-    It is int g |E|^2 dv over the dielectrics, with the true field E and the conductivity g, and
-    R I^2 in each wire with a resistor.
+    It is int g |E|^2 dv over the dielectrics, with the true field E and the conductivity g; what
+    delayed polarisations lose, int |F (X - P)|^2/(eps tau J) dX, with X that of the present field;
+    and R I^2 in each wire with a resistor.
 
     Parameters
     ----------
     what
-        ``"leak"``, ``"resistors"`` or ``"all"``.
+        ``"leak"``, ``"relaxation"``, ``"resistors"`` or ``"all"``.
     """
 
     what: Loss = "all"
@@ -110,12 +112,17 @@ class ChargeLoss:
     def bind(self, problem: Problem) -> Measurement:
         one_of(self.what, get_args(Loss), "what= of ChargeLoss")
         _check_keeps(problem, "ChargeLoss")
-        wires = [w for w in problem.circuits.wires if not w.is_ideal and self.what != "leak"]
-        leak = _leak_power(problem) if self.what != "resistors" else lambda: 0.0
+        everything = self.what == "all"
+        parts: list[Measurement] = []
+        if everything or self.what == "leak":
+            parts.append(_leak_power(problem))
+        if everything or self.what == "relaxation":
+            parts.append(_delay_power(problem))
+        if everything or self.what == "resistors":
+            parts.append(_resistor_power(problem))
 
         def value() -> float:
-            heat = sum(w.feed.ohms * _through(problem, w) ** 2 for w in wires)
-            return leak() + heat
+            return sum(part() for part in parts)
 
         return value
 
@@ -168,6 +175,22 @@ def _leak_power(problem: Problem) -> Measurement:
         return measured()
 
     return value
+
+
+def _delay_power(problem: Problem) -> Measurement:
+    """The power of delayed polarisations in W."""
+
+    def density(k: int, point: MaterialPoint) -> list[Any]:
+        return [relaxation_power(point)] if problem.kernels[k].relaxation else []
+
+    form = over_regions(problem, None, density)
+    return integral(problem, form) if form != 0 else lambda: 0.0
+
+
+def _resistor_power(problem: Problem) -> Measurement:
+    """The power of resistors in W."""
+    wires = [wire for wire in problem.circuits.wires if not wire.is_ideal]
+    return lambda: sum(w.feed.ohms * _through(problem, w) ** 2 for w in wires)
 
 
 def _check_keeps(problem: Problem, what: str) -> None:

@@ -14,7 +14,7 @@ from dea_fenicsx.measure.observables import Measurement, group_names
 from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.model.terms import EnergyTerm
+from dea_fenicsx.model.terms import EnergyTerm, Term
 from dea_fenicsx.model.terms.viscous import dissipation
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
@@ -84,13 +84,14 @@ class Energy:
 
         def density(k: int, point: MaterialPoint) -> list[Any]:
             kernel = problem.kernels[k]
-            return [term.stored(point) for term in terms if term.lives_on(kernel)]
+            found = [term.stored(point) for term in terms if term.lives_on(kernel)]
+            return [one for one in found if one is not None]
 
         return integral(problem, over_regions(problem, self.regions, density))
 
-    def _terms(self, problem: Problem) -> list[EnergyTerm]:
+    def _terms(self, problem: Problem) -> list[Term]:
         """The problem's terms that are part of this energy."""
-        energies = [t for t in problem.forms.terms if isinstance(t, EnergyTerm)]
+        energies = [t for t in problem.forms.terms if isinstance(t, EnergyTerm) or t.stored_as]
         terms = [t for t in energies if any(map(t.lives_on, problem.kernels))]
         found = [t for t in terms if (t.stored_as or t.name) == self.what]
         found = found or [t for t in terms if t.name == self.what]

@@ -18,6 +18,11 @@ or, solved for what the step ends with,
 The rule is of second order, stable for any step, and exact where T is linear in time: in a
 disconnected film, however it deforms, and in a film of constant voltage and shape.
 
+A polarisation P that follows the field with a delay, dP/dt = (X - P)/tau, is added to T where there
+is one; then T - P takes the place of T above.  With X = (eps_P/eps) D taken as linear in time,
+
+    P_new = e^-z P_n + (phi - e^-z) X_n + (1 - phi) X_new,    z = dt/tau,  phi = (1 - e^-z)/z.
+
 The charge q of a wire obeys dq/dt = current.  It follows the same rules as the viscous strains,
 q_new = H + h current_new; see `model.viscous_history`.
 """
@@ -34,7 +39,21 @@ SMALL_DECAY = 1e-5
 """Below it functions of z are taken from their series, which is then exact to 1e-15."""
 
 TOTAL, FIELD, RATE = slice(0, 3), slice(3, 6), 6
-"""Places of T, D and omega among the seven numbers of a quadrature point."""
+"""Places of T, D and omega among the numbers of a quadrature point."""
+
+NUMBERS = 7
+"""Numbers at a quadrature point before those of the polarisations."""
+
+
+def polarised(k: int) -> slice:
+    """Places of the polarisation k."""
+    return slice(NUMBERS + 3 * k, NUMBERS + 3 * k + 3)
+
+
+def delay_weights(z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Weights of P_n, X_n and X_new in P_new, for z = dt/tau."""
+    decay, mean = np.exp(-z), 1 / swell(z)
+    return decay, mean - decay, 1 - mean
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +63,9 @@ class ChargeHistory:
     Attributes
     ----------
     leaks
-        T and D, dimensionless, and omega in 1/s at the last accepted times, the newest first, each
-        of shape (cells, points, 7).  There are no points where no dielectric conducts.
+        T and D, dimensionless, omega in 1/s and the polarisations at the last accepted times, the
+        newest first, each of shape (cells, points, 7 + 3 polarisations).  There are no points
+        where no dielectric conducts or relaxes.
     wires
         The charge in C that has come through the wire of each electrode, at the same times.
     times, span, rule

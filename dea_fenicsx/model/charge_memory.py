@@ -15,22 +15,22 @@ from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.electric import Conductivity
 from dea_fenicsx.model.charge_history import (
     FIELD,
+    NUMBERS,
     RATE,
     TOTAL,
     ChargeHistory,
     bend_weight,
+    delay_weights,
+    polarised,
     swell,
 )
-from dea_fenicsx.model.kernels import Kernel
+from dea_fenicsx.model.kernels import BoundDebye, Kernel
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.memory import LEVELS
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.viscous_history import Rule
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.errors import InputError
-
-NUMBERS = 7
-"""Numbers at a quadrature point: T, D and omega, see `model.charge_history`."""
 
 SMALLEST_DISPLACEMENT = 1e-9
 """Root mean square of T, dimensionless, below which errors of T are not compared with T."""
@@ -50,6 +50,8 @@ class LeakMemory:
 
     Attributes
     ----------
+    delayed
+        Largest number of delayed polarisations of a region.
     alike
         Whether all dielectrics have one constant omega = g/eps.  Then the rows of the potential
         are divided by psi, so that the tangent stays symmetric.
@@ -67,6 +69,8 @@ class LeakMemory:
         self._mesh, self._field = mesh, scales.field
         self._cells = imap.size_local + imap.num_ghosts
         self.points = len(quadrature) if pairs else 0
+        self._relaxing = [kernel for kernel in kernels if kernel.relaxation]
+        self.delayed = max((len(k.relaxation) for k in self._relaxing), default=0)
         self.alike, self.psi = True, 1.0
         self._materials: Callable[[], Mapping[str, Material]] = dict
         self._cells_of: Callable[[str], np.ndarray] = lambda region: np.empty(0, np.int32)
@@ -83,6 +87,11 @@ class LeakMemory:
     def __bool__(self) -> bool:
         return self._bound is not None
 
+    @property
+    def numbers(self) -> int:
+        """Numbers at a quadrature point."""
+        return NUMBERS + 3 * self.delayed
+
     def take(
         self, materials: Callable[[], Mapping[str, Material]],
         cells_of: Callable[[str], np.ndarray], alike: bool,
@@ -98,8 +107,8 @@ class LeakMemory:
                 yield region, law, material.dielectric.permittivity()
 
     def at_rest(self) -> np.ndarray:
-        """T, D and omega in the body without field, of shape (cells, points, 7)."""
-        found = np.zeros((self._cells, self.points, NUMBERS))
+        """The numbers at quadrature points in the body without field; see `ChargeHistory`."""
+        found = np.zeros((self._cells, self.points, self.numbers))
         if self:
             found[..., RATE] = self._rates(np.zeros((self._cells, self.points)))
         return found
@@ -122,13 +131,58 @@ class LeakMemory:
         if self.alike:
             z = np.full_like(z, self._one_rate() * history.whole_span)
         psi = swell(z)
-        H = begin[..., TOTAL] - (np.exp(-z) * psi)[..., None] * begin[..., FIELD]
+        H = self._without_delay(begin) - (np.exp(-z) * psi)[..., None] * begin[..., FIELD]
         if self.alike:
             one = swell(np.array(self._one_rate() * history.whole_span))
             self.psi = float(one)
             H, psi = H / self.psi, np.ones_like(psi)
         self._bound.history.x.array[:] = H.ravel()
         self._bound.excess.x.array[:] = (psi - 1).ravel()
+        for kernel in self._relaxing:
+            for k, term in enumerate(kernel.relaxation):
+                self._show_delay(k, term, begin, history.whole_span)
+
+    def _without_delay(self, numbers: np.ndarray) -> np.ndarray:
+        """T without the delayed polarisations."""
+        total = numbers[..., TOTAL]
+        return total - sum((numbers[..., polarised(k)] for k in range(self.delayed)), 0 * total)
+
+    def _show_delay(self, k: int, term: BoundDebye, begin: np.ndarray, span: float) -> None:
+        """Put the history of a delayed polarisation of a kernel into its coefficients."""
+        tau = term.tau.x.array
+        here = tau > 0
+        old, field, new = delay_weights(span / tau[here])
+        term.share.x.array[here] = new
+        ratio = self._ratio(term)[here]
+        H = term.history.x.array.reshape(self._cells, self.points, 3)
+        H[here] = (
+            old[:, None, None] * begin[here][..., polarised(k)]
+            + (field * ratio)[:, None, None] * begin[here][..., FIELD]
+        )
+
+    def _ratio(self, term: BoundDebye) -> np.ndarray:
+        """The permittivity of a term over the one at once, in each cell."""
+        eps = np.ones(self._cells)
+        for kernel, _ in self._evaluated:
+            if term in kernel.relaxation and kernel.eps is not None:
+                eps = np.where(kernel.eps.x.array > 0, kernel.eps.x.array, 1.0)
+        return np.asarray(term.eps.x.array / eps)
+
+    def delay_error(self, h: float, h1: float, levels: Sequence[np.ndarray]) -> np.ndarray:
+        """What the delayed polarisations miss over a step of length h, after one of length h1."""
+        missed = np.zeros((self._cells, self.points, 3))
+        first = (levels[0][..., FIELD] - levels[1][..., FIELD]) / h
+        second = (levels[1][..., FIELD] - levels[2][..., FIELD]) / h1
+        bend = 2 * np.abs(first - second) / (h + h1)
+        for kernel in self._relaxing:
+            for term in kernel.relaxation:
+                tau = term.tau.x.array
+                here = tau > 0
+                z = h / tau[here]
+                # The polarisation follows X with the rate 1/tau, T follows D with omega: z/12 each.
+                weight = h**2 * bend_weight(z) * self._ratio(term)[here]
+                missed[here] += weight[:, None, None] * bend[here]
+        return missed
 
     def _one_rate(self) -> float:
         """The constant omega that all dielectrics have."""
@@ -141,8 +195,8 @@ class LeakMemory:
         return rates.pop()
 
     def now(self) -> np.ndarray:
-        """T, D and omega in the present state, whose history is shown."""
-        found = np.zeros((self._cells, self.points, NUMBERS))
+        """The numbers at quadrature points in the present state, whose history is shown."""
+        found = np.zeros((self._cells, self.points, self.numbers))
         if self._bound is None:
             return found
         strength = np.zeros((self._cells, self.points))
@@ -156,6 +210,14 @@ class LeakMemory:
         psi = 1 + self._bound.excess.x.array.reshape(self._cells, self.points)
         found[..., TOTAL] = self.psi * (psi[..., None] * found[..., FIELD] + H)
         found[..., RATE] = self._rates(strength)
+        for kernel in self._relaxing:
+            for k, term in enumerate(kernel.relaxation):
+                here = term.tau.x.array > 0
+                weight = (term.share.x.array * self._ratio(term))[here]
+                late = term.history.x.array.reshape(self._cells, self.points, 3)[here]
+                late = late + weight[:, None, None] * found[here][..., FIELD]
+                found[here, :, polarised(k)] = late
+                found[here, :, TOTAL] += late
         return found
 
 
@@ -189,7 +251,7 @@ class ChargeMemory:
     @property
     def columns(self) -> int:
         """Numbers in each cell at each time."""
-        return self.leaks.points * NUMBERS
+        return self.leaks.points * self.leaks.numbers
 
     def at_rest(self) -> ChargeHistory:
         """The history of a body that has never been charged."""
@@ -295,6 +357,7 @@ class ChargeMemory:
         second = (leaks[1][..., TOTAL] - leaks[2][..., TOTAL]) / h1
         bend = 2 * (first - second) / (h + h1)
         missed = bend_weight(leaks[0][..., RATE] * h)[..., None] * h**2 * bend
+        missed = np.abs(missed) + self.leaks.delay_error(h, h1, leaks)
         return self._size(missed) / max(self._size(leaks[0][..., TOTAL]), SMALLEST_DISPLACEMENT)
 
     def _size(self, vectors: np.ndarray) -> float:

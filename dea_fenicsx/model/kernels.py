@@ -19,6 +19,7 @@ import ufl
 
 from dea_fenicsx.materials import Elastic
 from dea_fenicsx.materials.base import choices, constants
+from dea_fenicsx.materials.electric import Debye
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.fields import Field, Role
 from dea_fenicsx.model.scales import Scales
@@ -68,6 +69,26 @@ class BoundLeak:
 
 
 @dataclass(frozen=True)
+class BoundDebye:
+    """A term of dielectric relaxation of a kernel: P = history + share (eps/eps_now) D.
+
+    Attributes
+    ----------
+    eps, tau
+        Cell-wise permittivity, dimensionless, and relaxation time in s; 0 outside of the kernel.
+    share
+        Cell-wise weight of the present field, see `model.charge_history`.
+    history
+        What the polarisation has beside it, at quadrature points; it is shared by all kernels.
+    """
+
+    eps: Any
+    tau: Any
+    share: Any
+    history: Any
+
+
+@dataclass(frozen=True)
 class Kernel:
     """Regions that share one integral.
 
@@ -89,7 +110,10 @@ class Kernel:
     branches
         The viscous branches.
     leak
-        The history of the charge that has leaked; None where no dielectric of the scene conducts.
+        The history of the charge that has leaked; None where no dielectric of the scene conducts
+        or relaxes.
+    relaxation
+        The polarisations that follow the field with a delay.
     """
 
     elastic: Elastic
@@ -101,6 +125,7 @@ class Kernel:
     fields: tuple[str, ...] = ()
     branches: tuple[BoundBranch, ...] = ()
     leak: BoundLeak | None = None
+    relaxation: tuple[BoundDebye, ...] = ()
 
     @property
     def is_incompressible(self) -> bool:
@@ -124,7 +149,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
 
     histories = quadrature_functions(scene)
-    leak = _leak(scene)
+    leak, delayed = _leak(scene), _polarisations(scene)
     made = []
     charged = {field.name for field in fields_of_problem if field.role is Role.POTENTIAL}
 
@@ -134,7 +159,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
             if item.ramp == ramp and name in item.regions
         )  # fmt: skip
 
-    for (_, _, alive, incompressible, stretched, branches), names in groups.items():
+    for (_, _, alive, incompressible, stretched, branches, late), names in groups.items():
         cells = {n: device.cells_of(n) for n in names}
         has_field = bool(charged & set(alive))
 
@@ -161,6 +186,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 fields=alive,
                 branches=_branches(scene, cellwise, constant, histories[:branches]),
                 leak=leak if has_field else None,
+                relaxation=_relaxation(scene, scales, cellwise, constant, delayed[:late]),
             )
         )
     return made
@@ -175,9 +201,45 @@ def _groups(scene: Scene, fields_of_problem: Sequence[Field]) -> dict[tuple, lis
         stretched = any(name in item.regions for item in scene.declared.initial_stretches)
         found.setdefault(
             (type(m.elastic), _shape(m.elastic), alive, m.bulk_modulus is None, stretched,
-             len(m.viscous)), []
+             len(m.viscous), len(_debye_terms(scene, name))), []
         ).append(name)  # fmt: skip
     return found
+
+
+def _debye_terms(scene: Scene, region: str) -> tuple[Debye, ...]:
+    """The terms of dielectric relaxation of a region in which a field lives."""
+    material = scene.materials[region]
+    live = scene.has_potential and material.is_dielectric
+    return material.dielectric.relaxation_terms() if live else ()
+
+
+def _polarisations(scene: Scene) -> list[Any]:
+    """Functions of three numbers at each quadrature point, as many as a region has Debye terms."""
+    count = max(len(_debye_terms(scene, name)) for name in scene.materials)
+    if not count:
+        return []
+    space = _quadrature_space(scene, (3,))
+    return [dolfinx.fem.Function(space) for _ in range(count)]
+
+
+def _relaxation(
+    scene: Scene, scales: Scales, cellwise: Callable, constant: Any, histories: Sequence[Any]
+) -> tuple[BoundDebye, ...]:
+    """The terms of dielectric relaxation of a kernel, each with a function for its history."""
+
+    def eps(term: int, region: str) -> float:
+        return _debye_terms(scene, region)[term].permittivity() / scales.permittivity
+
+    def tau(term: int, region: str) -> float:
+        return _debye_terms(scene, region)[term].tau
+
+    return tuple(
+        BoundDebye(
+            cellwise(partial(eps, k)), cellwise(partial(tau, k)), dolfinx.fem.Function(constant),
+            function,
+        )
+        for k, function in enumerate(histories)
+    )
 
 
 def _branches(

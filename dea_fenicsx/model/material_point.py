@@ -16,7 +16,7 @@ from typing import Any
 
 import ufl
 
-from dea_fenicsx.model.kernels import Kernel
+from dea_fenicsx.model.kernels import BoundDebye, Kernel
 from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, StrainOf, cofactor
 from dea_fenicsx.support.compat import dolfinx
 
@@ -112,6 +112,10 @@ class MaterialPoint:
         """Nominal electric displacement eps J F^-1 F^-T E: charge per undeformed area."""
         pulled = ufl.dot(ufl.transpose(self.cofactor), self.cofactor_field)
         return self.kernel.eps * pulled / self.J
+
+    def polarisation(self, term: BoundDebye) -> Any:
+        """Nominal polarisation of a term of dielectric relaxation."""
+        return term.history + term.share * term.eps / self.kernel.eps * self.displacement_field
 
     @property
     def true_field(self) -> Any:

@@ -124,18 +124,20 @@ class Scene:
 
     @property
     def leaks(self) -> bool:
-        """Whether a dielectric in which a field may live conducts."""
-        laws = [m.dielectric.conductivity_law() for m in self.materials.values() if m.is_dielectric]
-        return self.has_potential and any(law is not None for law in laws)
+        """Whether a dielectric in which a field may live conducts, or relaxes."""
+        found = [m.dielectric for m in self.materials.values() if m.is_dielectric]
+        late = any(d.conductivity_law() is not None or d.relaxation_terms() for d in found)
+        return self.has_potential and late
 
     @property
     def leaks_alike(self) -> bool:
-        """Whether charge leaks by one constant ratio g/eps in all dielectrics."""
+        """Whether charge leaks by one constant ratio g/eps in all dielectrics, and none relaxes."""
         found = set()
         for material in self.materials.values():
             if material.is_dielectric:
                 law = material.dielectric.conductivity_law()
-                if law is None or law.field is not None:
+                late = material.dielectric.relaxation_terms()
+                if law is None or law.field is not None or late:
                     return False
                 found.add((law.siemens_per_metre, material.dielectric.permittivity()))
         return len(found) == 1

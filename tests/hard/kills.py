@@ -200,7 +200,8 @@ def one(script: Path, folder: Path, number: int, pace: float, writes: int) -> di
             time.sleep(0.002)
         time.sleep(delay)
     kill(process, script)
-    row = {"case": f"{name} of a {script.stem}, {ranks[0]} then {ranks[1]} ranks", "expected": "same end to 1e-8"}
+    row = {"case": f"{name} of a {script.stem}, {ranks[0]} then {ranks[1]} ranks",
+           "expected": "same end to 1e-8"}  # fmt: skip
     try:
         steps = readable(out) if out.exists() else 0
         finish(script, out, ranks[1], True)

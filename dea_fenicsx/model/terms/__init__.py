@@ -12,6 +12,7 @@ from dea_fenicsx.model.terms.dielectric import Dielectric
 from dea_fenicsx.model.terms.elastic import Elasticity
 from dea_fenicsx.model.terms.incompressibility import Volume
 from dea_fenicsx.model.terms.leak import AlikeLeak, MixedLeak
+from dea_fenicsx.model.terms.relaxation import DielectricRelaxation
 from dea_fenicsx.model.terms.viscous import Viscous
 from dea_fenicsx.scene.scene import Scene
 
@@ -24,4 +25,7 @@ def terms_of(scene: Scene) -> list[Term]:
     found: list[Term] = [Elasticity(), Volume(), augmentation, Dielectric(), Viscous()]
     if scene.leaks:
         found.append(AlikeLeak() if scene.leaks_alike else MixedLeak())
+        if any(m.is_dielectric and m.dielectric.relaxation_terms() for m in
+               scene.materials.values()):  # fmt: skip
+            found.append(DielectricRelaxation())
     return [*found, *(term for added in scene.declared.added for term in added.terms)]

@@ -44,6 +44,10 @@ class Term(ABC):
         """Whether it acts on the regions of a kernel."""
         return set(self.fields) <= set(kernel.fields)
 
+    def stored(self, at: MaterialPoint) -> Any:
+        """What it stores in the body, per undeformed volume, dimensionless; None for nothing."""
+        return None
+
 
 class EnergyTerm(Term):
     """A term of the energy; its tangent is symmetric."""
