@@ -95,7 +95,7 @@ def moment_told(found: Any) -> Moment | None:
     charge = found.get("charge")
     good = (
         is_number(now) and math.isfinite(now) and _are_times(times)
-        and is_number(span) and span >= 0 and rule in Rule.__members__
+        and is_number(span) and span >= 0 and isinstance(rule, str) and rule in Rule.__members__
         and (charge is None or _tells_charges(charge))
     )  # fmt: skip
     if not good:
