@@ -8,19 +8,25 @@ change of a material constant never recompiles anything.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import basix.ufl
 import numpy as np
 import ufl
 
-from dea_fenicsx.materials import Elastic
+from dea_fenicsx.materials import Elastic, Material, Maxwell
 from dea_fenicsx.materials.base import choices, constants
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.fields import Field, Role
+from dea_fenicsx.model.flowing_branches import (
+    FlowingBranches,
+    flow_functions,
+    flowing_branches,
+    quadrature_functions,
+    symmetric,
+)
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.compat import dolfinx
@@ -28,7 +34,7 @@ from dea_fenicsx.support.compat import dolfinx
 
 @dataclass(frozen=True)
 class BoundBranch:
-    """A viscous branch of a kernel, with what the forms take of the history.
+    """A Maxwell branch of a kernel, with what the forms take of the history.
 
     Attributes
     ----------
@@ -38,17 +44,20 @@ class BoundBranch:
         Cell-wise length of the present step of time over the relaxation time.
     function
         The history H at quadrature points, six numbers each; it is shared by all kernels.
+    place
+        Number of the branch in its materials.
     """
 
     mu: Any
     tau: Any
     step: Any
     function: Any
+    place: int
 
     @property
     def tensor(self) -> Any:
         """The history H, symbolic, symmetric 3 x 3."""
-        return _symmetric(self.function)
+        return symmetric(self.function)
 
 
 @dataclass(frozen=True)
@@ -70,6 +79,8 @@ class Kernel:
         Their cells that this rank owns.
     fields
         Names of the fields that live there.
+    branches, flowing
+        Maxwell branches, and other viscous branches or None.
     """
 
     elastic: Elastic
@@ -80,6 +91,17 @@ class Kernel:
     cells: np.ndarray
     fields: tuple[str, ...] = ()
     branches: tuple[BoundBranch, ...] = ()
+    flowing: FlowingBranches | None = None
+
+    @property
+    def is_viscous(self) -> bool:
+        """Whether it has viscous branches of any kind."""
+        return self.viscous_branches > 0
+
+    @property
+    def viscous_branches(self) -> int:
+        """Number of viscous branches of each of its materials."""
+        return len(self.branches) + (len(self.flowing.places) if self.flowing else 0)
 
     @property
     def is_incompressible(self) -> bool:
@@ -97,10 +119,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
         m = scene.materials[name]
         alive = tuple(field.name for field in fields_of_problem if field.lives_in(name))
         stretched = any(name in item.regions for item in prestretches)
-        groups.setdefault(
-            (type(m.elastic), _shape(m.elastic), alive, m.bulk_modulus is None, stretched,
-             len(m.viscous)), []
-        ).append(name)
+        groups.setdefault((_kind(m), alive, m.bulk_modulus is None, stretched), []).append(name)
     constant = dolfinx.fem.functionspace(device.mesh, ("DG", 0))
     owned = device.owned_cells()
 
@@ -110,7 +129,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
     def bulk_modulus(name: str) -> float:
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
 
-    histories = quadrature_functions(scene)
+    histories, flows = quadrature_functions(scene), flow_functions(scene)
     made = []
     charged = {field.name for field in fields_of_problem if field.role is Role.POTENTIAL}
 
@@ -120,7 +139,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
             if item.ramp == ramp and name in item.regions
         )  # fmt: skip
 
-    for (_, _, alive, incompressible, stretched, branches), names in groups.items():
+    for (_, alive, incompressible, stretched), names in groups.items():
         cells = {n: device.cells_of(n) for n in names}
 
         def cellwise(value: Callable[[str], float], cells: Any = cells) -> Any:
@@ -144,16 +163,19 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 regions=tuple(names),
                 cells=together[together < owned],
                 fields=alive,
-                branches=_branches(scene, cellwise, constant, histories[:branches]),
+                branches=_branches(scene, cellwise, constant, names[0], histories),
+                flowing=flowing_branches(
+                    scene, cellwise, {n: c[c < owned] for n, c in cells.items()}, flows
+                ),
             )
         )
     return made
 
 
 def _branches(
-    scene: Scene, cellwise: Callable, constant: Any, histories: Sequence[Any]
+    scene: Scene, cellwise: Callable, constant: Any, region: str, histories: Mapping[int, Any]
 ) -> tuple[BoundBranch, ...]:
-    """The viscous branches of a kernel, each with a function for its history."""
+    """The Maxwell branches of a kernel with a region, each with a function for its history."""
 
     def value(constant: str, branch: int, region: str) -> float:
         return float(getattr(scene.materials[region].viscous[branch], constant))
@@ -163,30 +185,18 @@ def _branches(
             mu=cellwise(partial(value, "mu", k)),
             tau=cellwise(partial(value, "tau", k)),
             step=dolfinx.fem.Function(constant),
-            function=function,
+            function=histories[k],
+            place=k,
         )
-        for k, function in enumerate(histories)
+        for k, branch in enumerate(scene.materials[region].viscous)
+        if isinstance(branch, Maxwell)
     )
 
 
-def quadrature_functions(scene: Scene) -> list[Any]:
-    """Functions of six numbers at each quadrature point, as many as a region has branches."""
-    count = max(len(material.viscous) for material in scene.materials.values())
-    if not count:
-        return []
-    mesh, degree = scene.device.mesh, scene.elements.quadrature_degree
-    element = basix.ufl.quadrature_element(
-        mesh.topology.cell_name(), value_shape=(6,), degree=degree
-    )
-    space = dolfinx.fem.functionspace(mesh, element)
-    return [dolfinx.fem.Function(space) for _ in range(count)]
-
-
-def _symmetric(six: Any) -> Any:
-    """The symmetric tensor of six numbers xx, yy, zz, yz, xz, xy."""
-    return ufl.as_matrix([
-        [six[0], six[5], six[4]], [six[5], six[1], six[3]], [six[4], six[3], six[2]],
-    ])  # fmt: skip
+def _kind(material: Material) -> tuple:
+    """The kinds of the models of a material: those of one kind may share a kernel."""
+    closed = tuple(isinstance(branch, Maxwell) for branch in material.viscous)
+    return type(material.elastic), _shape(material.elastic), closed
 
 
 def _shape(elastic: Elastic) -> tuple:
