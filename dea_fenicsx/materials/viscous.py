@@ -10,6 +10,7 @@ import numpy as np
 
 from dea_fenicsx.materials.base import Elastic
 from dea_fenicsx.materials.flow_laws import FlowLaw
+from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_positive
@@ -156,3 +157,20 @@ def _faults_of_time(tau: Any) -> list[str]:
     if is_number(tau) and (tau > 0 or tau == math.inf):
         return []
     return [f"tau of a viscous branch is {tau!r}, but must be a number > 0, in s"]
+
+
+def closed_branches(material: Any, what: str) -> list[Maxwell]:
+    """The branches of a material, which must be `Maxwell` ones.
+
+    Raises
+    ------
+    InputError
+        If one is not; `what` is the subject of the message.
+    """
+    for branch in material.viscous:
+        if not isinstance(branch, Maxwell):
+            raise InputError(
+                f"{what} takes Maxwell branches alone, but the material has {shown(branch)}; take "
+                "exact.march for it."
+            )
+    return list(material.viscous)
