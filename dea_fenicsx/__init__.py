@@ -34,11 +34,13 @@ if TYPE_CHECKING:
         Conductor,
         Gent,
         IdealDielectric,
+        KumarLopezPamies,
         Material,
         Maxwell,
         MooneyRivlin,
         NeoHookean,
         Ogden,
+        ViscousBranch,
         Yeoh,
     )
     from dea_fenicsx.measure.axial import (
@@ -136,7 +138,8 @@ _HOME = {
     "run.fidelity_ladder": ("speed_vs_error",),
     "materials": (
         "ArrudaBoyce", "Breakdown", "Conductivity", "Conductor", "Debye", "Gent",
-        "IdealDielectric", "Material", "Maxwell", "MooneyRivlin", "NeoHookean", "Ogden", "Yeoh",
+        "IdealDielectric", "KumarLopezPamies", "Material", "Maxwell", "MooneyRivlin", "NeoHookean",
+        "Ogden", "ViscousBranch", "Yeoh",
     ),
     "mesh.device": ("Device", "read_gmsh"),
     "measure.observables": (

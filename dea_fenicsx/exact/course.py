@@ -261,18 +261,17 @@ class Course:
         W, R, _ = film.elastic(f.e)
         J = np.exp(f.e.sum(axis=0))
         M = state.maxwell(f.e, loads)
-        R = R + (state.mu * (f.x - f.x.mean(axis=1, keepdims=True))).sum(axis=0) - state.v * M * J
+        R = R + state.pull(f) - state.v * M * J
         stress = (R[:2] - R[2] if film.incompressible else R[:2]) / np.exp(f.e[:2])
         charge = film.charge(f.e, M)
         sign = np.sign(loads[0])
         third = np.concatenate([a, -a.sum(axis=1, keepdims=True)], axis=1)
-        spring = (state.mu[:, 0] / 2 * (f.x.sum(axis=1) - 3)).sum(axis=0)
         volts = sign * film.voltage(f.e, M)
         return Moments(
             time=t, stretches=np.exp(f.e), viscous=np.exp(third),
             nominal_field=volts / film.thickness, field=sign * np.sqrt(M / film.permittivity),
             voltage=volts, charge=sign * charge, stress=stress,
-            energy=W + spring + M * J / 2, dissipation=state.dissipation(f.x),
+            energy=W + state.spring_energy(f) + M * J / 2, dissipation=state.dissipation(f),
             dissipated=w * state.scale,
         )  # fmt: skip
 

@@ -128,7 +128,7 @@ class Integrator:
             y, f = settled(t, u)
             if np.isnan(y).any():
                 return np.full_like(u, np.nan)
-            return np.append(film.flow(f.x).ravel(), film.dissipation(f.x).sum() / film.scale)
+            return np.append(film.flow(f).ravel(), film.dissipation(f).sum() / film.scale)
 
         u = np.append(place.a.ravel(), place.w)
         step = min(self.loads.seconds / FEWEST_STEPS, 4 * self.loads.finest())
@@ -137,7 +137,8 @@ class Integrator:
             return film.flow_slope(settled(t, u)[1])
 
         stiffness = (high - low) / self.shortest
-        solver = self._solver(rate, place.t, u, high, step, stiffness, jacobian)
+        slope = jacobian if film.HAS_SLOPE else None
+        solver = self._solver(rate, place.t, u, high, step, stiffness, slope)
         dense, nodes, ys = [], [place.t], [place.y]
         while solver.status == "running":
             solver.step()
@@ -197,8 +198,8 @@ class Integrator:
             a, y, t = parts(u)
             loads = drive(t)
             f = film.forces(y, a, loads)
-            adot = 0 * a if frozen else film.flow(f.x)
-            lost = 0.0 if frozen else film.dissipation(f.x).sum() / film.scale
+            adot = 0 * a if frozen else film.flow(f)
+            lost = 0.0 if frozen else film.dissipation(f).sum() / film.scale
             adj, det = adjugate(f.stiffness[..., 0]) if film.n else (np.zeros((0, 0)), 1.0)
             vy = -adj @ film.drift(f, adot, loads, drive.rates(t))[:, 0]
             size = np.sqrt(np.sum(vy**2) + (det / scale) ** 2)
@@ -219,7 +220,7 @@ class Integrator:
         film, t = self.film, np.array([start])
         a = place.a[..., None]
         f = film.forces(place.y[:, None], a, drive(t))
-        adot = 0 * a if frozen else film.flow(f.x)
+        adot = 0 * a if frozen else film.flow(f)
         r = film.drift(f, adot, drive(t), drive.rates(t))
         speed = float(np.abs(r).max(initial=0.0) / max(float(film.softness(f)[0]), 1e-3))
         return min(1 / max(speed, 1e-300), 2 * (drive.end - drive.start))

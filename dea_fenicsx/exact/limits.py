@@ -6,36 +6,45 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from dea_fenicsx.exact.film import Film
-from dea_fenicsx.materials import Material
+from dea_fenicsx.materials import Material, Maxwell, NeoHookean
 from dea_fenicsx.materials.base import Elastic, Strain
 
 
 @dataclass(frozen=True)
 class Stiffened:
-    """An elastic model with a neo-Hookean spring beside it.
+    """An elastic model with springs beside it.
 
     Parameters
     ----------
     base
         The model.
-    mu
-        Shear modulus of the spring in Pa.
+    springs
+        The springs.
     """
 
     base: Elastic
-    mu: float
+    springs: tuple[Elastic, ...]
 
     def energy(self, s: Strain) -> Any:
-        return self.base.energy(s) + self.mu / 2 * (s.I1 - 3)
+        total = self.base.energy(s)
+        for spring in self.springs:
+            total = total + spring.energy(s)
+        return total
 
     def shear_modulus(self) -> float:
-        return self.base.shear_modulus() + self.mu
+        return self.base.shear_modulus() + sum(spring.shear_modulus() for spring in self.springs)
 
     def spherical_slope(self) -> float:
-        return self.base.spherical_slope() + self.mu
+        return self.base.spherical_slope() + sum(s.spherical_slope() for s in self.springs)
 
     def chain_margin(self, s: Strain) -> Any | None:
-        return self.base.chain_margin(s)
+        """The product of all margins, which is positive where each of them is."""
+        found = None
+        for model in (self.base, *self.springs):
+            margin = model.chain_margin(s)
+            if margin is not None:
+                found = margin if found is None else found * margin
+        return found
 
     def faults(self) -> list[str]:
         return self.base.faults()
@@ -54,8 +63,10 @@ def instantaneous[T: (Film, Material)](of: T) -> T:
     The branches are those of an undeformed material, C_v = 1.
     """
     material = of.material if isinstance(of, Film) else of
-    mu = sum(branch.mu for branch in material.viscous)
     made = replace(material, viscous=())
-    if mu:
-        made = replace(made, elastic=Stiffened(material.elastic, mu))
+    others: list[Elastic] = [branch.spring for branch in material.viscous if not isinstance(branch, Maxwell)]
+    mu: float = sum(branch.mu for branch in material.viscous if isinstance(branch, Maxwell))
+    springs = (*([NeoHookean(mu)] if mu else []), *others)
+    if springs:
+        made = replace(made, elastic=Stiffened(material.elastic, springs))
     return replace(of, material=made) if isinstance(of, Film) else made

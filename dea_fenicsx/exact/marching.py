@@ -14,6 +14,7 @@ from dea_fenicsx.exact.course import Course
 from dea_fenicsx.exact.equilibrium import Equations
 from dea_fenicsx.exact.film import FREE, Film, Held, Side
 from dea_fenicsx.exact.film_drive import Loads, as_wave, checked_seconds
+from dea_fenicsx.exact.flowing_film import equations_of
 from dea_fenicsx.exact.integration import TOLERANCE, Integrator, Place
 from dea_fenicsx.exact.limits import relaxed
 from dea_fenicsx.exact.viscous_film import ViscousFilm
@@ -123,7 +124,7 @@ class Drives:
         equal = film.first == film.second and waves[1] == waves[2]
         if isinstance(start, Course):
             equal = equal and start.is_equal
-        return ViscousFilm(film, self.control, equal and not isinstance(film.first, Held))
+        return equations_of(film, self.control, equal and not isinstance(film.first, Held))
 
     def march(self, start: Course | str, tolerance: float) -> Course:
         """The course from a start, see the function `march`."""

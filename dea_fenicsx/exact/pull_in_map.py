@@ -23,6 +23,7 @@ from dea_fenicsx.exact.equilibrium import Equations
 from dea_fenicsx.exact.film import Dead, Film
 from dea_fenicsx.exact.film_drive import checked_seconds
 from dea_fenicsx.exact.limits import instantaneous, relaxed
+from dea_fenicsx.materials.viscous import closed_branches
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import si
 
@@ -117,7 +118,7 @@ class _Line:
                 "A map of pull-in needs an incompressible film with one free stretch: two equal "
                 "sides, or one of them held."
             )
-        branches = film.material.viscous
+        branches = closed_branches(film.material, "A map of pull-in")
         self.film, self.b, self.e0 = film, rest.B[:, 0], rest.e0
         self.mu = np.array([x.mu for x in branches]).reshape(-1, 1, 1)
         self.tau = np.array([x.tau for x in branches]).reshape(-1, 1, 1)

@@ -60,11 +60,14 @@ class ViscousFilm:
         Whether the two directions in the plane stay equal.
     """
 
+    HAS_SLOPE = True
+    """Whether `flow_slope` is known."""
+
     def __init__(self, film: Film, control: str, symmetric: bool):
         self.film, self.control = film, control
         branches = film.material.viscous
         self.mu = np.array([b.mu for b in branches], dtype=float).reshape(-1, 1, 1)
-        self.tau = np.array([b.tau for b in branches], dtype=float).reshape(-1, 1, 1)
+        self.tau = np.array(self._times(), dtype=float).reshape(-1, 1, 1)
         self.count = len(branches)
         self.scale = film.material.elastic.shear_modulus() + float(self.mu.sum())
         self.thickness_follows = film.incompressible
@@ -73,6 +76,10 @@ class ViscousFilm:
         self.n = self.B.shape[1]
         self.push = CONTROLS[control].reshape(3, 1)
         self.v = film.v.reshape(3, 1)
+
+    def _times(self) -> list[float]:
+        """The relaxation times of the branches in s."""
+        return [b.tau for b in self.film.material.viscous]  # type: ignore[misc]
 
     def _basis(self, symmetric: bool) -> np.ndarray:
         columns = [np.eye(3)[k] for k in range(2) if k not in self.held]
@@ -138,20 +145,36 @@ class ViscousFilm:
     def forces(self, y: np.ndarray, a: np.ndarray, loads: np.ndarray) -> Forces:
         """Equilibrium of states."""
         e = self.stretches(y, loads)
-        _, R, H = self.film.elastic(e)
         x = self.springs(e, a)
         pull = (self.mu * x).sum(axis=0)
+        slope = 2 * np.einsum("ij,jn,jk->ikn", DEVIATOR, pull, DEVIATOR)
+        return Forces(e, *self._balance(e, pull, slope, loads), x)
+
+    def _balance(
+        self, e: np.ndarray, pull: np.ndarray, slope: np.ndarray, loads: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Residual, stiffness and full stiffness, from the branches' stresses and stiffness."""
+        _, R, H = self.film.elastic(e)
         tau = self._sides(e, loads[1:])
         push = self.maxwell(e, loads) * np.exp(e.sum(axis=0))
         R = R + DEVIATOR @ pull - tau - self.v * push
-        H = H + 2 * np.einsum("ij,jn,jk->ikn", DEVIATOR, pull, DEVIATOR) - self._sides_slope(e, tau)
+        H = H + slope - self._sides_slope(e, tau)
         H = H - self.v[:, None] * self.push[None, :] * push
         B = self.B
         K = np.einsum("ip,ijn,jq->pqn", B, H, B)
-        return Forces(e, B.T @ R / self.scale, K / self.scale, H / self.scale, x)
+        return B.T @ R / self.scale, K / self.scale, H / self.scale
 
-    def flow(self, x: np.ndarray) -> np.ndarray:
+    def pull(self, f: Forces) -> np.ndarray:
+        """Sum of the branches' Kirchhoff stresses in Pa, shape (3, N)."""
+        return np.asarray((self.mu * (f.x - f.x.mean(axis=1, keepdims=True))).sum(axis=0))
+
+    def spring_energy(self, f: Forces) -> np.ndarray:
+        """Energy of the branches' springs in Pa, shape (N,)."""
+        return np.asarray((self.mu[:, 0] / 2 * (f.x.sum(axis=1) - 3)).sum(axis=0))
+
+    def flow(self, f: Forces) -> np.ndarray:
         """Rates da/dt in 1/s of the first two logarithms of each branch, shape (K, 2, N)."""
+        x = f.x
         return (x[:, :2] - x.mean(axis=1, keepdims=True)) / self.tau
 
     def flow_slope(self, f: Forces) -> np.ndarray:
@@ -178,8 +201,9 @@ class ViscousFilm:
         out[2 * K, : 2 * K] = np.einsum("ki,kil->l", lost, dx) / self.scale
         return out
 
-    def dissipation(self, x: np.ndarray) -> np.ndarray:
+    def dissipation(self, f: Forces) -> np.ndarray:
         """Dissipation of each branch in W per undeformed m^3, shape (K, N)."""
+        x = f.x
         deviator = x - x.mean(axis=1, keepdims=True)
         return (self.mu / (2 * self.tau) * deviator**2).sum(axis=1)
 
@@ -188,7 +212,7 @@ class ViscousFilm:
     ) -> np.ndarray:
         """Rate of the residual in 1/s while the free stretches are kept, shape (n, N)."""
         third = np.concatenate([adot, -adot.sum(axis=1, keepdims=True)], axis=1)
-        R = -DEVIATOR @ (self.mu * f.x * third).sum(axis=0) - self._sides(f.e, rates[1:])
+        R = -DEVIATOR @ self._released(f, third) - self._sides(f.e, rates[1:])
         eps = self.film.permittivity
         if self.control == "voltage":
             rate = 2 * eps * loads[0] * rates[0] * np.exp(-2 * f.e[2])
@@ -200,6 +224,10 @@ class ViscousFilm:
             along[self.held] = rates[1:][self.held] / loads[1:][self.held]
             R = R + np.einsum("ijn,jn->in", f.full, self._held(along))
         return self.B.T @ R
+
+    def _released(self, f: Forces, adot: np.ndarray) -> np.ndarray:
+        """Minus the rates in Pa/s of the springs' Kirchhoff stresses at kept stretches, (3, N)."""
+        return np.asarray((self.mu * f.x * adot).sum(axis=0))
 
     def equilibrium(
         self, y: np.ndarray, a: np.ndarray, loads: np.ndarray

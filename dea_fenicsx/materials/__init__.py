@@ -19,12 +19,13 @@ from dea_fenicsx.materials.electric import (
     IdealDielectric,
 )
 from dea_fenicsx.materials.fitting import Fit, TestData, fit, read_data
+from dea_fenicsx.materials.flow_laws import FlowLaw, KumarLopezPamies
 from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.ogden import Ogden
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.presets import Preset, get, names, preset
 from dea_fenicsx.materials.rate_data import RateData, rate_errors, rate_stress, read_cycles
-from dea_fenicsx.materials.viscous import Maxwell
+from dea_fenicsx.materials.viscous import Maxwell, ViscousBranch
 from dea_fenicsx.materials.viscous_fitting import RateFit, fit_rates
 
 list = names  # reads well as dea_fenicsx.materials.list(); not among what * imports
@@ -47,6 +48,9 @@ __all__ = [
     "Dielectric",
     "Material",
     "Maxwell",
+    "ViscousBranch",
+    "FlowLaw",
+    "KumarLopezPamies",
     "bulk_modulus_of",
     "names",
     "get",

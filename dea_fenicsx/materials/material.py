@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from dea_fenicsx.materials.base import Elastic, constants
 from dea_fenicsx.materials.electric import Dielectric, Electric
-from dea_fenicsx.materials.viscous import Maxwell
+from dea_fenicsx.materials.viscous import Branch, Maxwell, ViscousBranch
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import in_si, si
@@ -32,20 +32,20 @@ class Material:
     name
         A name for reports.
     viscous
-        Viscous branches beside the elastic energy, which is then that of the equilibrium, reached
-        after an infinite time.
+        Viscous branches (`Maxwell`, `ViscousBranch`) beside the elastic energy, which is then that
+        of the equilibrium, reached after an infinite time.
     """
 
     elastic: Elastic
     electric: Electric | None = None
     bulk_modulus: float | None = None
     name: str = ""
-    viscous: tuple[Maxwell, ...] = ()
+    viscous: tuple[Branch, ...] = ()
 
     def __post_init__(self) -> None:
         if isinstance(self.viscous, list):
             object.__setattr__(self, "viscous", tuple(self.viscous))
-        elif isinstance(self.viscous, Maxwell):
+        elif isinstance(self.viscous, Branch):
             object.__setattr__(self, "viscous", (self.viscous,))
 
     @property
@@ -94,8 +94,9 @@ class Material:
         else:
             for branch in self.viscous:
                 found += (
-                    branch.faults() if isinstance(branch, Maxwell)
-                    else [f"viscous holds {shown(branch)}, but needs Maxwell(mu, tau)"]
+                    branch.faults() if isinstance(branch, Maxwell | ViscousBranch)
+                    else [f"viscous holds {shown(branch)}, but needs Maxwell(mu, tau) or "
+                          "ViscousBranch(spring, tau)"]
                 )  # fmt: skip
         if self.bulk_modulus is not None and not found:
             kappa, mu = self.bulk_modulus, self.elastic.shear_modulus()

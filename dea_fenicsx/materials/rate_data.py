@@ -16,6 +16,7 @@ import numpy as np
 
 from dea_fenicsx.materials.material import Material
 from dea_fenicsx.materials.stretches import TESTS, log_stretches, nominal_stress
+from dea_fenicsx.materials.viscous import closed_branches
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si, si
@@ -242,8 +243,9 @@ def _step(v: np.ndarray, C: list[np.ndarray], share: np.ndarray) -> np.ndarray:
 def rate_stress(material: Material, data: RateData | Sequence[RateData]) -> list[np.ndarray]:
     """Nominal stress in Pa of an incompressible material at the points of tests over time."""
     tests = [data] if isinstance(data, RateData) else list(data)
-    tau = np.array([branch.tau for branch in material.viscous], dtype=float)
-    mu = np.array([branch.mu for branch in material.viscous], dtype=float)
+    branches = closed_branches(material, "rate_stress")
+    tau = np.array([branch.tau for branch in branches], dtype=float)
+    mu = np.array([branch.mu for branch in branches], dtype=float)
     springs = Programme(tests).springs(tau)
     return [
         nominal_stress(material.elastic, d.test, d.stretch) + s @ mu

@@ -140,7 +140,8 @@ class Dissipation:
 
         mu/(2 tau) [tr(A A) - (tr A)^2 / 3],    A = Cbar C_v^-1,
 
-    which is mu/(2 tau) times the square of the deviator of C_v^-1/2 Cbar C_v^-1/2.
+    which is mu/(2 tau) times the square of the deviator of C_v^-1/2 Cbar C_v^-1/2.  For a
+    `ViscousBranch` it is the square of the deviator of the branch's Kirchhoff stress over 2 eta.
 
     Parameters
     ----------
@@ -158,7 +159,7 @@ class Dissipation:
 
     def bind(self, problem: Problem) -> Measurement:
         def density(k: int, point: MaterialPoint) -> list[Any]:
-            return [dissipation(point)] if problem.kernels[k].branches else []
+            return [dissipation(point)] if problem.kernels[k].is_viscous else []
 
         form = over_regions(problem, self.regions, density)
         return integral(problem, form) if form != 0 else lambda: 0.0

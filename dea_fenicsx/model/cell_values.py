@@ -37,7 +37,7 @@ def evaluated_at(
         Takes the mesh and local cells; gives values of shape (cells, numbers).
     """
     numbers = expression.ufl_shape[0]
-    if not kernel.branches:
+    if not kernel.is_viscous:
         found = compat.expression(expression, at[None, :])
         return lambda mesh, cells: np.asarray(found(mesh, cells)).reshape(len(cells), numbers)
     everywhere = compat.expression(expression, quadrature)

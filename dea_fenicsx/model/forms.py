@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import basix
@@ -18,6 +19,7 @@ from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.probe import Prober
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.terms import EnergyTerm, Term, WorkTerm, terms_of
+from dea_fenicsx.model.terms.base import Variation
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
@@ -64,7 +66,8 @@ class Forms:
     def __init__(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
         device, kinematics, elements = scene.device, scene.kinematics, scene.elements
         mesh, degree, works = device.mesh, elements.quadrature_degree, scene.declared.surface_works
-        self._mesh, self._owned, self._scales = mesh, space.owned, scales
+        self._mesh, self._owned, self._space = mesh, space.owned, space
+        self._scales = scales
         self._weight = kinematics.weight(ufl.SpatialCoordinate(mesh))
         cell = getattr(basix.CellType, mesh.topology.cell_name())
         self.quadrature, _ = basix.make_quadrature(cell, degree)
@@ -85,7 +88,7 @@ class Forms:
         for point in self.points:
             point.energy = self._energy(point)
         energy = sum(self._integral(k, p.energy) for k, p in enumerate(self.points))
-        beside = sum(self._integral(k, work) for k, work in self._works(space.w, space.test))
+        beside = sum(self._integral(k, work) for k, work in self._works())
         at = Surface(
             kinematics, mesh, scales.stress, space.present["u"], space.virtual["u"], virtual_motion
         )
@@ -94,6 +97,7 @@ class Forms:
         for k, point in enumerate(self.points):
             for ramp, rate in point.rates.items():
                 work = -ufl.derivative(self._integral(k, rate), space.w, space.test)
+                work -= self._following(k, partial(ufl.diff, v=point.stretch_factors[ramp]))
                 self.loads.add_strain(ramp, self.kernels[k].prestretch[ramp][0], work)
 
     def compile(self) -> None:
@@ -128,16 +132,35 @@ class Forms:
             total = total + density
         return total
 
-    def _works(self, w: Any, test: Any) -> Iterator[tuple[int, Any]]:
+    def _works(self) -> Iterator[tuple[int, Any]]:
         """Virtual work per undeformed volume that is no variation of an energy, by kernel."""
-
-        def virtual(expression: Any) -> Any:
-            return ufl.derivative(expression, w, test)
-
         for k, (kernel, point) in enumerate(zip(self.kernels, self.points, strict=True)):
             for term in self.terms:
                 if isinstance(term, WorkTerm) and term.lives_on(kernel):
-                    yield k, term.work(point, virtual)
+                    yield k, term.work(point, self._virtual)
+
+    def tangent(self, direction: Any) -> Any:
+        """Derivative of the residual in a direction, a function or a trial function; symbolic."""
+        w = self._space.w
+
+        def change(expression: Any) -> Any:
+            return ufl.derivative(expression, w, direction)
+
+        found = change(self.residual)
+        return found + sum(self._following(k, change) for k in range(len(self.points)))
+
+    def _following(self, k: int, change: Variation) -> Any:
+        """Virtual work of kernel k due to coefficients that follow a change, symbolic, or 0."""
+        point, total = self.points[k], 0
+        for term in self.terms:
+            if term.lives_on(point.kernel):
+                found = term.following(point, change, self._virtual)
+                total += 0 if found is None else self._integral(k, found)
+        return total
+
+    def _virtual(self, expression: Any) -> Any:
+        """The virtual change of an expression in the fields."""
+        return ufl.derivative(expression, self._space.w, self._space.test)
 
     @property
     def unsymmetric(self) -> list[str]:

@@ -8,20 +8,33 @@ change of a material constant never recompiles anything.
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-import basix.ufl
 import numpy as np
 import ufl
 
-from dea_fenicsx.materials import Elastic
+from dea_fenicsx.materials import Elastic, Material, Maxwell
 from dea_fenicsx.materials.base import choices, constants
-from dea_fenicsx.materials.electric import Debye
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.fields import Field, Role
+from dea_fenicsx.model.flowing_branches import (
+    FlowingBranches,
+    flow_functions,
+    flowing_branches,
+    quadrature_functions,
+    symmetric,
+)
+from dea_fenicsx.model.late_charges import (
+    BoundDebye,
+    BoundLeak,
+    debye_terms,
+    delayed_polarisations,
+    leak_functions,
+    polarisation_functions,
+)
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.compat import dolfinx
@@ -29,7 +42,7 @@ from dea_fenicsx.support.compat import dolfinx
 
 @dataclass(frozen=True)
 class BoundBranch:
-    """A viscous branch of a kernel, with what the forms take of the history.
+    """A Maxwell branch of a kernel, with what the forms take of the history.
 
     Attributes
     ----------
@@ -39,53 +52,20 @@ class BoundBranch:
         Cell-wise length of the present step of time over the relaxation time.
     function
         The history H at quadrature points, six numbers each; it is shared by all kernels.
+    place
+        Number of the branch in its materials.
     """
 
     mu: Any
     tau: Any
     step: Any
     function: Any
+    place: int
 
     @property
     def tensor(self) -> Any:
         """The history H, symbolic, symmetric 3 x 3."""
-        return _symmetric(self.function)
-
-
-@dataclass(frozen=True)
-class BoundLeak:
-    """What the forms take of the charge that has leaked, at quadrature points.
-
-    Attributes
-    ----------
-    history
-        What the total displacement has beside the multiple of D, see `model.charge_history`.
-    excess
-        That multiple minus 1, psi - 1; 0 where the rows of the potential are divided by psi.
-    """
-
-    history: Any
-    excess: Any
-
-
-@dataclass(frozen=True)
-class BoundDebye:
-    """A term of dielectric relaxation of a kernel: P = history + share (eps/eps_now) D.
-
-    Attributes
-    ----------
-    eps, tau
-        Cell-wise permittivity, dimensionless, and relaxation time in s; 0 outside of the kernel.
-    share
-        Cell-wise weight of the present field, see `model.charge_history`.
-    history
-        What the polarisation has beside it, at quadrature points; it is shared by all kernels.
-    """
-
-    eps: Any
-    tau: Any
-    share: Any
-    history: Any
+        return symmetric(self.function)
 
 
 @dataclass(frozen=True)
@@ -107,8 +87,8 @@ class Kernel:
         Their cells that this rank owns.
     fields
         Names of the fields that live there.
-    branches
-        The viscous branches.
+    branches, flowing
+        Maxwell branches, and other viscous branches or None.
     leak
         The history of the charge that has leaked; None where no dielectric of the scene conducts
         or relaxes.
@@ -124,8 +104,19 @@ class Kernel:
     cells: np.ndarray
     fields: tuple[str, ...] = ()
     branches: tuple[BoundBranch, ...] = ()
+    flowing: FlowingBranches | None = None
     leak: BoundLeak | None = None
     relaxation: tuple[BoundDebye, ...] = ()
+
+    @property
+    def is_viscous(self) -> bool:
+        """Whether it has viscous branches of any kind."""
+        return self.viscous_branches > 0
+
+    @property
+    def viscous_branches(self) -> int:
+        """Number of viscous branches of each of its materials."""
+        return len(self.branches) + (len(self.flowing.places) if self.flowing else 0)
 
     @property
     def is_incompressible(self) -> bool:
@@ -148,8 +139,8 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
     def bulk_modulus(name: str) -> float:
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
 
-    histories = quadrature_functions(scene)
-    leak, delayed = _leak(scene), _polarisations(scene)
+    histories, flows = quadrature_functions(scene), flow_functions(scene)
+    leak, delayed = leak_functions(scene), polarisation_functions(scene)
     made = []
     charged = {field.name for field in fields_of_problem if field.role is Role.POTENTIAL}
 
@@ -159,7 +150,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
             if item.ramp == ramp and name in item.regions
         )  # fmt: skip
 
-    for (_, _, alive, incompressible, stretched, branches, late), names in groups.items():
+    for (_, alive, incompressible, stretched), names in groups.items():
         cells = {n: device.cells_of(n) for n in names}
         has_field = bool(charged & set(alive))
 
@@ -184,9 +175,12 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 regions=tuple(names),
                 cells=together[together < owned],
                 fields=alive,
-                branches=_branches(scene, cellwise, constant, histories[:branches]),
+                branches=_branches(scene, cellwise, constant, names[0], histories),
+                flowing=flowing_branches(
+                    scene, cellwise, {n: c[c < owned] for n, c in cells.items()}, flows
+                ),
                 leak=leak if has_field else None,
-                relaxation=_relaxation(scene, scales, cellwise, constant, delayed[:late]),
+                relaxation=delayed_polarisations(scene, scales, cellwise, names[0], delayed),
             )
         )
     return made
@@ -199,53 +193,15 @@ def _groups(scene: Scene, fields_of_problem: Sequence[Field]) -> dict[tuple, lis
         m = scene.materials[name]
         alive = tuple(field.name for field in fields_of_problem if field.lives_in(name))
         stretched = any(name in item.regions for item in scene.declared.initial_stretches)
-        found.setdefault(
-            (type(m.elastic), _shape(m.elastic), alive, m.bulk_modulus is None, stretched,
-             len(m.viscous), len(_debye_terms(scene, name))), []
-        ).append(name)  # fmt: skip
+        kind = (*_kind(m), len(debye_terms(scene, name)))
+        found.setdefault((kind, alive, m.bulk_modulus is None, stretched), []).append(name)
     return found
 
 
-def _debye_terms(scene: Scene, region: str) -> tuple[Debye, ...]:
-    """The terms of dielectric relaxation of a region in which a field lives."""
-    material = scene.materials[region]
-    live = scene.has_potential and material.is_dielectric
-    return material.dielectric.relaxation_terms() if live else ()
-
-
-def _polarisations(scene: Scene) -> list[Any]:
-    """Functions of three numbers at each quadrature point, as many as a region has Debye terms."""
-    count = max(len(_debye_terms(scene, name)) for name in scene.materials)
-    if not count:
-        return []
-    space = _quadrature_space(scene, (3,))
-    return [dolfinx.fem.Function(space) for _ in range(count)]
-
-
-def _relaxation(
-    scene: Scene, scales: Scales, cellwise: Callable, constant: Any, histories: Sequence[Any]
-) -> tuple[BoundDebye, ...]:
-    """The terms of dielectric relaxation of a kernel, each with a function for its history."""
-
-    def eps(term: int, region: str) -> float:
-        return _debye_terms(scene, region)[term].permittivity() / scales.permittivity
-
-    def tau(term: int, region: str) -> float:
-        return _debye_terms(scene, region)[term].tau
-
-    return tuple(
-        BoundDebye(
-            cellwise(partial(eps, k)), cellwise(partial(tau, k)), dolfinx.fem.Function(constant),
-            function,
-        )
-        for k, function in enumerate(histories)
-    )
-
-
 def _branches(
-    scene: Scene, cellwise: Callable, constant: Any, histories: Sequence[Any]
+    scene: Scene, cellwise: Callable, constant: Any, region: str, histories: Mapping[int, Any]
 ) -> tuple[BoundBranch, ...]:
-    """The viscous branches of a kernel, each with a function for its history."""
+    """The Maxwell branches of a kernel with a region, each with a function for its history."""
 
     def value(constant: str, branch: int, region: str) -> float:
         return float(getattr(scene.materials[region].viscous[branch], constant))
@@ -255,44 +211,18 @@ def _branches(
             mu=cellwise(partial(value, "mu", k)),
             tau=cellwise(partial(value, "tau", k)),
             step=dolfinx.fem.Function(constant),
-            function=function,
+            function=histories[k],
+            place=k,
         )
-        for k, function in enumerate(histories)
+        for k, branch in enumerate(scene.materials[region].viscous)
+        if isinstance(branch, Maxwell)
     )
 
 
-def quadrature_functions(scene: Scene) -> list[Any]:
-    """Functions of six numbers at each quadrature point, as many as a region has branches."""
-    count = max(len(material.viscous) for material in scene.materials.values())
-    if not count:
-        return []
-    space = _quadrature_space(scene, (6,))
-    return [dolfinx.fem.Function(space) for _ in range(count)]
-
-
-def _leak(scene: Scene) -> BoundLeak | None:
-    """The functions for leaked charge, if a dielectric of the scene conducts."""
-    if not scene.leaks:
-        return None
-    return BoundLeak(
-        history=dolfinx.fem.Function(_quadrature_space(scene, (3,))),
-        excess=dolfinx.fem.Function(_quadrature_space(scene, ())),
-    )
-
-
-def _quadrature_space(scene: Scene, shape: tuple[int, ...]) -> Any:
-    mesh, degree = scene.device.mesh, scene.elements.quadrature_degree
-    element = basix.ufl.quadrature_element(
-        mesh.topology.cell_name(), value_shape=shape, degree=degree
-    )
-    return dolfinx.fem.functionspace(mesh, element)
-
-
-def _symmetric(six: Any) -> Any:
-    """The symmetric tensor of six numbers xx, yy, zz, yz, xz, xy."""
-    return ufl.as_matrix([
-        [six[0], six[5], six[4]], [six[5], six[1], six[3]], [six[4], six[3], six[2]],
-    ])  # fmt: skip
+def _kind(material: Material) -> tuple:
+    """The kinds of the models of a material: those of one kind may share a kernel."""
+    closed = tuple(isinstance(branch, Maxwell) for branch in material.viscous)
+    return type(material.elastic), _shape(material.elastic), closed
 
 
 def _shape(elastic: Elastic) -> tuple:

@@ -11,6 +11,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.materials import Material
+from dea_fenicsx.model.flow import Flow
 from dea_fenicsx.model.kernels import Kernel
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.viscous_history import (
@@ -58,12 +59,10 @@ class Memory:
     ) -> None:
         self._mesh = mesh
         self._kernels = [k for k in kernels if k.branches]
-        self.branches = max((len(k.branches) for k in kernels), default=0)
+        self.branches = max((k.viscous_branches for k in kernels), default=0)
         self._shown: ViscousHistory | None = None
-        self._functions: list[Any] = []
-        for kernel in self._kernels:
-            if len(kernel.branches) > len(self._functions):
-                self._functions = [b.function for b in kernel.branches]
+        self._functions = {b.place: b.function for k in self._kernels for b in k.branches}
+        self._flow = Flow(kernels)
         imap = mesh.topology.index_map(mesh.topology.dim)
         self._cells = imap.size_local + imap.num_ghosts
         self._per_cell = len(quadrature)
@@ -71,17 +70,17 @@ class Memory:
             (kernel, compat.expression(
                 ufl.as_vector([point.strain.C[i, j] for i, j in PAIRS]), quadrature
             ))
-            for kernel, point in zip(kernels, points, strict=True) if kernel.branches
+            for kernel, point in zip(kernels, points, strict=True) if kernel.is_viscous
         ]  # fmt: skip
 
     @property
     def _rates(self) -> np.ndarray:
-        """One over the relaxation time of each branch in each local cell; 0 where there is none."""
+        """One over the relaxation time of each Maxwell branch in each local cell, 0 elsewhere."""
         found = np.zeros((self.branches, self._cells))
         for kernel in self._kernels:
-            for k, branch in enumerate(kernel.branches):
+            for branch in kernel.branches:
                 tau = branch.tau.x.array
-                found[k, tau > 0] = 1 / tau[tau > 0]
+                found[branch.place, tau > 0] = 1 / tau[tau > 0]
         return found
 
     def __bool__(self) -> bool:
@@ -101,13 +100,28 @@ class Memory:
     def show(self, history: ViscousHistory) -> None:
         """Put the history of a state into the coefficients of the forms."""
         if history is not self._shown:
-            for function, tensor in zip(self._functions, combined(history), strict=True):
-                function.x.array[:] = tensor.ravel()
+            tensors = combined(history)
+            for place, function in self._functions.items():
+                function.x.array[:] = tensors[place].ravel()
             self._shown = history
         span, rates = min(history.span, RELAXED), self._rates
         for kernel in self._kernels:
-            for k, branch in enumerate(kernel.branches):
-                branch.step.x.array[:] = span * rates[k]
+            for branch in kernel.branches:
+                branch.step.x.array[:] = span * rates[branch.place]
+
+    def let_flow(self, history: ViscousHistory, materials: Mapping[str, Material]) -> None:
+        """Put the stress of branches that are solved at each point into the forms, if there are.
+
+        The problem must be in the state that belongs to the history.
+        """
+        if self._flow:
+            span = min(history.span, RELAXED)
+            self._flow.update(span, self.strains(), combined(history), materials)
+
+    @property
+    def least_margin(self) -> float:
+        """Smallest distance of these branches' chains to their lock-up on this rank."""
+        return self._flow.least_margin
 
     def strains(self) -> np.ndarray:
         """C at the quadrature points of each local cell, of shape (cells, points, 6)."""
@@ -123,8 +137,10 @@ class Memory:
         """The viscous strains of the present state, which belongs to this history."""
         if history.span == 0:
             return history.strains[0]
-        share = min(history.span, RELAXED) * self._rates
-        return unimodular(share[..., None, None] * self.strains() + combined(history))
+        span, C, H = min(history.span, RELAXED), self.strains(), combined(history)
+        found = unimodular((span * self._rates)[..., None, None] * C + H)
+        self._flow.put_strains(found, span, C, H)
+        return found
 
     def refreshed(self, history: ViscousHistory, time: float) -> ViscousHistory:
         """The history after changes in no time, without earlier values."""
@@ -180,23 +196,25 @@ class Memory:
         Collective.
         """
         rates = self._rates
-        mine = rates[rates > 0]
+        own = np.array(self._flow.relaxation_times()).ravel()
+        mine = np.concatenate([rates[rates > 0], 1 / own[np.isfinite(own)]])
         comm = self._mesh.comm
         high = comm.allreduce(float(np.max(mine, initial=0.0)), op=MPI.MAX)
         low = comm.allreduce(float(np.min(mine, initial=np.inf)), op=MPI.MIN)
         return (1 / high, 1 / low) if high > 0 else None
 
-    def rates(self, strains: np.ndarray) -> np.ndarray:
-        """dC_v/dt in 1/s of the viscous strains in the present state."""
-        found = np.zeros_like(strains)
+    def second_rates(self, strains: np.ndarray) -> np.ndarray:
+        """The size of the second time derivative of C_v in 1/s^2, at held strain.
+
+        The viscous strains are those of the present state.
+        """
+        first, second = np.zeros_like(strains), np.zeros_like(strains)
         C = self.strains()
         for k, rate in enumerate(self._rates):
             inside = np.flatnonzero(rate)
             v = strains[k, inside]
             share = contracted(C[inside], inverse(v)) / 3
-            found[k, inside] = rate[inside, None, None] * (C[inside] - share[..., None] * v)
-        return found
-
-    def second_rates(self, strains: np.ndarray) -> np.ndarray:
-        """The size of the second time derivative of C_v in 1/s^2, at held strain."""
-        return self.rates(strains) * self._rates[..., None, None]
+            first[k, inside] = rate[inside, None, None] * (C[inside] - share[..., None] * v)
+            second[k, inside] = rate[inside, None, None] * first[k, inside]
+        self._flow.put_rates(first, second, C, strains)
+        return second

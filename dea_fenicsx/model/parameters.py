@@ -14,6 +14,8 @@ import numpy as np
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.base import constants
+from dea_fenicsx.materials.viscous import Branch, Maxwell
+from dea_fenicsx.model.flowing_branches import spherical_slope
 from dea_fenicsx.model.kernels import Kernel
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.scene.scene import Scene
@@ -23,38 +25,88 @@ from dea_fenicsx.support.validation import finite, known
 
 @dataclass(frozen=True)
 class _Handle:
-    """Where a constant is kept: the part of the material, its name, and its place in a tuple."""
+    """Where a constant is kept.
+
+    Attributes
+    ----------
+    region
+        The region.
+    parts
+        The way from the material to the owner: names of attributes, and numbers of branches.
+    name
+        Its name there.
+    place
+        Its place in a tuple, or None.
+    """
 
     region: str
-    part: str
+    parts: tuple[str | int, ...]
     name: str
     place: int | None = None
 
+    @property
+    def part(self) -> str:
+        """The first part of the way; empty for a constant of the material itself."""
+        return str(self.parts[0]) if self.parts else ""
+
     def read(self, material: Material) -> float:
-        if self.part == "viscous":
-            return float(getattr(material.viscous[self.place or 0], self.name))
-        owner = getattr(material, self.part) if self.part else material
+        owner: Any = material
+        for part in self.parts:
+            owner = owner[part] if isinstance(part, int) else getattr(owner, part)
         value = getattr(owner, self.name)
         return float(value if self.place is None else value[self.place])
 
     def changed(self, material: Material, value: float) -> Material:
         """The material with another value of the constant."""
-        if self.part == "viscous":
-            branches = list(material.viscous)
-            branches[self.place or 0] = replace(
-                branches[self.place or 0], **{self.name: value}
-            )
-            return replace(material, viscous=tuple(branches))
-        owner = getattr(material, self.part) if self.part else material
+        found: Material = _changed(material, self.parts, self.name, self.place, value)
+        return found
+
+
+def _changed(
+    owner: Any, parts: tuple[str | int, ...], name: str, place: int | None, value: float
+) -> Any:
+    """A copy of an owner in which a constant that some parts lead to has another value."""
+    if not parts:
         new: Any = value
-        if self.place is not None:
-            new = list(getattr(owner, self.name))
-            new[self.place] = value
-            new = tuple(new)
-        changes: dict[str, Any] = {self.name: new}
-        if self.part:
-            changes = {self.part: replace(owner, **changes)}
-        return replace(material, **changes)
+        if place is not None:
+            new = _put(getattr(owner, name), place, value)
+        return replace(owner, **{name: new})
+    first, rest = parts[0], parts[1:]
+    if isinstance(first, int):
+        return _put(owner, first, _changed(owner[first], rest, name, place, value))
+    return replace(owner, **{first: _changed(getattr(owner, first), rest, name, place, value)})
+
+
+def _put(values: tuple[Any, ...], place: int, value: Any) -> tuple[Any, ...]:
+    """A tuple with another entry at a place."""
+    return (*values[:place], value, *values[place + 1 :])
+
+
+def _of_model(
+    region: str, part: str, model: Any, above: tuple[str | int, ...] = (), label: str = ""
+) -> Iterator[tuple[str, _Handle]]:
+    """The labels and handles of the constants of a model, which is a part of what is above it."""
+    for constant in constants(model):
+        value = getattr(model, constant)
+        name, parts = f"{label or region}.{part}.{constant}", (*above, part)
+        if isinstance(value, tuple):
+            for k in range(len(value)):
+                yield f"{name}[{k}]", _Handle(region, parts, constant, k)
+        else:
+            yield name, _Handle(region, parts, constant)
+
+
+def _of_branch(region: str, k: int, branch: Branch) -> Iterator[tuple[str, _Handle]]:
+    """The labels and handles of the constants of a viscous branch."""
+    above, label = ("viscous", k), f"{region}.viscous[{k}]"
+    if isinstance(branch, Maxwell):
+        yield f"{label}.mu", _Handle(region, above, "mu")
+    else:
+        yield from _of_model(region, "spring", branch.spring, above, label)
+        if branch.flow is not None:
+            yield from _of_model(region, "flow", branch.flow, above, label)
+    if branch.tau is not None:
+        yield f"{label}.tau", _Handle(region, above, "tau")
 
 
 class Parameters(MutableMapping[str, float]):
@@ -63,7 +115,8 @@ class Parameters(MutableMapping[str, float]):
     ``"film.elastic.mu"`` is the constant `mu` of the elastic model of the region ``film``,
     ``"film.elastic.mu[1]"`` the second of several, ``"film.electric.eps_r"`` its relative
     permittivity, and ``"film.bulk_modulus"`` its bulk modulus where it has one.
-    ``"film.viscous[0].mu"`` and ``"film.viscous[0].tau"`` are those of its first viscous branch.
+    ``"film.viscous[0].mu"`` and ``"film.viscous[0].tau"`` are those of its first viscous branch,
+    ``"film.viscous[0].spring.Jm"`` or ``"film.viscous[0].flow.eta_0"`` those of a `ViscousBranch`.
 
     A solver scales residuals by the moduli; after a large change of them call its `renew`.
 
@@ -91,21 +144,13 @@ class Parameters(MutableMapping[str, float]):
 
     def _all(self) -> Iterator[tuple[str, _Handle]]:
         for region, material in self.materials.items():
-            for constant in constants(material.elastic):
-                value = getattr(material.elastic, constant)
-                label = f"{region}.elastic.{constant}"
-                if isinstance(value, tuple):
-                    for k in range(len(value)):
-                        yield f"{label}[{k}]", _Handle(region, "elastic", constant, k)
-                else:
-                    yield label, _Handle(region, "elastic", constant)
-            for k in range(len(material.viscous)):
-                for name in ("mu", "tau"):
-                    yield f"{region}.viscous[{k}].{name}", _Handle(region, "viscous", name, k)
+            yield from _of_model(region, "elastic", material.elastic)
+            for k, branch in enumerate(material.viscous):
+                yield from _of_branch(region, k, branch)
             if self._kernels[region].eps is not None and hasattr(material.electric, "eps_r"):
-                yield f"{region}.electric.eps_r", _Handle(region, "electric", "eps_r")
+                yield f"{region}.electric.eps_r", _Handle(region, ("electric",), "eps_r")
             if material.bulk_modulus is not None:
-                yield f"{region}.bulk_modulus", _Handle(region, "", "bulk_modulus")
+                yield f"{region}.bulk_modulus", _Handle(region, (), "bulk_modulus")
 
     def __getitem__(self, name: str) -> float:
         handle = self._handle(name)
@@ -150,8 +195,8 @@ class Parameters(MutableMapping[str, float]):
             coefficient, value = kernel.eps, material.dielectric.permittivity()
             value /= scales.permittivity
         elif handle.part == "viscous":
-            branch = kernel.branches[handle.place or 0]
-            coefficient, value = getattr(branch, handle.name), handle.read(material)
+            self._store_viscous(handle, material)
+            return
         elif handle.part == "":
             coefficient, value = kernel.kappa, handle.read(material) / scales.stress
         else:
@@ -161,3 +206,16 @@ class Parameters(MutableMapping[str, float]):
         cells: np.ndarray = self._device.cells_of(handle.region)
         assert coefficient is not None
         coefficient.x.array[cells] = value
+
+    def _store_viscous(self, handle: _Handle, material: Material) -> None:
+        """Put a constant of a viscous branch where it is needed.
+
+        What is solved at each quadrature point takes the constants from the materials themselves.
+        """
+        kernel, cells = self._kernels[handle.region], self._device.cells_of(handle.region)
+        for branch in kernel.branches:
+            if branch.place == handle.parts[1]:
+                getattr(branch, handle.name).x.array[cells] = handle.read(material)
+        if kernel.flowing:
+            slope = spherical_slope(material, kernel.flowing.places)
+            kernel.flowing.slope.x.array[cells] = slope

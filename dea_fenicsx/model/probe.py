@@ -69,9 +69,12 @@ class Prober:
         ]  # fmt: skip
         self._place = compat.expression(ufl.SpatialCoordinate(mesh), points)
 
-    def extremes(self) -> Probe:
-        """Extremes of J, lock-up margin and field over the quadrature points.  Collective."""
-        low = np.array([np.inf, np.inf])
+    def extremes(self, margin: float = np.inf) -> Probe:
+        """Extremes of J, lock-up margin and field over the quadrature points.  Collective.
+
+        `margin` is the smallest distance to lock-up of other chains on this rank.
+        """
+        low = np.array([np.inf, margin])
         best = (-1.0, -1, -1)
         for kernel, evaluate in self._evaluated:
             if len(kernel.cells) == 0:

@@ -213,6 +213,8 @@ class Problem:
         self.springs = self.turning.springs_of(state)
         for ramp, constant in self.loads.factors.items():
             constant.value = state.factors[ramp]
+        if history := self.history:
+            self.forms.memory.let_flow(history, self.parameters.materials)
 
     def _place(self, values: np.ndarray) -> None:
         """Go to some values of the unknowns; the nodes of rigid parts follow theirs."""
@@ -319,4 +321,4 @@ class Problem:
 
     def probe(self) -> Probe:
         """Extremes of J, lock-up margin and field over the quadrature points.  Collective."""
-        return self.forms.prober.extremes()
+        return self.forms.prober.extremes(self.forms.memory.least_margin)

@@ -17,6 +17,7 @@ import numpy as np
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.base import choices, constants
+from dea_fenicsx.materials.viscous import Branch, Maxwell
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.folder import Run
@@ -123,9 +124,18 @@ def _plain(value: Any) -> Any:
 def _kind(material: Material) -> tuple[Any, ...]:
     """What of a material shapes the forms: its models and how many constants they have."""
     elastic, electric = material.elastic, material.electric
-    shape = (
-        *(np.size(getattr(elastic, name)) for name in constants(elastic)), *choices(elastic),
-    )  # fmt: skip
-    return type(elastic), shape, type(electric), material.is_dielectric, (
+    return type(elastic), _shape(elastic), type(electric), material.is_dielectric, (
         material.bulk_modulus is None
-    ), len(material.viscous)
+    ), tuple(map(_branch_kind, material.viscous))
+
+
+def _branch_kind(branch: Branch) -> tuple[Any, ...]:
+    """What of a viscous branch shapes the forms, and the names of its constants."""
+    if isinstance(branch, Maxwell):
+        return (Maxwell,)
+    return type(branch.spring), _shape(branch.spring), type(branch.flow)
+
+
+def _shape(model: Any) -> tuple[Any, ...]:
+    """The numbers of a model's constants, and its choices of a form."""
+    return (*(np.size(getattr(model, name)) for name in constants(model)), *choices(model))

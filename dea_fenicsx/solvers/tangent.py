@@ -76,11 +76,9 @@ class Tangent:
         self.problem = problem
         self._along = dolfinx.fem.Function(problem.W)
         self._petsc = PetscObjects(problem.comm)
-        residual, w = problem.forms.residual, problem.w
-        self._matrix_form = compat.compile_form(
-            ufl.derivative(residual, w, ufl.TrialFunction(problem.W))
-        )
-        self._action = compat.compile_form(ufl.derivative(residual, w, self._along))
+        forms = problem.forms
+        self._matrix_form = compat.compile_form(forms.tangent(ufl.TrialFunction(problem.W)))
+        self._action = compat.compile_form(forms.tangent(self._along))
         self._product = self._petsc.keep("product", compat.create_vector(self._action))
         self._columns = self._petsc.keep("columns", PETSc.IS().createGeneral(
             problem.free + problem.space.rows.start, comm=problem.comm
@@ -122,7 +120,7 @@ class Tangent:
         if self._transposed is None:
             problem = self.problem
             trial = ufl.TrialFunction(problem.W)
-            adjoint = ufl.adjoint(ufl.derivative(problem.forms.residual, problem.w, trial))
+            adjoint = ufl.adjoint(problem.forms.tangent(trial))
             form = compat.compile_form(ufl.action(adjoint, self._along))
             product = self._petsc.keep("transposed product", compat.create_vector(form))
             self._transposed = form, product

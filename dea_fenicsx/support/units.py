@@ -28,6 +28,8 @@ DIMENSIONS = {
     "Pa": "a pressure or stress in Pa",
     "V/m": "an electric field in V/m",
     "s": "a time in s",
+    "Pa*s": "a viscosity in Pa s",
+    "1/Pa**2": "a number in 1/Pa^2",
 }
 """What can be expected: the SI unit (as pint writes it, empty for none), and in words."""
 

@@ -6,10 +6,12 @@ terms of this room, and those that conditions declare as `AddedPhysics`.  The vi
 on surfaces is in `scene.declarations` and `model.loads`.
 """
 
+from dea_fenicsx.materials import ViscousBranch
 from dea_fenicsx.model.terms.augmentation import Augmentation
 from dea_fenicsx.model.terms.base import EnergyTerm, Term, WorkTerm
 from dea_fenicsx.model.terms.dielectric import Dielectric
 from dea_fenicsx.model.terms.elastic import Elasticity
+from dea_fenicsx.model.terms.flowing import Flowing
 from dea_fenicsx.model.terms.incompressibility import Volume
 from dea_fenicsx.model.terms.leak import AlikeLeak, MixedLeak
 from dea_fenicsx.model.terms.relaxation import DielectricRelaxation
@@ -28,4 +30,7 @@ def terms_of(scene: Scene) -> list[Term]:
         if any(m.is_dielectric and m.dielectric.relaxation_terms() for m in
                scene.materials.values()):  # fmt: skip
             found.append(DielectricRelaxation())
+    branches = [branch for m in scene.materials.values() for branch in m.viscous]
+    if flowing := [branch for branch in branches if isinstance(branch, ViscousBranch)]:
+        found.append(Flowing(all(branch.is_variational for branch in flowing)))
     return [*found, *(term for added in scene.declared.added for term in added.terms)]

@@ -9,6 +9,9 @@ from typing import Any, ClassVar
 from dea_fenicsx.model.kernels import Kernel
 from dea_fenicsx.model.material_point import MaterialPoint
 
+Variation = Callable[[Any], Any]
+"""Gives the variation of an expression in the fields: ``virtual(at.F)`` is that of F."""
+
 
 class Term(ABC):
     """A term of the energy or of the virtual work, per undeformed volume.
@@ -48,6 +51,14 @@ class Term(ABC):
         """What it stores in the body, per undeformed volume, dimensionless; None for nothing."""
         return None
 
+    def following(self, at: MaterialPoint, change: Variation, virtual: Variation) -> Any:
+        """What the tangent has beside the derivative at kept coefficients, or None.
+
+        A term whose coefficients at quadrature points follow the deformation says here how: its
+        virtual work per undeformed volume due to their change, symbolic, linear in both variations.
+        """
+        return None
+
 
 class EnergyTerm(Term):
     """A term of the energy; its tangent is symmetric."""
@@ -59,10 +70,6 @@ class EnergyTerm(Term):
     def stored(self, at: MaterialPoint) -> Any:
         """What of it is stored in the body, per undeformed volume, dimensionless, symbolic."""
         return self.stored_sign * self.density(at)
-
-
-Variation = Callable[[Any], Any]
-"""Gives the variation of an expression in the fields: ``virtual(at.F)`` is that of F."""
 
 
 class WorkTerm(Term):

@@ -62,7 +62,8 @@ def _relative(at: MaterialPoint, branch: BoundBranch) -> Any:
 
 def dissipation(at: MaterialPoint) -> Any:
     """Power that the dashpots take, per undeformed volume in units of stress per s, symbolic."""
-    total: Any = 0
+    flowing = at.kernel.flowing
+    total: Any = 0 if flowing is None else flowing.measures[1]
     for branch in at.kernel.branches:
         A = _relative(at, branch)
         square = ufl.tr(ufl.dot(A, A)) - ufl.tr(A) ** 2 / 3
