@@ -7,12 +7,14 @@ the clamped rim does not let it grow, and the film buckles.  It is then followed
 ends.  A quarter of the film is solved, with planes of symmetry; there is no inertia.
 
 A flat film that is not stretched beforehand has no tension to lose, so that it buckles where a
-plate does.  Its imperfection is an offset of its middle plane, w0 cos^2(pi x/(2 L)) cos^2(pi y/(2
-L)) with L = 75 mm, w0 of --imperfection times the thickness; the fringe at the edge of the one-sided
-electrode bends the film as well.  Two fields are known from plate theory (`Plate`): that at which
-the relaxed film buckles, and that at which the film buckles at once.  Between the two an imperfect
-film creeps into its buckle, the later, the faster the voltage rises and the smaller the
-imperfection is.  Plate theory tells this course too, as long as the deflection is small.
+plate does.  Its imperfection is an offset of its middle plane, that of the middle times
+cos^2(pi x/(2 L)) cos^2(pi y/(2 L)) with L = 75 mm; --imperfection is the former over the thickness.
+The fringe at the edge of the one-sided electrode bends the film as well.  Two fields are known from
+plate theory (`Plate`): that at which the relaxed film buckles, and that at which the film buckles
+at once.  Between the two an imperfect film creeps into its buckle, the later, the faster the
+voltage rises and the smaller the imperfection is.  Plate theory tells this course too, as long as
+the deflection is small.  So the onset does not converge to one number as the imperfection vanishes,
+unless the rate does so too: what converges is its distance from plate theory.
 
 The onset is the moment at which the middle has been moved by a tenth of the thickness.
 
@@ -95,13 +97,22 @@ class Plate:
 
     The stresses in the plane, s = 2 mu (strain + its trace times 1) - eps E^2 in the driven part,
     follow from their balance.  They do not depend on mu, and rise with e^2 in viscous films too.
-    With them each mode of buckling m has a field e_m at which the plate with the modulus mu buckles,
+    With them each mode of buckling m has a field e_m at which a plate with the modulus mu buckles,
     e_m^2 = Lambda_m (H/L)^2 mu/(3 G), and the deflection q_m of an imperfect viscous plate obeys
 
         mu (q_m - a_m) + sum_k G_k (q_m - a_m - v_k) = mu (e/e_m)^2 q_m,
         dv_k/dt = (q_m - a_m - v_k)/tau_k
 
     with the share a_m of the mode in the imperfection.
+
+    Parameters
+    ----------
+    share
+        Side of the electrode over that of the film.
+    waves, terms
+        Numbers of shapes along each axis, of the deflection and of the motion in the plane.
+    points
+        Points of Gauss's rule in the electrode and beyond it, along each axis.
 
     Attributes
     ----------
@@ -111,9 +122,8 @@ class Plate:
         Deflection of the middle in each mode, times the share of the mode in the imperfection.
     """
 
-    def __init__(self, waves=8, terms=16, points=40):
+    def __init__(self, share=EDGE / HALF, waves=8, terms=16, points=40):
         x, w = np.polynomial.legendre.leggauss(points)
-        share = EDGE / HALF
         x, w = (x + 1) / 2, w / 2
         x = np.concatenate([share * x, share + (1 - share) * x])[:, None]
         self.x, self.w = x, np.concatenate([share * w, (1 - share) * w])
@@ -202,14 +212,18 @@ def parse():
     return parser, parser.parse_args()
 
 
+def film(mesh, imperfection):
+    """The geometry; the imperfection is over the thickness."""
+    inner, outer, ratio, through = MESHES[mesh]
+    return Film(HALF, HALF, [Layer("film", THICKNESS, through)], inner + outer,
+                inner=inner, ratio=ratio, offset=imperfection * THICKNESS)  # fmt: skip
+
+
 def scene(args):
     """The film; at a ramp factor of 1 the nominal field is sqrt(G/eps)."""
-    inner, outer, ratio, through = MESHES[args.mesh]
-    film = Film(HALF, HALF, [Layer("film", THICKNESS, through)], inner + outer,
-                inner=inner, ratio=ratio, offset=args.imperfection * THICKNESS)  # fmt: skip
     unit = THICKNESS * float(np.sqrt(G / (VHB.electric.eps_r * EPSILON_0)))
     return dea.Scene(
-        dea.read_gmsh(film, MPI.COMM_WORLD),
+        dea.read_gmsh(film(args.mesh, args.imperfection), MPI.COMM_WORLD),
         {"film": VHB},
         electrodes=[dea.Electrode("electrode", unit), dea.Ground("bottom")],
         supports=[dea.Clamp("x_max"), dea.Clamp("y_max"),
