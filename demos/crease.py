@@ -169,7 +169,7 @@ def report(run):
           f"{1e3 * s['overlap_m']:.3g} mm")  # fmt: skip
     print(f"last field {s['last_field']:.5f} after {s['last_time_s']:.5g} s, depth "
           f"{1e3 * s['last_depth_m']:.4g} mm\nend: {s['end']}")  # fmt: skip
-    print(f"\nresults: {run.out}/history.csv, voltage_corner.png, fields.xdmf")
+    print(f"\nresults: {run.out}/history.csv, corner_voltage.png, fields.xdmf")
 
 
 if __name__ == "__main__":

@@ -259,4 +259,4 @@ def check_crease(out, printed):
     s = summary(out)
     assert s["end"] == "unloaded" and s["last_field"] == pytest.approx(0, abs=1e-12)
     assert s["largest_depth_m"] > 5 * abs(s["last_depth_m"])
-    assert (out / "voltage_corner.png").exists()
+    assert (out / "corner_voltage.png").exists()

@@ -42,7 +42,7 @@ def solve(case: TimeCase) -> dict[str, Any]:
     element = basix.ufl.quadrature_element(cell, value_shape=(3, 3), degree=DEGREE)
     Q = dolfinx.fem.functionspace(mesh, element)
     past = [dolfinx.fem.Function(Q) for _ in BRANCHES]
-    dt = case.field / case.rate / case.steps
+    dt = dolfinx.fem.Constant(mesh, case.field / case.rate / case.steps)  # no form of its own
     new = []
     # network of Arruda and Boyce in Cohen's form, by its energy
     z = ufl.sqrt(ufl.tr(Cbar) / 3) / LIMIT
