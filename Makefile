@@ -4,7 +4,8 @@
 # make test   the test suite
 # make hard   the table of hard cases and the random kills, into hard_cases.csv
 # make fuzz   random scenes, paths near instabilities, and damaged files
-# make peers  the same scenes here, in NGSolve and as a plain script, timed into peers.csv
+# make peers  the same scenes here, in NGSolve and as plain scripts, timed into peers.csv and
+#             peers_in_time.csv
 # make bench  counts and seconds of ten fixed scenes, into build/bench.json
 # make bench-compare  those beside the committed counts: fails if a count has changed
 # make lint   ruff and mypy
@@ -55,6 +56,7 @@ fuzz: env
 peers: env
 	.venv/bin/python -m pip install --quiet ngsolve
 	$(RUN) .venv/bin/python -m tests.peers.run --out peers.csv
+	$(RUN) .venv/bin/python -m tests.peers.time_run --out peers_in_time.csv
 
 bench: env
 	$(RUN) .venv/bin/python -m tests.bench.run --out build/bench.json
@@ -76,5 +78,5 @@ docker:
 	docker/build
 
 clean:
-	rm -rf hard_cases.csv peers.csv growth.csv to_error.csv .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf hard_cases.csv peers.csv peers_in_time.csv growth.csv to_error.csv .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find dea_fenicsx geometry demos tests -name __pycache__ -type d -prune -exec rm -rf {} +

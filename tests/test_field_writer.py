@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import shutil
 from functools import partial
+from types import SimpleNamespace
 
 import basix
 import basix.ufl
@@ -21,6 +22,7 @@ from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.model import problem as problem_module
 from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.results import xdmf
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.grids import Grid, surface_grid
@@ -380,3 +382,24 @@ def test_times_in_files_for_paraview():
     found = field_times({"time": [0, 1, 1, 2], "time_s": [0.0, 3.0, 3.0, 4.0]})
     assert found == pytest.approx([0.0, 3.0, 3.0, 4.0], abs=1e-6)
     assert found[2] > found[1]
+
+
+def test_a_step_opens_no_files_of_earlier_steps(tmp_path, monkeypatch):
+    """The document is written at each step; the time of a long run must not grow as its square."""
+    opened = []
+
+    def opening(file, **options):
+        opened.append(file)
+        return h5py.File(file, **options)
+
+    monkeypatch.setattr(xdmf, "h5py", SimpleNamespace(File=opening))
+    steps = 12
+    device = block((1, 1, 1))
+    scene = dea.Scene(
+        device, {"film": FILM}, [dea.Electrode("bottom", 10.0), dea.Ground("top")],
+        [dea.Clamp("bottom")],
+    )  # fmt: skip
+    run = dea.solve(scene, dea.Ramp("voltage", steps=steps), out=tmp_path / "run", quiet=True)
+    # a step and its mesh once as it is accepted, and once more in the whole file at the end
+    assert len(opened) <= 4 * (steps + 1)
+    assert (run.out / "fields.xdmf").read_text("utf-8").count("<Time ") == steps + 1

@@ -64,7 +64,9 @@ def instantaneous[T: (Film, Material)](of: T) -> T:
     """
     material = of.material if isinstance(of, Film) else of
     made = replace(material, viscous=())
-    others: list[Elastic] = [branch.spring for branch in material.viscous if not isinstance(branch, Maxwell)]
+    others: list[Elastic] = [
+        branch.spring for branch in material.viscous if not isinstance(branch, Maxwell)
+    ]
     mu: float = sum(branch.mu for branch in material.viscous if isinstance(branch, Maxwell))
     springs = (*([NeoHookean(mu)] if mu else []), *others)
     if springs:

@@ -6,6 +6,7 @@ its plain reader cannot read.  Here every grid holds every field.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from xml.sax.saxutils import escape, quoteattr
 
@@ -33,6 +34,28 @@ def grid_xml(
 
     Empty where the file does not hold the group.
     """
+    body = _grid_body(mesh, fields, root, _stamp(mesh[0]), _stamp(fields[0]))
+    if not body:
+        return ""
+    head = f'   <Grid Name="{name}" GridType="Uniform">\n    <Time Value="{time:.12g}"/>\n'
+    return head + body
+
+
+def _stamp(file: Path) -> tuple[int, int, int]:
+    """What changes when a file is written again."""
+    found = file.stat()
+    return found.st_ino, found.st_mtime_ns, found.st_size
+
+
+@lru_cache(maxsize=20_000)
+def _grid_body(
+    mesh: tuple[Path, str], fields: tuple[Path, str], root: Path, *stamps: tuple[int, int, int]
+) -> str:
+    """A grid without its name and its time.
+
+    A run writes its document again at each step.  The files of the earlier steps are as they were,
+    and are not opened again, so that the time of a step does not grow with the number of steps.
+    """
     (mesh_file, mesh_prefix), (file, prefix) = mesh, fields
     file_name = file.relative_to(root).as_posix()
     attributes = []
@@ -54,8 +77,6 @@ def grid_xml(
     size = f' NodesPerElement="{per_cell}"' if kind == "Polyline" else ""
     source = f"{mesh_file.relative_to(root).as_posix()}:/{mesh_prefix}"
     lines = [
-        f'   <Grid Name="{name}" GridType="Uniform">',
-        f'    <Time Value="{time:.12g}"/>',
         f'    <Topology TopologyType="{kind}"{size} NumberOfElements="{n_cells}">',
         _item((n_cells, per_cell), "Int", f"{source}cells"),
         "    </Topology>",

@@ -1,0 +1,176 @@
+"""A bonded layer creases under voltage, is held there, and is unloaded.
+
+A layer of VHB 4910, 20 mm thick and 120 mm long, in plane strain: its bottom is bonded and
+grounded, its ends do not move along the layer, and its top is an electrode.  The nominal field
+e = V/H sqrt(eps/G) rises at --rate to --field, is held for --hold, and falls again.  A notch, 0.12
+mm long and 0.02 mm deep, is cut off the top left corner: there, at a plane of symmetry, the surface
+folds into a crease.
+
+The bond and the ends keep the flat layer in place whatever the voltage is; only its pressure rises
+with the Maxwell stress.  Its surface is unstable, as that of a compressed block is.  Under the
+rising voltage the notch becomes a crease, which creeps: it goes on to grow while the voltage falls
+already, and then opens again.
+
+The package knows no contact.  Where the two sides of the crease touch, the surface of the model
+goes through the plane of symmetry instead; `overlap_m` tells how far.
+
+    python demos/crease.py
+    python demos/crease.py --hold 600
+"""
+
+from dataclasses import dataclass
+
+import h5py
+import numpy as np
+from mpi4py import MPI
+
+import dea_fenicsx as dea
+from dea_fenicsx.geometry import BoxStack, Layer, graded
+from dea_fenicsx.materials import EPSILON_0
+
+G, LIMIT = 15.36e3, 5.99
+BRANCHES = ((26.06e3, 0.6074), (26.53e3, 6.56), (10.83e3, 61.25))
+"""Shear modulus in Pa and relaxation time in s of each branch (Wang et al., JMPS 95 (2016) 213)."""
+
+VHB = dea.Material(
+    dea.ArrudaBoyce(G, LIMIT, form="pade"), dea.IdealDielectric(4.8),
+    viscous=[dea.Maxwell(mu, tau) for mu, tau in BRANCHES],
+)  # fmt: skip
+
+HEIGHT, LENGTH, DEEP, WIDE = 20e-3, 120e-3, 0.02e-3, 0.12e-3
+"""Of the layer and of its notch, in m."""
+
+
+def towards(end, finest, n):
+    """Ends of n cells from 0, with a first cell of a given size, which grow geometrically."""
+    low, high = 0.0, 50.0 * n
+    for _ in range(200):
+        middle = (low + high) / 2
+        first = graded(n, np.exp(middle), "start")[1] * end
+        low, high = (middle, high) if first > finest else (low, middle)
+    return end * graded(n, np.exp(low), "start")
+
+
+@dataclass(frozen=True)
+class Notched(BoxStack):
+    """A layer whose cells are graded towards its top left corner, where a notch is cut off.
+
+    Parameters (besides those of a `BoxStack`)
+    ----------
+    notch
+        Number of cells along the notch.
+    """
+
+    notch: int = 2
+
+    def mesh(self):
+        mesh, n, m = super().mesh(), self.divisions[0], self.layers[0].divisions
+        cell = WIDE / self.notch
+        first = np.linspace(0, WIDE, self.notch + 1)
+        x = np.concatenate([first, WIDE + towards(LENGTH - WIDE, cell, n - self.notch)[1:]])
+        y = HEIGHT - towards(HEIGHT, cell, m)[::-1]
+        at = mesh.points
+        at[:, 0] = np.interp(at[:, 0], np.linspace(0, LENGTH, n + 1), x)
+        at[:, 1] = np.interp(at[:, 1], np.linspace(0, HEIGHT, m + 1), y)
+        # the nodes below the notch go down with it, the less, the deeper they lie
+        share = np.clip(1 - at[:, 0] / WIDE, 0, 1)
+        at[:, 1] -= DEEP * share * np.exp((at[:, 1] - HEIGHT) / (20 * DEEP)) * (at[:, 1] / HEIGHT)
+        return mesh
+
+
+def parse():
+    parser = dea.Parser(__doc__.split("\n")[0], out="results/crease")
+    parser.number("--rate", 1e-3, "1/s", "rate of the nominal field, in units of sqrt(G/eps)")
+    parser.number("--field", 1.25, "-", "largest nominal field")
+    parser.number("--hold", 0.0, "s", "time for which it is held")
+    parser.number("--tolerance", 1e-4, "-", "of the march")
+    parser.count("--mesh", 1, "refinement of the mesh")
+    return parser, parser.parse_args()
+
+
+def scene(args):
+    """The layer; at a ramp factor of 1 the nominal field is sqrt(G/eps)."""
+    k = args.mesh
+    layer = Notched(LENGTH, None, [Layer("layer", HEIGHT, 14 * k)], 20 * k, notch=2 * k)
+    unit = HEIGHT * float(np.sqrt(G / (VHB.electric.eps_r * EPSILON_0)))
+    return dea.Scene(
+        dea.read_gmsh(layer, MPI.COMM_WORLD),
+        {"layer": VHB},
+        electrodes=[dea.Electrode("top", unit), dea.Ground("bottom")],
+        supports=[dea.Clamp("bottom"), dea.Fix("x_min", "x"), dea.Fix("x_max", "x")],
+        kinematics=dea.PlaneStrain(),
+    )
+
+
+def main():
+    parser, args = parse()
+    for name in ("rate", "field"):
+        if not (np.isfinite(getattr(args, name)) and getattr(args, name) > 0):
+            raise dea.InputError(f"--{name} is {getattr(args, name)}, but must be a number > 0.")
+    rise = args.field / args.rate
+    path = [dea.March(rise, {"voltage": dea.Rise(args.field, rise)}, tolerance=args.tolerance)]
+    if args.hold > 0:
+        path.append(dea.March(args.hold, tolerance=args.tolerance))
+    fall = dea.Rise(0.0, rise, low=args.field)
+    path.append(dea.March(rise, {"voltage": fall}, tolerance=args.tolerance))
+    run, end = followed(parser, args, path)
+    unit = HEIGHT * float(np.sqrt(G / (VHB.electric.eps_r * EPSILON_0)))
+    field, depth = run.column("voltage_V") / unit, -run.column("corner_m")
+    k = int(np.argmax(depth))
+    run.add(
+        rate_per_s=args.rate, largest_field=float(field.max()), largest_depth_m=float(depth[k]),
+        field_at_largest_depth=float(field[k]), last_field=float(field[-1]),
+        last_time_s=run["time_s"], last_depth_m=float(depth[-1]), overlap_m=overlap(run), end=end,
+        seconds=run.summary["wall_s"],
+    )  # fmt: skip
+    if MPI.COMM_WORLD.rank == 0:
+        dea.pictures.curve(args.out, x="voltage_V", y="corner_m")
+        if not args.quiet:
+            report(run)
+
+
+def followed(parser, args, path):
+    """The run, and how the march ended."""
+    try:
+        run = dea.solve(
+            scene(args),
+            path,
+            record={"corner": dea.AtPoint((0.0, HEIGHT - DEEP), "displacement", "y"),
+                    "notch": dea.AtPoint((WIDE, HEIGHT), "displacement", "y")},
+            out=args.out,
+            resume=args.resume,
+            quiet=args.quiet,
+            stability="never",
+            settings=parser.settings(args),
+        )  # fmt: skip
+    except (dea.EquilibriumLost, dea.SolverError) as error:
+        if getattr(error, "run", None) is None:
+            raise
+        return error.run, str(error)
+    return run, "unloaded"
+
+
+def overlap(run):
+    """How far nodes have gone beyond the plane of symmetry in m, over all steps.  Collective."""
+    found = 0.0
+    if MPI.COMM_WORLD.rank == 0:
+        with h5py.File(run.out / "fields.h5") as h5:
+            x = h5["grid/points"][:, 0]
+            for row in run.history:
+                moved = h5[f"step_{row['step']:05d}/node/displacement_m"][:, 0]
+                found = max(found, -float(np.min(x + moved)))
+    return MPI.COMM_WORLD.bcast(found)
+
+
+def report(run):
+    s = run.summary
+    print(f"\nlargest field {s['largest_field']:.5f}; the crease is "
+          f"{1e3 * s['largest_depth_m']:.4g} mm deep at {s['field_at_largest_depth']:.5f}; overlap "
+          f"{1e3 * s['overlap_m']:.3g} mm")  # fmt: skip
+    print(f"last field {s['last_field']:.5f} after {s['last_time_s']:.5g} s, depth "
+          f"{1e3 * s['last_depth_m']:.4g} mm\nend: {s['end']}")  # fmt: skip
+    print(f"\nresults: {run.out}/history.csv, corner_voltage.png, fields.xdmf")
+
+
+if __name__ == "__main__":
+    main()
