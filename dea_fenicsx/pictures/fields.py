@@ -20,6 +20,14 @@ DISPLACEMENT = "displacement_m"
 _GREY, _LINE, _COLOURS = "#b8b8b8", "#404040", "viridis"
 _WIDTH = 174 / 25.4  # inch: two columns
 _DPI = 300
+_TALLEST = 1.1 * _WIDTH
+"""Largest height of an image in inches."""
+
+_LEAST_HEIGHT = 1.8
+"""Smallest height of a picture in inches, in which the label of the colour scale has room."""
+
+_MOST_PIXELS = 8e6
+"""Most pixels of a rendered image; twice as many across as are shown, so that edges are smooth."""
 
 
 def scalar(grid: Any, field: str) -> tuple[np.ndarray, str, bool]:
@@ -76,8 +84,7 @@ def _shoot(
     pad = margin * (high - low).max()
     low, high = low - pad, high + pad
     width, height = high - low
-    pixels = int(width_inch * 2 * dpi)
-    size = (pixels, max(round(pixels * height / width), 8))
+    size = _pixels(width, height, width_inch, dpi)
     normal = np.cross(right, up)
     depth = bounds @ normal
     focus = (low[0] + high[0]) / 2 * right + (low[1] + high[1]) / 2 * up + depth.mean() * normal
@@ -94,9 +101,20 @@ def _shoot(
     plotter.renderer.ResetCameraClippingRange()
     image = plotter.screenshot(None, return_img=True)
     plotter.close()
-    halved = image[: size[1] // 2 * 2, : size[0] // 2 * 2].astype(float)
-    halved = (halved[::2, ::2] + halved[1::2, ::2] + halved[::2, 1::2] + halved[1::2, 1::2]) / 4
-    return _Image(halved.round().astype(np.uint8), (low[0], high[0], low[1], high[1]))
+    image = image[: size[1] // 2 * 2, : size[0] // 2 * 2]
+    total = np.full((size[1] // 2, size[0] // 2, image.shape[2]), 2, dtype=np.uint16)  # rounds
+    for row in (0, 1):
+        for column in (0, 1):
+            total += image[row::2, column::2]
+    return _Image((total // 4).astype(np.uint8), (low[0], high[0], low[1], high[1]))
+
+
+def _pixels(width: float, height: float, width_inch: float, dpi: int) -> tuple[int, int]:
+    """Pixels across and along of an image with the sides of a view, twice as many as are shown."""
+    inches = min(width_inch, _TALLEST * width / height)
+    across = inches * 2 * dpi
+    across = min(across, (_MOST_PIXELS * width / height) ** 0.5)
+    return max(round(across), 16), max(round(across * height / width), 16)
 
 
 def _edges(surface: Any) -> Any:
@@ -302,11 +320,15 @@ def _compose(
         shapes = [panel.image.pixels.shape for panel in panels]
         tallest = max(rows / columns for rows, columns, *_ in shapes)
         height = min(0.8 * _WIDTH / len(panels) * tallest + 0.75, 1.2 * _WIDTH)
+        height = max(height, _LEAST_HEIGHT)
         figure = Figure(figsize=(_WIDTH, height), layout="constrained")
         axes = np.atleast_1d(figure.subplots(1, len(panels)))
         for axis, panel in zip(axes, panels, strict=True):
             axis.imshow(panel.image.pixels, extent=[1e3 * e for e in panel.image.extent])
             if panel.axes:
+                # Numbers below a narrow image would run into each other.
+                rows, columns, *_ = panel.image.pixels.shape
+                axis.locator_params(axis="x", nbins=max(1, min(6, 12 * columns // rows)))
                 axis.set_xlabel(f"{panel.axes[0]} (mm)")
                 axis.set_ylabel(f"{panel.axes[1]} (mm)")
                 if panel.title:
