@@ -60,6 +60,7 @@ class Flow:
     def __init__(self, kernels: Sequence[Kernel]) -> None:
         self._parts = [k.flowing for k in kernels if k.flowing is not None]
         self._kept: list[_Kept] = []
+        self._shown: dict[tuple[int, str], LocalState] | None = None
         self.least_margin = np.inf
 
     def __bool__(self) -> bool:
@@ -92,6 +93,9 @@ class Flow:
         """
         self.materials = materials
         found = self._found(span, C, H)
+        if found is self._shown:
+            return
+        self._shown = found
         per_cell = C.shape[1]
         for part in self._parts:
             for function in (part.stress, part.moduli, part.measures):
