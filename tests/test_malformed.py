@@ -136,6 +136,15 @@ FIELDS = {
         lambda **g: scene(materials={"film": dea.Material(
             dea.NeoHookean(5e4), dea.IdealDielectric(3.0), viscous=[dea.Maxwell(**g)])}),
         dict(mu=1e4, tau=1.0)),
+    dea.ViscousBranch: (
+        lambda **g: scene(materials={"film": dea.Material(
+            dea.NeoHookean(5e4), dea.IdealDielectric(3.0), viscous=[dea.ViscousBranch(**g)])}),
+        dict(spring=dea.NeoHookean(1e4), tau=1.0)),
+    dea.KumarLopezPamies: (
+        lambda **g: scene(materials={"film": dea.Material(
+            dea.NeoHookean(5e4), dea.IdealDielectric(3.0), viscous=[dea.ViscousBranch(
+                dea.NeoHookean(1e4), flow=dea.KumarLopezPamies(**g))])}),
+        dict(eta_0=1e4, eta_inf=1e3)),
     dea.Dissipation: (recorded(dea.Dissipation), {}),
     dea.NewtonOptions: (lambda **g: solve(options=dea.NewtonOptions(**g)), {}),
     dea.LossOfTension: (lambda **g: solve(failures=[dea.LossOfTension(**g)]), dict(normal="y")),
