@@ -143,7 +143,9 @@ def test_a_bar_is_of_second_order_and_its_exact_course_is_exact(branch):
         )  # fmt: skip
         path = dea.March(1.0, {"load": dea.Rise(1.0, 1.0)}, steps=steps)
         run = solve(scene, path, THICKNESS)
-        errors.append(np.abs(run.column("lam")[[round(t * steps) for t in AT]] - due))
+        # the first quarter holds the steps of another rule, whose error is smaller
+        at = [round(t * steps) for t in AT[1:]]
+        errors.append(np.abs(run.column("lam")[at] - due[1:]))
         assert np.all(run.column("heat_W") >= 0)
     slopes = -np.polyfit(np.log([20, 40, 80]), np.log(errors), 1)[0]
     assert slopes == pytest.approx(2.0, abs=0.15)
@@ -194,21 +196,19 @@ def test_energy_balances_with_second_order():
         "heat": dea.Dissipation(), "spring": dea.Energy("viscous"),
         "elastic": dea.Energy("elastic"), "field": dea.Energy("electric"), "q": dea.Charge("top"),
     }  # fmt: skip
-    for branch in (GENT, THINNING):
-        gaps = []
-        for steps in (20, 40):
-            rows = solve(
-                film(branch), dea.March(2.0, {"voltage": SINE}, steps=steps), record
-            ).history
-            volts, charge, time = rows["voltage_V"], rows["q_C"], rows["time_s"]
-            heat = rows["heat_W"]
-            assert np.all(heat >= 0)
-            work = np.sum((volts[1:] + volts[:-1]) / 2 * np.diff(charge))
-            lost = np.sum((heat[1:] + heat[:-1]) / 2 * np.diff(time))
-            stored = rows["spring_J"] + rows["elastic_J"] + rows["field_J"]
-            gaps.append(abs(work - lost - (stored[-1] - stored[0])) / lost)
-        assert gaps[1] < 0.35 * gaps[0]
-        assert gaps[1] < 5e-2
+    gaps = []
+    for steps in (20, 40):
+        path = dea.March(2.0, {"voltage": SINE}, steps=steps)
+        rows = solve(film(GENT, THINNING), path, record).history
+        volts, charge, time = rows["voltage_V"], rows["q_C"], rows["time_s"]
+        heat = rows["heat_W"]
+        assert np.all(heat >= 0)
+        work = np.sum((volts[1:] + volts[:-1]) / 2 * np.diff(charge))
+        lost = np.sum((heat[1:] + heat[:-1]) / 2 * np.diff(time))
+        stored = rows["spring_J"] + rows["elastic_J"] + rows["field_J"]
+        gaps.append(abs(work - lost - (stored[-1] - stored[0])) / lost)
+    assert gaps[1] < 0.35 * gaps[0]
+    assert gaps[1] < 5e-2
 
 
 @pytest.mark.parametrize("branch", [GENT, THINNING], ids=["spring", "flow law"])
@@ -245,17 +245,22 @@ def test_pull_in_is_located_in_time():
 
 
 def on_any_ranks(comm):
-    """A march of three cells with both kinds of branches."""
-    geometry = BoxStack(SIDE, None, [Layer("film", SIDE, divisions=1)], divisions=(3,), order=2)
+    """A march of two cells with both kinds of branches."""
+    geometry = BoxStack(SIDE, None, [Layer("film", SIDE, divisions=1)], divisions=(2,), order=2)
     scene = film(GENT, THINNING, dea.Maxwell(5e3, 0.2), device=dea.read_gmsh(geometry, comm))
-    run = solve(scene, dea.March(0.5, {"voltage": SINE}, steps=4), THICKNESS)
+    run = solve(scene, dea.March(0.5, {"voltage": SINE}, steps=3), THICKNESS)
     return [run.column("lam").tolist(), run.column("heat_W").tolist()]
+
+
+@pytest.fixture(scope="module")
+def alone():
+    return on_any_ranks(MPI.COMM_SELF)
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("ranks", [2, 3])
-def test_on_ranks(on_ranks, ranks):
-    alone = on_any_ranks(MPI.COMM_SELF)
+def test_on_ranks(on_ranks, alone, ranks):
+    """Also where there are more ranks than cells."""
     found = on_ranks("test_viscous_branches", "on_any_ranks", ranks)
     assert found[0] == pytest.approx(alone[0], rel=1e-9)
     assert found[1] == pytest.approx(alone[1], rel=1e-6, abs=1e-15)
