@@ -19,37 +19,14 @@ import pytest
 from conftest import ROOT, clean_environment, needed_mpirun
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from malformed_fields import FIELDS, RUBBER, scene, solve
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx import exact, geometry, materials, origami
-from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx import materials
 
 NAN, INF = float("nan"), float("inf")
 FLAGS = "-O1 -g0"  # those of the fixture quick_compile
-RUBBER = materials.Material(dea.NeoHookean(5e4), dea.IdealDielectric(3.0))
-
-
-@functools.cache
-def strip(size=1):
-    """Four quadrilaterals of film, on this rank alone or on all."""
-    comm = MPI.COMM_WORLD if size > 1 else MPI.COMM_SELF
-    return dea.read_gmsh(BoxStack(1e-3, None, [Layer("film", 1e-3)], divisions=(4,)), comm)
-
-
-def scene(comm=MPI.COMM_SELF, **changes):
-    given = dict(
-        device=strip(comm.size), materials={"film": RUBBER}, kinematics=dea.PlaneStrain(),
-        electrodes=[dea.Electrode("top", 100.0), dea.Ground("bottom")],
-        supports=[dea.Clamp("bottom")],
-    )  # fmt: skip
-    return dea.Scene(**(given | changes))
-
-
-def solve(comm=MPI.COMM_SELF, path=None, record=None, changes=None, **options):
-    """Check a scene and a path; what is refused is refused before anything is solved."""
-    path = dea.Ramp(steps=1) if path is None else path
-    return dea.solve(scene(comm, **(changes or {})), path, record, **({"quiet": True} | options))
 
 
 def refused(make, words=""):
@@ -66,147 +43,6 @@ def refused(make, words=""):
 # ---------------------------------------------------------- what is right in no field of any class
 
 NEVER = (object, 1 + 2j, b"x", [None], 10**400, print)
-
-
-def in_scene(kind, place):
-    """Put an object of a class into a scene."""
-    return lambda **given: scene(**{place: [kind(**given)]})
-
-
-SOURCE = [dea.Source("top", 100.0), dea.Ground("bottom")]
-
-
-def switched(kind):
-    """Put an item about a switch into a path."""
-    return lambda **given: solve(path=kind(**given), changes={"electrodes": SOURCE})
-
-
-def fed(kind):
-    """Record an observable of a scene with a source."""
-    return lambda **given: solve(record={"x": kind(**given)}, changes={"electrodes": SOURCE})
-
-
-def of_material(kind):
-    return lambda **given: scene(materials={"film": dea.Material(kind(**given))})
-
-
-def recorded(kind):
-    return lambda **given: solve(record={"it": kind(**given)})
-
-
-def driven(kind):
-    return lambda **given: solve(path=dea.March(1.0, {"voltage": kind(**given)}))
-
-
-FIELDS = {
-    dea.Scene: (scene, dict.fromkeys(
-        ("device", "materials", "electrodes", "supports", "prescribed", "loads", "kinematics",
-         "elements"))),
-    dea.Electrode: (in_scene(dea.Electrode, "electrodes"), dict(where="top", volts=1.0)),
-    dea.ThinFilm: (in_scene(dea.ThinFilm, "electrodes"),
-                   dict(where="film", volts=1.0, end=1e-3, along="y")),
-    dea.ChargedElectrode: (
-        in_scene(dea.ChargedElectrode, "electrodes"), dict(where="top", coulombs=1e-12)),
-    dea.Taper: (lambda **g: scene(electrodes=[dea.Electrode("top", 1.0, taper=dea.Taper(**g))]),
-                dict(start=0.0, end=1e-4, along="x")),
-    dea.Fix: (in_scene(dea.Fix, "supports"), dict(where="bottom", axes="x")),
-    dea.Clamp: (in_scene(dea.Clamp, "supports"), dict(where="bottom")),
-    dea.Stretch: (in_scene(dea.Stretch, "prescribed"), dict(where="top", axes="x", stretch=2.0)),
-    dea.Displacement: (
-        in_scene(dea.Displacement, "prescribed"), dict(where="top", axes="x", metres=1e-4)),
-    dea.DeadLoad: (in_scene(dea.DeadLoad, "loads"), dict(where="top", pascal=(1.0, 0.0))),
-    dea.DeadPressure: (in_scene(dea.DeadPressure, "loads"), dict(where="top", pascal=1.0)),
-    dea.FollowerPressure: (in_scene(dea.FollowerPressure, "loads"), dict(where="top", pascal=1.0)),
-    dea.PlaneStrain: (lambda **g: scene(kinematics=dea.PlaneStrain(**g)), dict(depth=1.0)),
-    dea.Discretisation: (lambda **g: scene(elements=dea.Discretisation(**g)), {}),
-    dea.NeoHookean: (of_material(dea.NeoHookean), dict(mu=5e4)),
-    dea.Gent: (of_material(dea.Gent), dict(mu=5e4, Jm=100.0)),
-    dea.MooneyRivlin: (of_material(dea.MooneyRivlin), dict(C10=2e4, C01=1e3)),
-    dea.Yeoh: (of_material(dea.Yeoh), dict(C10=2e4, C20=10.0, C30=1.0)),
-    dea.Ogden: (of_material(dea.Ogden), dict(mu=(5e4,), alpha=(2.0,))),
-    dea.ArrudaBoyce: (of_material(dea.ArrudaBoyce), dict(mu=5e4, lam_m=3.0)),
-    dea.IdealDielectric: (
-        lambda **g: scene(materials={"film": dea.Material(dea.Gent(5e4, 9.0), dea.IdealDielectric(
-            **g))}), dict(eps_r=3.0)),
-    dea.Breakdown: (
-        lambda **g: scene(materials={"film": dea.Material(dea.Gent(5e4, 9.0), dea.IdealDielectric(
-            3.0, dea.Breakdown(**g)))}), dict(field=1e8)),
-    dea.Material: (lambda **g: scene(materials={"film": dea.Material(**g)}),
-                   dict(elastic=dea.NeoHookean(5e4))),
-    dea.Ramp: (lambda **g: solve(path=dea.Ramp(**g)), {}),
-    dea.Trace: (lambda **g: solve(path=dea.Trace(**g)), dict(what="voltage")),
-    dea.March: (lambda **g: solve(path=dea.March(**g)), dict(seconds=1.0)),
-    dea.Constant: (driven(dea.Constant), {}),
-    dea.Rise: (driven(dea.Rise), {}),
-    dea.Step: (driven(dea.Step), {}),
-    dea.Sine: (driven(dea.Sine), dict(hertz=1.0)),
-    dea.Triangle: (driven(dea.Triangle), dict(hertz=1.0)),
-    dea.Square: (driven(dea.Square), dict(hertz=1.0)),
-    dea.Chirp: (driven(dea.Chirp), dict(low=1.0, high=2.0, seconds=1.0)),
-    dea.Table: (driven(dea.Table), dict(times=[0.0, 1.0], values=[0.0, 1.0])),
-    dea.Function: (driven(dea.Function), dict(function=abs)),
-    dea.Maxwell: (
-        lambda **g: scene(materials={"film": dea.Material(
-            dea.NeoHookean(5e4), dea.IdealDielectric(3.0), viscous=[dea.Maxwell(**g)])}),
-        dict(mu=1e4, tau=1.0)),
-    dea.Conductivity: (
-        lambda **g: scene(materials={"film": dea.Material(dea.NeoHookean(5e4), dea.IdealDielectric(
-            3.0, conductivity=dea.Conductivity(**g)))}),
-        dict(siemens_per_metre=1e-13)),
-    dea.Debye: (
-        lambda **g: scene(materials={"film": dea.Material(dea.NeoHookean(5e4), dea.IdealDielectric(
-            3.0, relaxation=[dea.Debye(**g)]))}),
-        dict(eps_r=1.0, tau=1.0)),
-    dea.Source: (
-        lambda **g: scene(electrodes=[dea.Source(**g), dea.Ground("bottom")]),
-        dict(where="top", volts=100.0)),
-    dea.Open: (switched(dea.Open), dict(where="top")),
-    dea.Close: (switched(dea.Close), dict(where="top")),
-    dea.Current: (fed(dea.Current), dict(electrode="top")),
-    dea.ChargeLoss: (fed(dea.ChargeLoss), {}),
-    dea.Dissipation: (recorded(dea.Dissipation), {}),
-    dea.NewtonOptions: (lambda **g: solve(options=dea.NewtonOptions(**g)), {}),
-    dea.LossOfTension: (lambda **g: solve(failures=[dea.LossOfTension(**g)]), dict(normal="y")),
-    dea.StretchLimit: (lambda **g: solve(failures=[dea.StretchLimit(**g)]), dict(stretch=2.0)),
-    dea.ElectricalBreakdown: (lambda **g: solve(failures=[dea.ElectricalBreakdown(**g)]), {}),
-    dea.MeanDisplacement: (recorded(dea.MeanDisplacement), dict(where="top", axis="y")),
-    dea.LargestDisplacement: (recorded(dea.LargestDisplacement), dict(where="top", axis="y")),
-    dea.MeanStretch: (recorded(dea.MeanStretch), dict(between=("bottom", "top"), axis="y")),
-    dea.Contraction: (recorded(dea.Contraction), dict(between=("bottom", "top"), axis="y")),
-    dea.Area: (recorded(dea.Area), dict(where="top")),
-    dea.Reaction: (recorded(dea.Reaction), dict(where="bottom", axis="y")),
-    dea.Charge: (recorded(dea.Charge), dict(electrode="top")),
-    dea.Potential: (recorded(dea.Potential), dict(electrode="top")),
-    dea.Capacitance: (recorded(dea.Capacitance), dict(electrode="top")),
-    dea.Rotation: (recorded(dea.Rotation), dict(where="top", about="z")),
-    dea.BendingAngle: (recorded(dea.BendingAngle), dict(between=("bottom", "top"), axis="z")),
-    dea.PreStretch: (in_scene(dea.PreStretch, "prescribed"), dict(where="film", x=2.0)),
-    dea.GeneralisedPlaneStrain: (
-        lambda **g: scene(kinematics=dea.GeneralisedPlaneStrain(**g)), dict(depth=1.0)),
-    dea.Helical: (lambda **g: scene(kinematics=dea.Helical(**g)), dict(pitch=1e-3)),
-    dea.AxialStretch: (in_scene(dea.AxialStretch, "prescribed"), dict(stretch=1.1)),
-    dea.Twist: (in_scene(dea.Twist, "prescribed"), dict(radians_per_metre=1.0)),
-    dea.AxialForce: (in_scene(dea.AxialForce, "loads"), dict(newtons=1.0)),
-    dea.Torque: (in_scene(dea.Torque, "loads"), dict(newton_metres=1.0)),
-    dea.Rigid: (in_scene(dea.Rigid, "supports"), dict(where="top")),
-    dea.Turn: (in_scene(dea.Turn, "prescribed"), dict(where="top", radians=1.0)),
-    dea.Moment: (in_scene(dea.Moment, "loads"), dict(where="top", newton_metres=1.0)),
-    dea.Energy: (recorded(dea.Energy), dict(what="elastic")),
-    dea.AtPoint: (recorded(dea.AtPoint),
-                  dict(point=(5e-4, 5e-4), what="displacement", axis="y")),
-    dea.PartRotation: (recorded(dea.PartRotation), dict(where="top")),
-    geometry.Layer: (geometry.Layer, dict(name="film", thickness=1e-3)),
-    geometry.BoxStack: (BoxStack, dict(length=1e-3, width=1e-3, layers=[Layer("film", 1e-3)])),
-    geometry.DiskStack: (geometry.DiskStack, dict(radius=1e-2, layers=[Layer("film", 1e-3)])),
-    geometry.MembraneDisc: (
-        geometry.MembraneDisc, dict(radius=3e-2, electrode_radius=1e-2, thickness=1e-3)),
-    geometry.HDEA: (geometry.HDEA, {}),
-    geometry.HelicalCell: (geometry.HelicalCell, {}),
-    exact.Film: (exact.Film, dict(material=RUBBER, thickness=1e-3)),
-    exact.Helicoid: (exact.Helicoid, dict(outer_radius=1e-2, inner_radius=5e-3, elastomer=1e-3)),
-    origami.Kresling: (origami.Kresling, dict(side=5e-2, edge=7e-2)),
-    origami.CreasePattern: (origami.CreasePattern, {}),
-}  # fmt: skip
 
 
 def wrong_fields(kind):

@@ -30,6 +30,12 @@ SOFT, FIRM = 0.1, 0.2
 STIFF = 3000.0
 """Length of a piece over the shortest relaxation time, above which an implicit method is taken."""
 
+RUNAWAY = 3.0
+"""Logarithmic stretch at which a film counts as running away without losing equilibrium.
+
+The chains of a branch's spring may hold it at each instant while the branch flows ever faster.
+"""
+
 FEWEST_STEPS = 32
 """Steps of a course at least, so that what is drawn or integrated between them is exact too."""
 
@@ -149,6 +155,7 @@ class Integrator:
             y, f = settled(solver.t, solver.y)
             last = [solver.t, y, (y - last[1]) / (solver.t - last[0])]
             ys.append(y[:, 0])
+            self._check_runaway(y, solver.t)
             if not film.softness(f)[0] > SOFT:
                 break
         if not dense:
@@ -165,6 +172,14 @@ class Integrator:
         self.parts.append(Part("time", t, t, states))
         end = solver.y if solver.status != "failed" else sol(t[-1])
         return Place(float(t[-1]), end[: 2 * K].reshape(K, 2), float(end[2 * K]), ys[-1])
+
+    def _check_runaway(self, y: np.ndarray, t: float) -> None:
+        """Refuse to follow stretches that grow without bound."""
+        if np.abs(self.film.B @ y).max(initial=0.0) > RUNAWAY:
+            raise InputError(
+                f"The film runs away at about {t:g} s: its stretches grow without bound, although "
+                "the springs of its branches hold it in equilibrium at each instant."
+            )
 
     def _solver(
         self, rate: Any, p: float, u: np.ndarray, end: float, step: float, stiffness: float,
@@ -255,6 +270,7 @@ class Integrator:
                 b = brentq(lambda s, f=sol: f(s)[-1] - drive.end, a, b, xtol=1e-15, rtol=1e-14)
             nodes.append(b)
             times.append(drive.end if over else float(sol(b)[-1]))
+            self._check_runaway(solver.y[2 * K + 1 : -1, None], times[-1])
             firm = not frozen and bool(film.softness(stiffness(solver.y))[0] > FIRM)
             if lost or over or firm:
                 break

@@ -8,6 +8,7 @@ from typing import Any
 from dea_fenicsx.exact.film import Film
 from dea_fenicsx.materials import Material, Maxwell, NeoHookean
 from dea_fenicsx.materials.base import Elastic, Strain
+from dea_fenicsx.materials.viscous import Branch
 
 
 @dataclass(frozen=True)
@@ -64,11 +65,13 @@ def instantaneous[T: (Film, Material)](of: T) -> T:
     """
     material = of.material if isinstance(of, Film) else of
     made = replace(material, viscous=())
-    others: list[Elastic] = [
-        branch.spring for branch in material.viscous if not isinstance(branch, Maxwell)
-    ]
-    mu: float = sum(branch.mu for branch in material.viscous if isinstance(branch, Maxwell))
-    springs = (*([NeoHookean(mu)] if mu else []), *others)
-    if springs:
+    if springs := _springs(material.viscous):
         made = replace(made, elastic=Stiffened(material.elastic, springs))
     return replace(of, material=made) if isinstance(of, Film) else made
+
+
+def _springs(branches: tuple[Branch, ...]) -> tuple[Elastic, ...]:
+    """The springs of branches, those of `Maxwell` ones together."""
+    others = [branch.spring for branch in branches if not isinstance(branch, Maxwell)]
+    mu = sum(branch.mu for branch in branches if isinstance(branch, Maxwell))
+    return (NeoHookean(mu), *others) if mu else tuple(others)

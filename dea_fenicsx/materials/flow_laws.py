@@ -12,7 +12,10 @@ from dea_fenicsx.support.validation import is_finite, is_positive
 
 
 class FlowLaw(ABC):
-    """The viscosity of a viscous branch, a function of its viscous strain and of its stress."""
+    """The viscosity of a viscous branch, a function of its viscous strain and of its stress.
+
+    A law of your own is a frozen dataclass whose fields are its constants.
+    """
 
     @abstractmethod
     def viscosity(

@@ -6,6 +6,7 @@ They are found anew whenever the problem goes to another state.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -60,6 +61,7 @@ class Flow:
     def __init__(self, kernels: Sequence[Kernel]) -> None:
         self._parts = [k.flowing for k in kernels if k.flowing is not None]
         self._kept: list[_Kept] = []
+        self._shown: dict[tuple[int, str], LocalState] | None = None
         self.least_margin = np.inf
 
     def __bool__(self) -> bool:
@@ -92,6 +94,9 @@ class Flow:
         """
         self.materials = materials
         found = self._found(span, C, H)
+        if found is self._shown:
+            return
+        self._shown = found
         per_cell = C.shape[1]
         for part in self._parts:
             for function in (part.stress, part.moduli, part.measures):
@@ -104,8 +109,9 @@ class Flow:
                 (part.stress, local.stress), (part.moduli, local.moduli),
                 (part.measures, measures),
             ):  # fmt: skip
-                table = function.x.array.reshape(-1, values[0].size * per_cell if len(cells) else 1)
-                table[cells] += values.reshape(len(cells), -1)
+                numbers = per_cell * math.prod(values.shape[1:])
+                table = function.x.array.reshape(-1, numbers)
+                table[cells] += values.reshape(len(cells), numbers)
             margin = np.where(np.isnan(local.margin), -np.inf, local.margin)
             self.least_margin = min(self.least_margin, float(np.min(margin, initial=np.inf)))
 
@@ -132,7 +138,7 @@ class Flow:
         found = self._found(span, C, H)
         for part, place, region, _ in self._branches():
             cells = part.cells[region]
-            into[place, cells] = found[place, region].strain.reshape(len(cells), -1, 6)
+            into[place, cells] = found[place, region].strain.reshape(len(cells), C.shape[1], 6)
 
     def put_rates(
         self, into: np.ndarray, second: np.ndarray, C: np.ndarray, strains: np.ndarray

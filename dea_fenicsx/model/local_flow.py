@@ -36,8 +36,14 @@ LONGEST_STEP = 1.0
 LAST_STEP = 1e-8
 """A Newton step below this size is the last: the error after it is about its square."""
 
+LAST_STEP_OF_MANY = 1e-5
+"""The same after half of the iterations, where rounding keeps the steps from becoming smaller."""
+
 MOST_HALVINGS = 40
 """How often a step of the minimisation is halved."""
+
+LONGEST_SHARE, APPROACH, MOST_APPROACHES = 100.0, 0.1, 40
+"""Where a minimum is approached: the first h/tau, the factor from one to the next, and the most."""
 
 RATE_TOLERANCE = 1e-13
 """Relative error at which the viscosity is known."""
@@ -94,7 +100,7 @@ def flowed(branch: ViscousBranch, span: float, C: np.ndarray, H: np.ndarray) -> 
         return found
     frames, share, rate = _solved(branch, span, C[good], H[good])
     mu = branch.mu
-    found.strain[good] = frames.strain
+    found.strain[good] = np.where(np.isfinite(frames.W)[:, None], frames.strain, np.nan)
     found.stress[good] = mu * frames.stress
     found.moduli[good] = mu * _moduli(branch, frames, share)
     found.energy[good] = mu * frames.W
@@ -210,12 +216,37 @@ def _moved(P: np.ndarray, X: np.ndarray) -> np.ndarray:
 def _minimum(
     branch: ViscousBranch, share: np.ndarray, C: np.ndarray, H: np.ndarray, frames: Frames
 ) -> Frames:
-    """The minimum near the given frames, which are changed; NaN where it is not found."""
+    """The minimum, sought from the given frames; NaN where it is not found.
+
+    Where Newton's method fails, mostly close to the chains' lock-up, the minimum is approached from
+    a relaxed spring: through those of shorter and shorter steps, each from the one before.
+    """
+    frames = _descended(branch, share, C, H, frames)
+    lost = np.flatnonzero(~np.isfinite(frames.W) & (share > 0))
+    if not len(lost):
+        return frames
+    C, H, due = C[lost], H[lost], share[lost]
+    part = np.maximum(due, LONGEST_SHARE)
+    found = _framed(branch, _root(C), C, H)
+    for _ in range(MOST_APPROACHES):
+        found = _descended(branch, part, C, H, found)
+        if np.all(part == due):
+            break
+        part = np.maximum(due, part * APPROACH)
+    frames.put(lost, found)
+    return frames
+
+
+def _descended(
+    branch: ViscousBranch, share: np.ndarray, C: np.ndarray, H: np.ndarray, frames: Frames
+) -> Frames:
+    """The end of Newton's method from the given frames, which are changed; NaN where it fails."""
     open_ = np.arange(len(C))
-    for _ in range(MOST_ITERATIONS):
+    for k in range(MOST_ITERATIONS):
         now, part = frames.chosen(open_), share[open_]
         step, slope = _newton_step(now, part)
-        last = np.linalg.norm(step, axis=1) < LAST_STEP
+        least = LAST_STEP if k < MOST_ITERATIONS // 2 else LAST_STEP_OF_MANY
+        last = np.linalg.norm(step, axis=1) < least
         moved = _searched(branch, now, (C[open_], H[open_], part), (step, slope, last))
         frames.put(open_, moved)
         open_ = open_[~last & np.isfinite(moved.x).all(axis=1)]
