@@ -36,10 +36,16 @@ G, LIMIT = 15.36e3, 5.99
 BRANCHES = ((26.06e3, 0.6074), (26.53e3, 6.56), (10.83e3, 61.25))
 """Shear modulus in Pa and relaxation time in s of each branch (Wang et al., JMPS 95 (2016) 213)."""
 
-VHB = dea.Material(
-    dea.ArrudaBoyce(G, LIMIT, form="pade"), dea.IdealDielectric(4.8),
-    viscous=[dea.Maxwell(mu, tau) for mu, tau in BRANCHES],
-)  # fmt: skip
+
+def vhb(G=G):
+    """The material; its branches go with G."""
+    return dea.Material(
+        dea.ArrudaBoyce(G, LIMIT, form="pade"), dea.IdealDielectric(4.8),
+        viscous=[dea.Maxwell(G / 15.36e3 * mu, tau) for mu, tau in BRANCHES],
+    )  # fmt: skip
+
+
+VHB = vhb()
 SMALL = VHB.elastic.shear_modulus() / G
 """Modulus of the equilibrium network at small strain, over G."""
 
@@ -207,6 +213,7 @@ def parse():
     parser.number("--to", 1.5, "-", "nominal field at which the march ends at the latest")
     parser.number("--imperfection", 0.02, "-", "offset of the middle plane, over the thickness")
     parser.count("--early-steps", 100, f"equal steps up to a field of {EARLY}")
+    parser.number("--mu", G, "Pa", "equilibrium shear modulus G; the branches go with it")
     parser.number("--tolerance", 1e-4, "-", "of the march beyond")
     parser.add_argument("--mesh", choices=MESHES, default="medium", help="coarse, medium or fine")
     return parser, parser.parse_args()
@@ -221,10 +228,10 @@ def film(mesh, imperfection):
 
 def scene(args):
     """The film; at a ramp factor of 1 the nominal field is sqrt(G/eps)."""
-    unit = THICKNESS * float(np.sqrt(G / (VHB.electric.eps_r * EPSILON_0)))
+    unit = THICKNESS * float(np.sqrt(args.mu / (4.8 * EPSILON_0)))
     return dea.Scene(
         dea.read_gmsh(film(args.mesh, args.imperfection), MPI.COMM_WORLD),
-        {"film": VHB},
+        {"film": vhb(args.mu)},
         electrodes=[dea.Electrode("electrode", unit), dea.Ground("bottom")],
         supports=[dea.Clamp("x_max"), dea.Clamp("y_max"),
                   dea.Fix("x_min", "x"), dea.Fix("y_min", "y")],

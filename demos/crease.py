@@ -32,10 +32,15 @@ G, LIMIT = 15.36e3, 5.99
 BRANCHES = ((26.06e3, 0.6074), (26.53e3, 6.56), (10.83e3, 61.25))
 """Shear modulus in Pa and relaxation time in s of each branch (Wang et al., JMPS 95 (2016) 213)."""
 
-VHB = dea.Material(
-    dea.ArrudaBoyce(G, LIMIT, form="pade"), dea.IdealDielectric(4.8),
-    viscous=[dea.Maxwell(mu, tau) for mu, tau in BRANCHES],
-)  # fmt: skip
+
+def vhb(G):
+    """The material; its branches go with G."""
+    return dea.Material(
+        dea.ArrudaBoyce(G, LIMIT, form="pade"), dea.IdealDielectric(4.8),
+        viscous=[dea.Maxwell(G / 15.36e3 * mu, tau) for mu, tau in BRANCHES],
+    )  # fmt: skip
+
+
 
 HEIGHT, LENGTH, DEEP, WIDE = 20e-3, 120e-3, 0.02e-3, 0.12e-3
 """Of the layer and of its notch, in m."""
@@ -83,6 +88,7 @@ def parse():
     parser.number("--rate", 1e-3, "1/s", "rate of the nominal field, in units of sqrt(G/eps)")
     parser.number("--field", 1.25, "-", "largest nominal field")
     parser.number("--hold", 0.0, "s", "time for which it is held")
+    parser.number("--mu", G, "Pa", "equilibrium shear modulus G; the branches go with it")
     parser.number("--tolerance", 1e-4, "-", "of the march")
     parser.count("--mesh", 1, "refinement of the mesh")
     return parser, parser.parse_args()
@@ -92,10 +98,10 @@ def scene(args):
     """The layer; at a ramp factor of 1 the nominal field is sqrt(G/eps)."""
     k = args.mesh
     layer = Notched(LENGTH, None, [Layer("layer", HEIGHT, 14 * k)], 20 * k, notch=2 * k)
-    unit = HEIGHT * float(np.sqrt(G / (VHB.electric.eps_r * EPSILON_0)))
+    unit = HEIGHT * float(np.sqrt(args.mu / (4.8 * EPSILON_0)))
     return dea.Scene(
         dea.read_gmsh(layer, MPI.COMM_WORLD),
-        {"layer": VHB},
+        {"layer": vhb(args.mu)},
         electrodes=[dea.Electrode("top", unit), dea.Ground("bottom")],
         supports=[dea.Clamp("bottom"), dea.Fix("x_min", "x"), dea.Fix("x_max", "x")],
         kinematics=dea.PlaneStrain(),
@@ -114,7 +120,7 @@ def main():
     fall = dea.Rise(0.0, rise, low=args.field)
     path.append(dea.March(rise, {"voltage": fall}, tolerance=args.tolerance))
     run, end = followed(parser, args, path)
-    unit = HEIGHT * float(np.sqrt(G / (VHB.electric.eps_r * EPSILON_0)))
+    unit = HEIGHT * float(np.sqrt(args.mu / (4.8 * EPSILON_0)))
     field, depth = run.column("voltage_V") / unit, -run.column("corner_m")
     k = int(np.argmax(depth))
     run.add(

@@ -19,7 +19,7 @@ def plate():
 
 
 def scene(imperfection=0.0):
-    return blister.scene(Namespace(mesh="coarse", imperfection=imperfection))
+    return blister.scene(Namespace(mesh="coarse", imperfection=imperfection, mu=blister.G))
 
 
 def middle(imperfection):
@@ -42,7 +42,9 @@ def test_the_imperfection_of_the_demo_is_made_of_the_modes_of_the_plate(plate):
 @pytest.mark.parametrize("response", ["relaxed", "instantaneous"])
 def test_the_film_buckles_where_a_plate_of_its_modulus_does(plate, response):
     """By Southwell's rule w = a e^2/(e_c^2 - e^2) for the difference of two films whose offsets
-    have opposite signs: what the fringe of the electrode does is the same in both."""
+    have opposite signs: what the fringe of the electrode does is the same in both.
+
+    The mesh is 0.8 % too soft; a film of this thickness buckles 0.8 % above a plate."""
     total = 1 + sum(mu for mu, _ in blister.BRANCHES) / (blister.SMALL * blister.G)
     critical = plate.fields[0] * (1 if response == "relaxed" else np.sqrt(total))
     fields = critical * np.array([0.85, 0.93])
