@@ -115,6 +115,20 @@ def test_what_has_no_end_is_told_by_nan():
     assert found.stress[0] == pytest.approx(MU * np.array([1, 1, 1, 0, 0, 0]))
 
 
+def test_the_viscosity_of_kumar_and_lopez_pamies():
+    eta, by_strain, by_stress = LAW.viscosity(np.array([3.0, 4.0, 4.0]), np.array([0, 2e7, 1e30]))
+    assert eta[0] == LAW.eta_0
+    assert eta[1] == pytest.approx(
+        1e3 + (2.9e4 + 1e4 * (4**1.5 - 3**1.5)) / (1 + (1e-7 * 2e7) ** 0.8)
+    )
+    assert eta[2] == pytest.approx(LAW.eta_inf)
+    up, down = (LAW.viscosity(np.array(4.0 + d), np.array(2e7))[0] for d in (1e-5, -1e-5))
+    assert by_strain[1] == pytest.approx((up - down) / 2e-5, rel=1e-7)
+    up, down = (LAW.viscosity(np.array(4.0), np.array(2e7 + d))[0] for d in (1e2, -1e2))
+    assert by_stress[1] == pytest.approx((up - down) / 2e2, rel=1e-7)
+    assert by_stress[0] == 0
+
+
 # ---------------------------------------------------------------- in a body
 
 

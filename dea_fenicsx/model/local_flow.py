@@ -186,7 +186,7 @@ def _newton_step(frames: Frames, share: np.ndarray) -> tuple[np.ndarray, np.ndar
     step = np.full_like(slope, np.nan)
     A = _curvature(frames, share)
     fine = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(slope).all(axis=1)
-    step[fine] = -_linear(A[fine], slope[fine])
+    step[fine] = -_linear(A[fine], slope[fine][..., None])[..., 0]
     upward = fine & ~(np.einsum("na,na->n", step, slope) < 0)
     size = np.abs(A[upward]).sum(axis=(1, 2))[:, None]
     step[upward] = -slope[upward] / np.maximum(size, 1e-300)
@@ -195,9 +195,9 @@ def _newton_step(frames: Frames, share: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _linear(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Solutions of small systems; NaN where a matrix is singular."""
+    """Solutions of small systems, b of shape (N, 5, k); NaN where a matrix is singular."""
     try:
-        return np.asarray(np.linalg.solve(A, b[..., None])[..., 0])
+        return np.linalg.solve(A, b)
     except np.linalg.LinAlgError:
         found = np.full_like(b, np.nan)
         for k in range(len(A)):
@@ -349,7 +349,8 @@ def _log_rate_slope(branch: ViscousBranch, frames: Frames, share: np.ndarray) ->
     found = np.full(len(share), np.nan)
     A = _curvature(frames, share)
     fine = np.isfinite(A).all(axis=(1, 2))
-    move = -_linear(A[fine], (weight * frames.spring_gradient())[fine])
+    push = (weight * frames.spring_gradient())[fine]
+    move = -_linear(A[fine], push[..., None])[..., 0]
     found[fine] = np.einsum("na,na->n", _rate_slopes(branch, frames)[0][fine], move)
     return found
 
@@ -366,7 +367,7 @@ def _moduli(branch: ViscousBranch, frames: Frames, share: np.ndarray) -> np.ndar
         push = push + gradient * by_C[:, None, :]
     found = np.full_like(rigid, np.nan)
     fine = np.isfinite(A).all(axis=(1, 2)) & np.isfinite(push).all(axis=(1, 2))
-    moved = np.linalg.solve(A[fine], push[fine])
+    moved = _linear(A[fine], push[fine])
     found[fine] = rigid[fine] - 4 * transposed(mixed[fine]) @ moved
     if branch.is_variational:
         found = (found + transposed(found)) / 2

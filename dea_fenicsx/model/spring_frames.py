@@ -92,7 +92,10 @@ class Frames:
     @staticmethod
     def of(spring: Elastic, mu: float, P: np.ndarray, C: np.ndarray, H: np.ndarray) -> Frames:
         """Turn matrices P with P P^T = C_v^-1 into frames, and evaluate the spring there."""
-        x, turn = np.linalg.eigh(transposed(P) @ C @ P)
+        squares = transposed(P) @ C @ P
+        finite = np.isfinite(squares).all(axis=(1, 2))
+        x, turn = np.linalg.eigh(np.where(finite[:, None, None], squares, np.eye(3)))
+        x[~finite] = np.nan
         P = P @ turn
         with np.errstate(invalid="ignore", divide="ignore"):
             W, t, K = taylor(spring, np.log(x).T / 2)
