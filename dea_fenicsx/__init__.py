@@ -79,7 +79,6 @@ if TYPE_CHECKING:
         ChargedElectrode,
         Electrode,
         Ground,
-        Taper,
         ThinFilm,
     )
     from dea_fenicsx.scene.elements import Discretisation
@@ -108,6 +107,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.scene.scene import Scene
     from dea_fenicsx.scene.sources import Source
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
+    from dea_fenicsx.scene.taper import Taper
     from dea_fenicsx.solvers.options import NewtonOptions
     from dea_fenicsx.support.errors import (
         DeaError,
@@ -120,7 +120,8 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
-    "scene.electrodes": ("ChargedElectrode", "Electrode", "Ground", "Taper", "ThinFilm"),
+    "scene.electrodes": ("ChargedElectrode", "Electrode", "Ground", "ThinFilm"),
+    "scene.taper": ("Taper",),
     "scene.elements": ("Discretisation",),
     "scene.loads": ("AxialForce", "DeadLoad", "DeadPressure", "FollowerPressure", "Torque"),
     "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),

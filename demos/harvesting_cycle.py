@@ -26,7 +26,7 @@ from dea_fenicsx.exact import harvesting_cycle, leaked_charge
 from dea_fenicsx.geometry import BoxStack, Layer
 
 MU, EPS_R, THICKNESS, SECONDS = 20e3, 3.2, 1e-3, 1.0
-"""Modulus in Pa, permittivity and thickness in m of the film, and length of the release in s."""
+"""Usual modulus in Pa, permittivity, thickness in m, and length of the release in s."""
 
 
 def parse():
@@ -34,6 +34,7 @@ def parse():
     parser.number("--low", 1.5, "-", "equal-biaxial stretch at which the film is discharged")
     parser.number("--high", 3.0, "-", "stretch at which it is charged")
     parser.number("--field", 0.05, "-", "nominal field V/H at charging over sqrt(mu/eps)")
+    parser.number("--mu", MU, "Pa", "shear modulus of the film")
     parser.number("--leak", 0.0, "-", "time of the release over eps/g")
     parser.count("--steps", 10, "steps of the release")
     return parser, parser.parse_args()
@@ -77,9 +78,9 @@ def main():
     if not args.field > 0 or not args.leak >= 0:
         raise dea.InputError("--field must be > 0, and --leak must be >= 0.")
     eps = EPS_R * dea.materials.EPSILON_0
-    unit = math.sqrt(MU / eps)
+    unit = math.sqrt(args.mu / eps)
     film = dea.Material(
-        dea.NeoHookean(MU), dea.IdealDielectric(EPS_R, conductivity=args.leak * eps / SECONDS)
+        dea.NeoHookean(args.mu), dea.IdealDielectric(EPS_R, conductivity=args.leak * eps / SECONDS)
     )
     run = dea.solve(
         generator(args, film, args.field * unit * THICKNESS),
@@ -101,8 +102,8 @@ def main():
     closed_form = (exact.energy + spent) * kept**2 - spent
     gained = energy(run) / THICKNESS**3
     run.add(
-        energy_density_over_mu=gained / MU,
-        closed_form_over_mu=closed_form / MU,
+        energy_density_over_mu=gained / args.mu,
+        closed_form_over_mu=closed_form / args.mu,
         energy_density_J_per_m3=gained,
         largest_true_field_V_per_m=max(exact.true_fields),
         charge_kept=kept,

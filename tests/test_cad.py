@@ -229,3 +229,22 @@ def test_a_damaged_binary_mesh_does_not_end_the_program(tmp_path):
             read(film)
         refused.append(str(caught.value))
     assert all(text.startswith(f"gmsh cannot read {film} (") for text in refused)
+
+
+def test_gmsh_with_other_options_still_says_what_is_wrong(tmp_path):
+    """A script that has reset gmsh's options must not lose gmsh's messages."""
+    bad = tmp_path / "bad.geo"
+    bad.write_text("Point(1) = {0, 0\n")
+    running = gmsh.isInitialized()
+    if not running:
+        gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    before = gmsh.option.getNumber("General.AbortOnError")
+    try:
+        gmsh.option.setNumber("General.AbortOnError", 0)
+        with pytest.raises(dea.InputError, match="gmsh cannot read"):
+            dea.read_gmsh(bad, MPI.COMM_SELF)
+        assert gmsh.option.getNumber("General.AbortOnError") == 0
+    finally:
+        gmsh.option.setNumber("General.AbortOnError", before)
+        if not running:
+            gmsh.finalize()

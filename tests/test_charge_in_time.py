@@ -296,6 +296,73 @@ def test_a_harvesting_cycle_gains_its_closed_form():
     assert gained == pytest.approx(exact, rel=1e-8)
 
 
+# ---------------------------------------------------------------- sheet resistance
+
+
+def strip_scene(ohms=None, omega=0.0, **more):
+    """A strip ten times as long as thick that cannot deform; its top is fed at one end.
+
+    With D = H/(R eps) its slowest rate is D (pi/(2 L))^2, which is 1/s.
+    """
+    length, height = 10 * SIDE, SIDE / 10
+    ohms = height / EPS * (math.pi / (2 * length)) ** 2 if ohms is None else ohms
+    strip = BoxStack(length, None, [Layer("film", height)], divisions=(20,))
+    return dea.Scene(
+        dea.read_gmsh(strip, MPI.COMM_SELF), {"film": leaky(omega, mu=1e9)},
+        [dea.Electrode("top", 100.0, ohms_per_square=ohms, fed_at="x_min"), dea.Ground("bottom")],
+        supports=[dea.Fix("x_min", "x"), dea.Fix("bottom", "y")],
+        kinematics=dea.PlaneStrain(SIDE), **more,
+    )  # fmt: skip
+
+
+def far_end(time):
+    """Potential over the fed one at the far end: the series of a line of resistors."""
+    k = 2 * np.arange(40)[:, None] + 1
+    return 1 - np.sum(4 / (k * np.pi) * np.sin(k * np.pi / 2) * np.exp(-(k**2) * time), axis=0)
+
+
+SHEET = {
+    "v": dea.AtPoint((10 * SIDE, SIDE / 10), "potential"), "q": dea.Charge("top"),
+    "i": dea.Current("top"), "loss": dea.ChargeLoss(),
+}  # fmt: skip
+
+
+def test_charge_diffuses_along_an_electrode():
+    run = solve(strip_scene(), dea.March(2.0, {"voltage": 1.0}, tolerance=1e-4), SHEET)
+    time, v, loss = columns(run, "time_s", "v_V", "loss_W")
+    late = time > 0.05
+    assert v[late] / 100 == pytest.approx(far_end(time[late]), abs=1e-3)
+    assert v[-1] == pytest.approx(100 * (1 - 4 / math.pi * math.exp(-2.0)), rel=2e-3)
+    assert np.all(loss >= 0)
+
+
+def test_diffusion_along_an_electrode_has_second_order():
+    rise = {"voltage": dea.Rise(1.0)}
+    ends = [
+        solve(strip_scene(), dea.March(1.0, rise, steps=n), SHEET).history[-1]["v_V"]
+        for n in (10, 20, 40)
+    ]
+    assert math.log2((ends[1] - ends[0]) / (ends[2] - ends[1])) == pytest.approx(2.0, abs=0.25)
+
+
+def test_heat_of_a_sheet_is_what_the_source_gives_and_the_film_does_not_keep():
+    """int V I dt = energy of the film + heat, by the trapezoidal rule over short steps."""
+    rise = {"voltage": dea.Rise(1.0)}
+    run = solve(
+        strip_scene(), dea.March(1.0, rise, steps=80),
+        SHEET | {"pad": dea.Potential("top"), "kept": dea.Energy("electric")},
+    )  # fmt: skip
+    time, pad, q, loss, kept = columns(run, "time_s", "pad_V", "q_C", "loss_W", "kept_J")
+    heat = np.sum((loss[1:] + loss[:-1]) / 2 * np.diff(time))
+    work = np.sum((pad[1:] + pad[:-1]) / 2 * np.diff(q))
+    assert work == pytest.approx(kept[-1] + heat, rel=1e-3)
+
+
+def test_an_electrode_of_little_resistance_is_ideal():
+    run = solve(strip_scene(ohms=1.0), dea.March(1.0, {"voltage": dea.Rise(1.0)}, steps=4), SHEET)
+    assert run.history[-1]["v_V"] == pytest.approx(100.0, rel=1e-6)
+
+
 # ---------------------------------------------------------------- ranks and resuming
 
 CYCLE = """
@@ -358,6 +425,11 @@ def test_a_cycle_goes_on_after_a_kill_on_other_ranks(start, tmp_path, ranks):
         (lambda: scene(dea.Electrode("top", 1.0), leaky(omega=-1.0)), "conductivity is"),
         (lambda: solve(scene(dea.Electrode("top", 1.0), leaky()), dea.Open("top")), "no source"),
         (lambda: solve(rc_scene(), dea.Ramp("voltage")), "takes no time"),
+        (lambda: solve(strip_scene(), dea.Ramp("voltage")), "takes no time"),
+        (lambda: scene(dea.Electrode("top", 1.0, ohms_per_square=1e3), leaky()), "where it is fed"),
+        (lambda: scene(dea.Electrode("top", 1.0, fed_at="x_min"), leaky()), "but is ideal"),
+        (lambda: solve(scene(dea.Electrode("top", 1.0, ohms_per_square=1e3, fed_at="bottom"),
+                             leaky()), dea.March(1.0)), "does not touch it"),
     ],
 )  # fmt: skip
 def test_bad_input_is_one_sentence(make, words):

@@ -201,6 +201,7 @@ EXAMPLES = {
     "FollowerPressure": ("x_max", 5.0), "AxialForce": (1.0,), "Torque": (1.0,),
     "Electrode": ("top", 5.0), "ThinFilm": ("film", 5.0, "voltage", (), 0.0, EDGE),
     "ChargedElectrode": ("top", 1e-9),
+    "Source": ("top", 100.0),
     "Rigid": ("x_max",), "Turn": ("x_max", 1.0), "Moment": ("x_max", 1.0),
 }  # fmt: skip
 

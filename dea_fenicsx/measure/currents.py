@@ -98,7 +98,7 @@ class ChargeLoss:
 
     It is int g |E|^2 dv over the dielectrics, with the true field E and the conductivity g; what
     delayed polarisations lose, int |F (X - P)|^2/(eps tau J) dX, with X that of the present field;
-    and R I^2 in each wire with a resistor.
+    R I^2 in each wire with a resistor; and the heat of electrodes with a sheet resistance.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class ChargeLoss:
         if everything or self.what == "relaxation":
             parts.append(_delay_power(problem))
         if everything or self.what == "resistors":
-            parts.append(_resistor_power(problem))
+            parts += [_resistor_power(problem), problem.forms.sheets.power]
 
         def value() -> float:
             return sum(part() for part in parts)

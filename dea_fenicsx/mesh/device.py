@@ -223,6 +223,10 @@ def _is_family(source: Any) -> bool:
     return type(source).__module__.startswith("dea_fenicsx.geometry.")
 
 
+ABORT = "General.AbortOnError"
+"""The option of gmsh that says what it does on an error."""
+
+
 @contextmanager
 def _gmsh(source: Any, comm: MPI.Comm) -> Iterator[None]:
     """Run gmsh on rank 0 and leave it as it was, because the script may use it as well.
@@ -236,9 +240,14 @@ def _gmsh(source: Any, comm: MPI.Comm) -> Iterator[None]:
 
     before = gmsh.model.getCurrent() if gmsh.isInitialized() else None
     mine = (_is_family(source) or not hasattr(source, "build")) and start()
+    aborts = gmsh.option.getNumber(ABORT) if before is not None else None
+    if aborts is not None:
+        gmsh.option.setNumber(ABORT, 2)  # raises; a script may have reset all of gmsh's options
     try:
         yield
     finally:
+        if aborts is not None and gmsh.isInitialized():
+            gmsh.option.setNumber(ABORT, aborts)
         if mine:
             gmsh.finalize()
         elif before is not None and before in gmsh.model.list():

@@ -29,6 +29,7 @@ q_new = H + h current_new; see `model.viscous_history`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -122,17 +123,28 @@ class ChargeHistory:
             return 0.0
         return self.span / STAGE_SHARE if self.rule is Rule.STAGE else self.span
 
-    def wire_rule(self) -> tuple[np.ndarray, float]:
-        """H in C and h in s of the step to the present state, for q = H + h current."""
-        q, span = self.wires, self.span
-        if not self.passes_time:
-            return q[0], 0.0
-        if self.rule is Rule.EULER or len(q) < 2:
-            return q[0], span
+    def combined(self, q: Sequence[np.ndarray]) -> np.ndarray:
+        """H of the step to the present state, for q = H + h dq/dt, from q at the times known."""
+        if not self.passes_time or self.rule is Rule.EULER or len(q) < 2:
+            return q[0]
         if self.rule is Rule.STAGE:
-            return q[1] + (1 - STAGE_SHARE) / STAGE_SHARE * (q[0] - q[1]), span
-        w = span / (self.times[0] - self.times[1])
-        return ((1 + w) ** 2 * q[0] - w**2 * q[1]) / (1 + 2 * w), span * (1 + w) / (1 + 2 * w)
+            return q[1] + (1 - STAGE_SHARE) / STAGE_SHARE * (q[0] - q[1])
+        w = self._growth
+        return ((1 + w) ** 2 * q[0] - w**2 * q[1]) / (1 + 2 * w)
+
+    @property
+    def _growth(self) -> float:
+        """Length of the step to the present state over that of the step before."""
+        return self.span / (self.times[0] - self.times[1])
+
+    @property
+    def rule_length(self) -> float:
+        """h in s of the same step; 0 if no time passes."""
+        if not self.passes_time:
+            return 0.0
+        if self.rule is not Rule.BDF2 or self.levels < 2:
+            return self.span
+        return self.span * (1 + self._growth) / (1 + 2 * self._growth)
 
     def rate(self) -> np.ndarray:
         """omega in 1/s in the middle of the whole step, continued from the rates before."""

@@ -263,6 +263,7 @@ class ChargeMemory:
     def show(self, history: ChargeHistory) -> None:
         """Put the history of a state into the forms and the circuits."""
         self.leaks.show(history)
+        self._problem.forms.sheets.show(history, self.leaks.psi)
         self.circuits.show(history, 1 / self.leaks.psi)
 
     def wires(self) -> np.ndarray:
@@ -366,6 +367,15 @@ class ChargeMemory:
         squares = (vectors[: len(forms.cell_volumes)] ** 2).sum(axis=-1).mean(axis=-1)
         mine = float((forms.cell_volumes * squares).sum())
         return float(np.sqrt(self._problem.comm.allreduce(mine, op=MPI.SUM) / forms.volume))
+
+    @property
+    def has_sheets(self) -> bool:
+        """Whether charge flows along electrodes."""
+        return bool(self._problem.forms.sheets)
+
+    def sheet_error(self, wrong: np.ndarray, total: np.ndarray) -> float:
+        """An error of T by charge that flows along electrodes, over T.  Collective."""
+        return self._size(wrong) / max(self._size(total), SMALLEST_DISPLACEMENT)
 
     def wire_error(self, wrong: np.ndarray, wires: np.ndarray) -> float:
         """The largest error of a charge in a wire with a resistor, over that charge."""

@@ -175,7 +175,7 @@ class Circuits:
         history = self._history
         if history is None:
             return
-        before, span = history.wire_rule()
+        before, span = history.combined(history.wires), history.rule_length
         for wire in self.wires:
             if wire.row < 0:
                 continue
@@ -191,7 +191,7 @@ class Circuits:
         """
         history = self._history
         assert history is not None
-        before, span = history.wire_rule()
+        before, span = history.combined(history.wires), history.rule_length
         found = {}
         for wire in self.wires:
             if wire.row < 0 or (wire.is_ideal and history.closed[wire.number]):
@@ -217,7 +217,7 @@ class Circuits:
         history = self._history
         if history is None or not history.passes_time:
             return []
-        _, span = history.wire_rule()
+        span = history.rule_length
         unit = self._share * self._volt / self._charge
         found = []
         for wire in self.wires:

@@ -57,6 +57,8 @@ class Conditions:
     expansion
         PETSc matrix from the free unknowns to all owned degrees of freedom where some follow
         others, or None.  With rigid parts it is that of the undeformed state at first.
+    sheet_nodes
+        Owned nodes of electrodes with a sheet resistance whose potential is unknown.
     circuits
         The wires of electrodes that sources feed.
     turning
@@ -125,6 +127,9 @@ class Conditions:
             self.rigid.number(column)
             self.rigid.fill(self.expansion, np.zeros(space.size))
 
+        resistive = [self.electrode_dofs[e.label] for e, _ in declared.sheets]
+        self.sheet_nodes = np.intersect1d(self.free, np.concatenate([[], *resistive]))
+        self.sheet_nodes = self.sheet_nodes.astype(np.int32)
         self.circuits = Circuits(scene, scales, self.groups, self.electrode_dofs, self.free)
         self.turning = Turning(self.body, device, motion, self.free)
         self.roles = Roles(space, self.free, device.comm)

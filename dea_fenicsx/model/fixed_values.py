@@ -141,9 +141,24 @@ class FixedValues:
             if electrode.floats:
                 self.fixed[dofs] = False
             for told in given:
-                self.fix(dofs, mine[on] / volt, told.ramp)
+                fed = on
+                if told.fed_at:
+                    fed = on & _nodes(device, potential, told.fed_at)
+                    self._check_fed(electrode, told, fed, device)
+                self.fix(potential.dofs[fed], mine[fed] / volt, told.ramp)
             found[electrode.label] = dofs
         return found
+
+    @staticmethod
+    def _check_fed(
+        electrode: Conducting, told: FixedPotential, fed: np.ndarray, device: Device
+    ) -> None:
+        """Raise InputError if a resistive electrode is fed nowhere.  Collective."""
+        if not device.comm.allreduce(bool(fed.any()), op=MPI.LOR):
+            raise InputError(
+                f"Electrode {electrode.label!r} is fed at {', '.join(told.fed_at)}, which does "
+                "not touch it; name a facet group that shares nodes with it."
+            )
 
 
 def _nodes(device: Device, potential: Component, groups: Sequence[str]) -> np.ndarray:

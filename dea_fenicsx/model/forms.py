@@ -11,6 +11,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from dea_fenicsx.mesh.device import one_sided
 from dea_fenicsx.model.charge_memory import LeakMemory
 from dea_fenicsx.model.kernels import Kernel, kernels, measure
 from dea_fenicsx.model.loads import Loads, Surface, loaded_sides
@@ -18,6 +19,7 @@ from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.probe import Prober
 from dea_fenicsx.model.scales import Scales
+from dea_fenicsx.model.sheets import Sheets
 from dea_fenicsx.model.terms import EnergyTerm, Term, WorkTerm, terms_of
 from dea_fenicsx.model.terms.base import Variation
 from dea_fenicsx.model.unknowns import Unknowns
@@ -80,7 +82,12 @@ class Forms:
         soft = [kernel.cells for kernel in self.kernels if kernel.is_incompressible]
         self.incompressible_cells = np.sort(np.concatenate([np.empty(0, dtype=np.int32), *soft]))
         self._dx = measure(device, [k.cells for k in self.kernels], degree)
-        ds = measure(device, loaded_sides(works, device, scene.materials), degree, "ds")
+        self.sheets = Sheets(scene, scales, space, self.motion)
+        sides = loaded_sides(works, device, scene.materials)
+        along = [
+            np.concatenate([one_sided(device, n) for n in names]) for names in self.sheets.names
+        ]
+        ds = measure(device, [*sides, *along], degree, "ds")
         self.points = [
             MaterialPoint(mesh, kinematics, k, scales.stress, space.present, self.motion)
             for k in self.kernels
@@ -94,6 +101,8 @@ class Forms:
         )
         self.loads = Loads([work for _, work in works], at, ds)
         self.residual = ufl.derivative(energy, space.w, space.test) - self.loads.work + beside
+        if self.sheets:
+            self.residual += self.sheets.work(at.weight, ds, len(sides))
         for k, point in enumerate(self.points):
             for ramp, rate in point.rates.items():
                 work = -ufl.derivative(self._integral(k, rate), space.w, space.test)
@@ -117,6 +126,14 @@ class Forms:
         self.prober = Prober(mesh, self.kernels, self.points, self.quadrature)
         self.memory = Memory(mesh, self.kernels, self.points, self.quadrature)
         self.leaks = LeakMemory(mesh, self.kernels, self.points, self.quadrature, self._scales)
+        self.sheets.compile(self._flux)
+
+    def _flux(self, displacement: Any) -> Any:
+        """The linear form of the flux of a nominal displacement, int T . Grad N dX."""
+        return -sum(
+            self._integral(k, ufl.dot(displacement, self._virtual(point.nominal_field)))
+            for k, point in enumerate(self.points) if point.kernel.eps is not None
+        )  # fmt: skip
 
     def _integral(self, k: int, density: Any) -> Any:
         """The integral of a density over the regions of kernel k."""

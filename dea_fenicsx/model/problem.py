@@ -307,6 +307,8 @@ class Problem:
             self.add_sources(rows, ramp, factor)
         at = self.springs
         rows[at.rows] += self.turning.force(at, self.w.x.array, self.factors)
+        if self.forms.sheets:
+            rows += self.restrict(self.forms.sheets.past(self.conditions.sheet_nodes))
         if self.circuits:
             self.circuits.add_charges(rows, self.w.x.array, self.factors)
         return rows

@@ -16,6 +16,7 @@ from dea_fenicsx.path.items import (
     Trace,
     fed,
 )
+from dea_fenicsx.scene.electrodes import Electrode
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.scene.sources import Source
 from dea_fenicsx.support.errors import InputError
@@ -121,12 +122,19 @@ def _check_passes(item: Ramp | Trace, scene: Scene) -> None:
             one for one in (*scene.electrodes, *scene.prescribed, *scene.loads)
             if one.ramp == name and getattr(one, "is_driven", True)
         ]  # fmt: skip
-        if driven and all(isinstance(one, Source) and one.ohms for one in driven):
+        if driven and all(_is_resisted(one) for one in driven):
             raise InputError(
                 f"The {type(item).__name__.lower()} of {name!r} takes no time, in which no charge "
-                "passes the resistance of its source; let time pass by March(seconds, "
-                f"drive={{{name!r}: ...}}), or give the source ohms=0."
+                "passes the resistance of its source or of its electrode; let time pass by "
+                f"March(seconds, drive={{{name!r}: ...}}), or leave the resistance out."
             )
+
+
+def _is_resisted(driven: object) -> bool:
+    """Whether charge needs time to come to an electrode."""
+    return (isinstance(driven, Source) and driven.ohms != 0) or (
+        isinstance(driven, Electrode) and driven.is_resistive
+    )
 
 
 def _check_march(march: March) -> None:

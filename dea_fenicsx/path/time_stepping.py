@@ -14,6 +14,8 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.drives.waves import Wave
+from dea_fenicsx.model.charge_history import TOTAL, ChargeHistory
+from dea_fenicsx.model.charge_memory import ChargeMemory
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
@@ -207,8 +209,22 @@ class TimeStepper:
             else:
                 times, leaks = new.times, new.leaks
             errors.append(charges.leak_error(times, leaks))
+            if charges.has_sheets:
+                errors.append(self._sheet_error(charges, new, rule, corner))
         known = [error for error in errors if error is not None]
         return max(known) if len(known) == len(errors) else None
+
+    def _sheet_error(
+        self, charges: ChargeMemory, new: ChargeHistory, rule: Rule, corner: bool
+    ) -> float | None:
+        """The estimated error of charge that flows along electrodes.  Collective."""
+        totals = tuple(level[..., TOTAL] for level in new.leaks)
+        if rule is Rule.STAGE:
+            stage = self._stages[charges.NAME].leaks[0][..., TOTAL]
+            wrong: np.ndarray | None = stage_estimate(totals[0], totals[1], stage)
+        else:
+            wrong = estimate(new.times, totals, 1 if rule is Rule.EULER else 2, corner)
+        return None if wrong is None else charges.sheet_error(wrong, totals[0])
 
     def _wrong(
         self, times: tuple[float, ...], values: tuple[np.ndarray, ...], name: str, what: str,

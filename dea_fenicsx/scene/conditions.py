@@ -6,16 +6,18 @@ factor 1.  All of them are gathered here from the modules of their kinds.
 """
 
 from dea_fenicsx.scene.condition import Condition, Load, Prescribed, Support
-from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode, Ground, Taper, ThinFilm
+from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode, Ground, ThinFilm
 from dea_fenicsx.scene.elements import Discretisation
 from dea_fenicsx.scene.loads import AxialForce, DeadLoad, DeadPressure, FollowerPressure, Torque
 from dea_fenicsx.scene.prescribed import AxialStretch, Displacement, PreStretch, Stretch, Twist
 from dea_fenicsx.scene.rigid import Moment, Rigid, Turn
+from dea_fenicsx.scene.sources import Source
 from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
+from dea_fenicsx.scene.taper import Taper
 
 __all__ = [
     "AxialForce", "AxialStretch", "ChargedElectrode", "Clamp", "Condition", "DeadLoad",
     "DeadPressure", "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure",
-    "FreeBody", "Ground", "Load", "Moment", "PreStretch", "Prescribed", "Rigid", "Stretch",
-    "Support", "Taper", "ThinFilm", "Torque", "Turn", "Twist",
+    "FreeBody", "Ground", "Load", "Moment", "PreStretch", "Prescribed", "Rigid", "Source",
+    "Stretch", "Support", "Taper", "ThinFilm", "Torque", "Turn", "Twist",
 ]  # fmt: skip

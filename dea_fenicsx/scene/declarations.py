@@ -15,6 +15,7 @@ these declarations; the model reads them and knows no condition:
 `RigidAngle`           angle by which such a body is turned
 `RigidMoment`          moment on such a body
 `FixedPotential`       potential of an electrode
+`SheetResistance`      resistance along an electrode
 `FloatingPotential`    one unknown potential for an electrode of given charge or with a `Feed`
 `AddedPhysics`         fields and terms beyond those that every problem has
 =====================  =========================================================================
@@ -345,11 +346,23 @@ class FollowingPressure(_Pressure):
 
 @dataclass(frozen=True)
 class FixedPotential(Declaration):
-    """Potential on groups: `volts` at undeformed positions in m, shape (n, 3), at ramp factor 1."""
+    """Potential on groups: `volts` at undeformed positions in m, shape (n, 3), at ramp factor 1.
+
+    With `fed_at` it is given only where the groups touch these other ones.
+    """
 
     groups: tuple[str, ...]
     volts: Callable[[np.ndarray], np.ndarray]
     ramp: str | None
+    fed_at: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class SheetResistance(Declaration):
+    """Resistance in ohm of a square of the undeformed surface of an electrode's groups."""
+
+    groups: tuple[str, ...]
+    ohms: float
 
 
 class Feed(NamedTuple):

@@ -22,6 +22,7 @@ from dea_fenicsx.scene.declarations import (
     RigidAngle,
     RigidMoment,
     RigidSurface,
+    SheetResistance,
     SurfaceWork,
 )
 from dea_fenicsx.scene.electrodes import Conducting
@@ -52,6 +53,8 @@ class Declared:
         Electrodes of given and of unknown potential, each with its declaration.
     added
         Fields and terms beyond those that every problem has.
+    sheets
+        Electrodes with a resistance along their surface, each with its declaration.
     """
 
     told: Told
@@ -67,6 +70,7 @@ class Declared:
     potentials: list[tuple[Conducting, FixedPotential]]
     floating: list[tuple[Conducting, FloatingPotential]]
     added: list[AddedPhysics]
+    sheets: list[tuple[Conducting, SheetResistance]]
 
 
 def gathered(scene: Setting) -> Declared:
@@ -92,4 +96,5 @@ def gathered(scene: Setting) -> Declared:
         potentials=[(e, one) for e, one in electric if isinstance(one, FixedPotential)],
         floating=[(e, one) for e, one in electric if isinstance(one, FloatingPotential)],
         added=of(AddedPhysics),
+        sheets=[(e, one) for e, one in electric if isinstance(one, SheetResistance)],
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -11,18 +11,23 @@ import numpy as np
 from dea_fenicsx.mesh.device import group_size
 from dea_fenicsx.mesh.neighbours import extent, places, region_extent, share_off_planes
 from dea_fenicsx.scene.condition import Driven, Setting
-from dea_fenicsx.scene.declarations import Declaration, FixedPotential, FloatingPotential
+from dea_fenicsx.scene.declarations import (
+    Declaration,
+    FixedPotential,
+    FloatingPotential,
+    SheetResistance,
+)
 from dea_fenicsx.scene.electrode_places import check_touch
 from dea_fenicsx.scene.kinematics_base import Kinematics
+from dea_fenicsx.scene.taper import FACE_TOLERANCE, Taper
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, known
 
-FACE_TOLERANCE = 1e-6
-"""Largest distance of a thin film's start and end from its faces, as a share of its thickness."""
-
 FACE_TOLERANCE_OF_DEVICE = 1e-9
-"""The same distance as a share of the device's size, by rounding in a mesh file."""
+"""Largest distance of a thin film's start and end from its faces by rounding in a mesh file, as a
+share of the device's size.
+"""
 
 MOST_FACES_ELSEWHERE = 0.01
 """Largest share of a thin film's faces, seen along its axis, that lies off its start and end.
@@ -114,53 +119,7 @@ class Conducting(Driven):
 
 
 @dataclass(frozen=True)
-@in_si(start="m", end="m")
-class Taper:
-    """A smooth decrease from 1 to 0 along a coordinate: (1 + cos(pi t))/2, with t from 0 to 1.
-
-    Parameters
-    ----------
-    start, end
-        Undeformed coordinates in m between which it decreases.  It is 1 before the start and 0
-        behind the end.  A part of the electrode must lie between them.
-    along
-        ``"x"``, ``"y"``, ``"z"``, or ``"r"``, the distance from the z axis (in an axisymmetric
-        section its first coordinate).
-    """
-
-    start: float
-    end: float
-    along: str = "r"
-
-    def check(self, label: str, kinematics: Kinematics) -> None:
-        """Raise InputError unless it runs along a coordinate, on the electrode of a label."""
-        axes = set(kinematics.coordinates) | ({"r"} if kinematics.dim == 3 else set())
-        finite(self.start, f"The start of the taper of electrode {label!r}")
-        finite(self.end, f"The end of the taper of electrode {label!r}")
-        if self.start == self.end or self.along not in axes:
-            raise InputError(
-                f"The taper of electrode {label!r} runs along {self.along!r} from {self.start:g} m "
-                f"to {self.end:g} m; give two different coordinates along one of "
-                f"{', '.join(sorted(axes))}."
-            )
-
-    def check_reach(self, label: str, low: float, high: float) -> None:
-        """Raise InputError unless it falls somewhere between the electrode's ends."""
-        first, last = sorted((self.start, self.end))
-        room = FACE_TOLERANCE * (last - first)
-        if low < last - room and high > first + room:
-            return
-        before = high <= first + room if self.start < self.end else low >= last - room
-        effect = "has no effect" if before else "leaves it at 0 V everywhere"
-        raise InputError(
-            f"The taper of electrode {label!r} falls from {self.along} = {self.start:g} m to "
-            f"{self.end:g} m, but the electrode lies between {low:.6g} m and {high:.6g} m, so "
-            f"that it {effect}; give start and end on the electrode, in metres, or leave it out."
-        )
-
-
-@dataclass(frozen=True)
-@in_si(volts="V")
+@in_si(volts="V", ohms_per_square="ohm")
 class Electrode(Conducting):
     """An equipotential: a surface (ideal electrode) or a conducting region of finite thickness.
 
@@ -178,11 +137,19 @@ class Electrode(Conducting):
         field-grading layer does.  At the sharp edge of an ideal electrode the field is singular: on
         a fine mesh the edge fails by itself, at a voltage that goes to zero with the cell.  A taper
         gives the edge a length, and results that converge.  Several are multiplied.
+    ohms_per_square
+        Sheet resistance in ohm of a square of the undeformed surface; 0 for an ideal electrode.
+        While time passes, in a `March`, charge flows along the surface from where it is fed; a
+        ramp takes no time, and moves none.
+    fed_at
+        Names of facet groups that touch a resistive electrode, where the potential is given.
     """
 
     volts: float
     ramp: str = "voltage"
     taper: Taper | tuple[Taper, ...] = ()
+    ohms_per_square: float = field(default=0.0, kw_only=True)
+    fed_at: str | tuple[str, ...] = field(default=(), kw_only=True)
 
     @property
     def tapers(self) -> tuple[Taper, ...]:
@@ -203,10 +170,49 @@ class Electrode(Conducting):
             share = share * (1 + np.cos(np.pi * np.clip(t, 0, 1))) / 2
         return share
 
+    @property
+    def feeding(self) -> tuple[str, ...]:
+        """Names of the groups at which a resistive electrode is fed."""
+        return (self.fed_at,) if isinstance(self.fed_at, str) else tuple(self.fed_at)
+
+    @property
+    def is_resistive(self) -> bool:
+        """Whether its potential may vary along it."""
+        return bool(self.ohms_per_square)
+
     def _check_values(self, scene: Setting) -> None:
         finite(self.volts, f"The voltage of electrode {self.label!r}")
+        self._check_sheet(scene)
         for taper in self.tapers:
             taper.check(self.label, scene.kinematics)
+
+    def _check_sheet(self, scene: Setting) -> None:
+        """Check the sheet resistance, and where it is fed."""
+        finite(self.ohms_per_square, f"The sheet resistance of electrode {self.label!r}")
+        if not self.is_resistive:
+            if self.feeding:
+                raise InputError(
+                    f"Electrode {self.label!r} is fed at {', '.join(self.feeding)}, but is ideal; "
+                    "give it ohms_per_square=..., or leave fed_at= out."
+                )
+            return
+        if self.ohms_per_square < 0:
+            raise InputError(
+                f"The sheet resistance of electrode {self.label!r} is {self.ohms_per_square:g} "
+                "ohm, but must be >= 0."
+            )
+        if self.tapers or any(name in scene.device.regions for name in self.names):
+            raise InputError(
+                f"Electrode {self.label!r} has a sheet resistance, so it must be facet groups "
+                "without a taper."
+            )
+        if not self.feeding:
+            raise InputError(
+                f"Electrode {self.label!r} has a sheet resistance; say where it is fed by "
+                "fed_at=..., a facet group that touches it."
+            )
+        for name in self.feeding:
+            known(name, scene.device.surfaces, "facet group")
 
     def check_place(self, scene: Setting) -> None:
         super().check_place(scene)
@@ -232,7 +238,12 @@ class Electrode(Conducting):
         def volts(X: np.ndarray) -> np.ndarray:
             return self.volts * self.profile(kinematics, X)
 
-        return [FixedPotential(self.names, volts, self.ramp if self.volts else None)]
+        given = FixedPotential(
+            self.names, volts, self.ramp if self.volts else None, self.feeding
+        )
+        if not self.is_resistive:
+            return [given]
+        return [given, SheetResistance(self.names, self.ohms_per_square)]
 
 
 @dataclass(frozen=True)
@@ -271,6 +282,13 @@ class ThinFilm(Electrode):
             raise InputError(
                 f"ThinFilm {name!r} must be a dielectric region; name one with "
                 "Material(..., electric=IdealDielectric(eps_r))."
+            )
+
+    def _check_sheet(self, scene: Setting) -> None:
+        if self.ohms_per_square or self.feeding:
+            raise InputError(
+                f"ThinFilm {self.label!r} has a given field, so it has no sheet resistance; leave "
+                "ohms_per_square= and fed_at= out."
             )
 
     def check_place(self, scene: Setting) -> None:

@@ -124,10 +124,11 @@ class Scene:
 
     @property
     def leaks(self) -> bool:
-        """Whether a dielectric in which a field may live conducts, or relaxes."""
+        """Whether a dielectric conducts or relaxes, or an electrode has a sheet resistance."""
         found = [m.dielectric for m in self.materials.values() if m.is_dielectric]
         late = any(d.conductivity_law() is not None or d.relaxation_terms() for d in found)
-        return self.has_potential and late
+        sheets = any(getattr(e, "ohms_per_square", 0) for e in self.electrodes)
+        return self.has_potential and (late or sheets)
 
     @property
     def leaks_alike(self) -> bool:
@@ -137,15 +138,11 @@ class Scene:
             if material.is_dielectric:
                 law = material.dielectric.conductivity_law()
                 late = material.dielectric.relaxation_terms()
-                if law is None or law.field is not None or late:
+                if late or (law is not None and law.field is not None):
                     return False
-                found.add((law.siemens_per_metre, material.dielectric.permittivity()))
+                siemens = 0.0 if law is None else law.siemens_per_metre
+                found.add(siemens / material.dielectric.permittivity())
         return len(found) == 1
-
-    @property
-    def keeps_charges(self) -> bool:
-        """Whether charge leaks, or comes from a source through a wire."""
-        return self.leaks or any(told.feed for _, told in self.declared.floating)
 
     def reference_voltage(self, ramp: str) -> float:
         """The potential in V, largest in size, of the electrodes on a ramp; 0 if there are none."""

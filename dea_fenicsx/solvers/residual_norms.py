@@ -31,6 +31,9 @@ changes its sign from node to node, so rounding leaves a few eps times these cha
 values are in docs/theory.md, "Measured choices of the solver".
 """
 
+FED_SHARE = 0.1
+"""Share of the rows of a first step in time with a sheet resistance that counts as charges."""
+
 
 @dataclass(frozen=True)
 class _Group:
@@ -82,6 +85,10 @@ class References:
             for name, fields in problem.roles.groups.items()
         ]
         self.sizes = {g.name: self._moduli() for g in self._groups if g.role is Role.MOTION}
+        self._charge_of_sheets = 0.0  # of a disordered potential, per s
+        self._along: np.ndarray | None = None  # places of these nodes among the free unknowns
+        if problem.forms.sheets:
+            self._along = np.searchsorted(problem.free, problem.conditions.sheet_nodes)
         self._disorder = self._charges_of_disorder()
         self._loads: tuple[dict[str, float], float] = ({}, 0.0)
 
@@ -99,7 +106,10 @@ class References:
             elif group.role is Role.MOTION:
                 reference = max(reference, self._load_size(anew))
             elif group.role is Role.POTENTIAL:
-                mine = max(mine - self._rounding(), 0.0)
+                mine = max(mine - self._rounding(), self._along_sheets(residual), 0.0)
+                if self._along is not None and self.problem.forms.sheets.seconds:
+                    # The rows of a feeding place hold the current through it as well.
+                    reference = self.sizes.get(group.name) or FED_SHARE * everything
             else:
                 reference = group.field.residual_scale
             out[group.name] = mine / reference if reference > 0 else np.inf if mine else 0.0
@@ -124,6 +134,19 @@ class References:
         size = float(np.max(np.abs(problem.w.x.array[problem.potential.dofs]), initial=0.0))
         return CHARGE_ROUNDING * self._disorder * problem.comm.allreduce(size, op=MPI.MAX)
 
+    def _along_sheets(self, residual: np.ndarray) -> float:
+        """Unbalanced charge of electrodes with a sheet resistance, beyond rounding.  Collective.
+
+        Along a good conductor the smallest difference of potential that can be stored moves much
+        charge, so that its rows have a test of their own.
+        """
+        if self._along is None:
+            return 0.0
+        sheets, psi = self.problem.forms.sheets, self.problem.forms.leaks.psi
+        mine = psi * self._norm(self.problem.unbalanced(residual)[self._along])
+        charge = sheets.seconds * self._charge_of_sheets / self._disorder if self._disorder else 0.0
+        return mine - self._rounding() * (1 + psi * charge)
+
     def _charges_of_disorder(self) -> float:
         """Charges of a disordered potential of size 1 in the present state of the body.
 
@@ -133,14 +156,22 @@ class References:
         part = problem.potential
         if part is None:
             return 0.0
+        rows = problem.roles.owned(Role.POTENTIAL)
         here = problem.state
         values = here.values.copy()
         x = part.space.tabulate_dof_coordinates()
         values[part.dofs] = np.sin(1e6 * (x @ np.sqrt([1.0, 2.0, 3.0])))
         with problem.at(here.with_values(values)):
-            residual = problem.residual()
-        mine = float(np.sum(residual[problem.roles.owned(Role.POTENTIAL)] ** 2))
-        return float(np.sqrt(problem.comm.allreduce(mine, op=MPI.SUM)))
+            residual = problem.residual()[rows]
+            if problem.forms.sheets:
+                with problem.forms.sheets.longer(1.0):
+                    more = problem.residual()[rows] - residual
+                self._charge_of_sheets = self._norm(more)
+        return self._norm(residual)
+
+    def _norm(self, mine: np.ndarray) -> float:
+        """The 2-norm of a vector over all ranks.  Collective."""
+        return float(np.sqrt(self.problem.comm.allreduce(float(np.sum(mine**2)), op=MPI.SUM)))
 
     def _rows(self, residual: np.ndarray) -> list[tuple[_Group, float, float]]:
         """For each group of fields the size of all of its rows and of the unbalanced ones."""
@@ -148,7 +179,10 @@ class References:
         free = problem.unbalanced(residual)
         sums = []
         for group in self._groups:
-            sums += [np.sum(residual[group.owned] ** 2), np.sum(free[group.free] ** 2)]
+            rows = free[group.free]
+            if group.role is Role.POTENTIAL and self._along is not None:
+                rows = free[np.setdiff1d(group.free, self._along)]
+            sums += [np.sum(residual[group.owned] ** 2), np.sum(rows**2)]
         total = np.sqrt(problem.comm.allreduce(np.array(sums), op=MPI.SUM))
         found = []
         for k, group in enumerate(self._groups):
@@ -158,8 +192,7 @@ class References:
         return found
 
     def _size_u(self, forces: np.ndarray) -> float:
-        mine = float(np.sum(forces[self.problem.roles.owned(Role.MOTION)] ** 2))
-        return float(np.sqrt(self.problem.comm.allreduce(mine, op=MPI.SUM)))
+        return self._norm(forces[self.problem.roles.owned(Role.MOTION)])
 
     def _load_size(self, anew: bool = False) -> float:
         """Norm of the forces of the loads, dimensionless.
