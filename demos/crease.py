@@ -12,8 +12,8 @@ rising voltage the notch becomes a crease, which creeps: it goes on to grow whil
 already, and then opens again.
 
 The package knows no contact.  Where the two sides of the crease touch, the surface of the model
-goes through the plane of symmetry instead; `overlap_m` tells how far.  Held at 1.25, the crease goes
-on to grow until, after 421 s, half of the layer's thickness is reached and equilibrium is lost.
+goes through the plane of symmetry instead; `overlap_m` tells how far.  Held at 1.25, the crease
+grows on until, after 421 s, it is half as deep as the layer and equilibrium is lost.
 
     python demos/crease.py
     python demos/crease.py --hold 600
