@@ -43,6 +43,12 @@ EXACT_SHARE = 2.0**-8
 HALVINGS_BEFORE_ARC = 2
 """How often a step is halved before the branch is followed over the length of the step."""
 
+HITS_BEFORE_ARC = 4
+"""How often steps end at one time in vain before the branch is followed as well."""
+
+SAME_TIME = 1e-3
+"""Times that differ by less are the same, in units of the step."""
+
 FIRST_STEP_SHARE = 2.0**-10
 """Longest first step after a jump whose length is adapted, in units of the longest one."""
 
@@ -111,6 +117,7 @@ class MarchWalk:
         self.corners = sorted({t for w in self.drive.values() for t in w.corners(0.0, end)})
         self.stops = self._stops()
         self.ladder = Ladder(self._longest())
+        self.wall, self.hits = -math.inf, 0  # a time that was not reached, and how often
         self.limit: float | None = None  # time of the limit point ahead, as known so far
         self.rung = self.ladder.at_most(cursor.size) if cursor.size else 0
         self.fresh = not cursor.size  # whether the first step since a jump is still to come
@@ -165,7 +172,7 @@ class MarchWalk:
             if not attempt.converged:
                 self._tell_retry(now + seconds, attempt)
                 retries, failures = retries + 1, failures + 1
-                if failures > HALVINGS_BEFORE_ARC:
+                if failures > HALVINGS_BEFORE_ARC or self._hits_wall(now + seconds, seconds):
                     yield from self._look_for_limit(now, seconds, retries)
                 if self._halve(seconds) < SHORTEST_STEP:
                     raise march_stuck(now, seconds, attempt)
@@ -193,6 +200,16 @@ class MarchWalk:
             if self.limit is not None:
                 now = self.stepper.now
                 yield from self._look_for_limit(now, 2 * max(self.limit - now, 0.0), 0)
+
+    def _hits_wall(self, time: float, seconds: float) -> bool:
+        """Whether several accepted steps in a row were followed by a failure at one time.
+
+        Short steps may creep towards a limit point for long, since each of them succeeds.
+        """
+        if abs(time - self.wall) > SAME_TIME * seconds:
+            self.wall, self.hits = time, 0
+        self.hits += 1
+        return self.hits > HITS_BEFORE_ARC
 
     def _length(self, now: float, stop: float) -> float:
         seconds = self.ladder.portion(self.rung, stop - now)

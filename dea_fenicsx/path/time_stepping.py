@@ -31,6 +31,12 @@ MOST_MISSED = 0.1
 A state that lies farther away may be one of another branch, so that the step is halved.
 """
 
+MOST_MISSED_BY_MOTION = 10.0
+"""The same distance in units of the predicted motion, beyond `SMALL_MISS`."""
+
+SMALL_MISS = 1e-3
+"""Distance of a state from its prediction that is always small, as a share of the device's size."""
+
 Histories = dict[str, Any]
 """What a state remembers, by the name of the memory that knows what to do with it."""
 
@@ -169,8 +175,12 @@ class TimeStepper:
             return attempt
         dofs = self.problem.roles.owned(Role.MOTION)
         off = np.abs(attempt.found.values[dofs] - guess.values[dofs])
-        most = self.problem.comm.allreduce(float(np.max(off, initial=0.0)), op=MPI.MAX)
-        return attempt if most <= MOST_MISSED else attempt.refused(Outcome.JUMPED)
+        predicted = np.abs(guess.values[dofs] - self.base.values[dofs])
+        mine = np.array([np.max(off, initial=0.0), np.max(predicted, initial=0.0)])
+        self.problem.comm.Allreduce(MPI.IN_PLACE, mine, MPI.MAX)
+        missed, moved = mine
+        most = min(MOST_MISSED, MOST_MISSED_BY_MOTION * moved + SMALL_MISS)
+        return attempt if missed <= most else attempt.refused(Outcome.JUMPED)
 
     def settled(self, state: State) -> State:
         """A state whose histories are those at its own time.  Collective."""
