@@ -168,20 +168,23 @@ class LeakMemory:
                 eps = np.where(kernel.eps.x.array > 0, kernel.eps.x.array, 1.0)
         return np.asarray(term.eps.x.array / eps)
 
-    def delay_error(self, h: float, h1: float, levels: Sequence[np.ndarray]) -> np.ndarray:
-        """What the delayed polarisations miss over a step of length h, after one of length h1."""
+    def delay_error(self, span: float, bend: np.ndarray) -> np.ndarray:
+        """What the delayed polarisations miss over a step.
+
+        Parameters
+        ----------
+        span
+            Length of the step in s.
+        bend
+            Second time derivative of D.
+        """
         missed = np.zeros((self._cells, self.points, 3))
-        first = (levels[0][..., FIELD] - levels[1][..., FIELD]) / h
-        second = (levels[1][..., FIELD] - levels[2][..., FIELD]) / h1
-        bend = 2 * np.abs(first - second) / (h + h1)
         for kernel in self._relaxing:
             for term in kernel.relaxation:
                 tau = term.tau.x.array
                 here = tau > 0
-                z = h / tau[here]
-                # The polarisation follows X with the rate 1/tau, T follows D with omega: z/12 each.
-                weight = h**2 * bend_weight(z) * self._ratio(term)[here]
-                missed[here] += weight[:, None, None] * bend[here]
+                weight = span**2 * bend_weight(span / tau[here]) * self._ratio(term)[here]
+                missed[here] += weight[:, None, None] * np.abs(bend[here])
         return missed
 
     def _one_rate(self) -> float:
@@ -343,22 +346,23 @@ class ChargeMemory:
 
     # ------------------------------------------------------------- errors
 
-    def leak_error(self, times: Sequence[float], leaks: Sequence[np.ndarray]) -> float:
+    def leak_error(
+        self, times: Sequence[float], leaks: Sequence[np.ndarray], span: float
+    ) -> float:
         """Error of D over the newest step over the root mean square of T.  Collective.
 
         Parameters
         ----------
         times, leaks
-            Three times in s, the newest first, with T, D and omega.
+            Three times in s, the newest first, with the numbers at quadrature points.
+        span
+            Length of the step in s.
         """
         if not self.leaks or len(times) < 3:
             return 0.0
-        h, h1 = times[0] - times[1], times[1] - times[2]
-        first = (leaks[0][..., TOTAL] - leaks[1][..., TOTAL]) / h
-        second = (leaks[1][..., TOTAL] - leaks[2][..., TOTAL]) / h1
-        bend = 2 * (first - second) / (h + h1)
-        missed = bend_weight(leaks[0][..., RATE] * h)[..., None] * h**2 * bend
-        missed = np.abs(missed) + self.leaks.delay_error(h, h1, leaks)
+        bend = span**2 * _bend(times, [level[..., TOTAL] for level in leaks])
+        missed = np.abs(bend_weight(leaks[0][..., RATE] * span)[..., None] * bend)
+        missed += self.leaks.delay_error(span, _bend(times, [lv[..., FIELD] for lv in leaks]))
         return self._size(missed) / max(self._size(leaks[0][..., TOTAL]), SMALLEST_DISPLACEMENT)
 
     def _size(self, vectors: np.ndarray) -> float:
@@ -383,3 +387,10 @@ class ChargeMemory:
         sizes = [abs(wrong[w.number]) / abs(wires[w.number]) for w in resisted
                  if wires[w.number] != 0]  # fmt: skip
         return float(max(sizes, default=0.0))
+
+
+def _bend(times: Sequence[float], values: Sequence[np.ndarray]) -> np.ndarray:
+    """Second time derivative of the parabola through three values."""
+    h, h1 = times[0] - times[1], times[1] - times[2]
+    first, second = (values[0] - values[1]) / h, (values[1] - values[2]) / h1
+    return np.asarray(2 * (first - second) / (h + h1))

@@ -218,7 +218,7 @@ class TimeStepper:
                 leaks = (new.leaks[0], stage.leaks[0], new.leaks[1])
             else:
                 times, leaks = new.times, new.leaks
-            errors.append(charges.leak_error(times, leaks))
+            errors.append(charges.leak_error(times, leaks, new.times[0] - new.times[1]))
             if charges.has_sheets:
                 errors.append(self._sheet_error(charges, new, rule, corner))
         known = [error for error in errors if error is not None]
