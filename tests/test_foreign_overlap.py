@@ -119,6 +119,17 @@ Physical Volume("film") = {1}; Mesh.MeshSizeMax = 1;
 """
 
 
+def test_a_drawing_of_cubic_prisms_does_not_end_the_process(start, tmp_path):
+    """With gmsh as it begins, in a process of its own."""
+    drawing, script = tmp_path / "prisms.geo", tmp_path / "read.py"
+    drawing.write_text(PRISMS + "Mesh.ElementOrder = 3;\n")
+    script.write_text(
+        "import sys\nimport dea_fenicsx as dea\n"
+        "try:\n    dea.read_gmsh(sys.argv[1])\nexcept dea.InputError as error:\n    print(error)\n"
+    )
+    assert "Prism of order 3" in start(script, drawing, check=True).stdout
+
+
 @pytest.mark.parametrize("order", [3, 4])
 def test_prisms_of_high_order_are_told(tmp_path, capsys, order):
     """Gmsh writes them, but cannot describe them: as a drawing, as a mesh and on the shell."""

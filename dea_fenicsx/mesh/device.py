@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.geometry._gmsh import quality, start
 from dea_fenicsx.mesh.cad import Names, lengths, open_file, read_names
+from dea_fenicsx.mesh.foreign.meshing import ABORT
 from dea_fenicsx.mesh.foreign.model import checked
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import check_same, together
@@ -221,10 +222,6 @@ def _check_options(dim: Any, **switches: Any) -> None:
 def _is_family(source: Any) -> bool:
     """Whether a geometry is one of this package's own, whose meshes need no check."""
     return type(source).__module__.startswith("dea_fenicsx.geometry.")
-
-
-ABORT = "General.AbortOnError"
-"""The option of gmsh that says what it does on an error."""
 
 
 @contextmanager

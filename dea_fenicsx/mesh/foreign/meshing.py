@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,12 @@ from dea_fenicsx.support.subprocesses import environment
 
 SMALLEST_SCALED_JACOBIAN = 0.02
 """Curved cells with a smaller scaled Jacobian are mended; gmsh's optimisation aims at 0.1."""
+
+ABORT, ORDER = "General.AbortOnError", "Mesh.ElementOrder"
+"""The options of gmsh that say what it does on an error, and the order of cells."""
+
+QUADRATIC = 2
+"""Highest order of cells that gmsh knows of every shape."""
 
 _METHODS = ("HighOrder", "HighOrderElastic", "HighOrder")
 """gmsh's optimisations of curved cells, in the order in which they are tried."""
@@ -52,10 +60,11 @@ def mesh_drawing(model: Any, path: Any, curved: bool = True, mend: bool = False)
         return 0
     shapes = {model.getType(*e) for d in (1, 2) for e in model.getEntities(d)}
     try:
-        model.mesh.generate(dim)
         if not curved:
-            model.mesh.setOrder(1)
+            with _option(ORDER, 1):
+                model.mesh.generate(dim)
             return 0
+        _generate(model, dim, path)
         if not shapes - {"Line", "Plane"}:
             return 0
         model.mesh.setOrder(max(2, round(gmsh_option("Mesh.ElementOrder"))))
@@ -80,6 +89,37 @@ def mesh_drawing(model: Any, path: Any, curved: bool = True, mend: bool = False)
             "smaller size, or curved=False for straight cells."
         )
     return 0 if mend else left
+
+
+def _generate(model: Any, dim: int, path: Any) -> None:
+    """Mesh the current model with cells of the order that its options ask for.
+
+    Where gmsh does not know cells of a high order, such as prisms of order 3, it would throw an
+    error through code that lets none pass, which ends the process.  So these cells are made linear
+    first, and raised without errors; `check_known` then finds what gmsh cannot describe.
+    """
+    order = round(gmsh_option(ORDER))
+    if order <= QUADRATIC:
+        model.mesh.generate(dim)
+        return
+    with _option(ORDER, 1):
+        model.mesh.generate(dim)
+    with _option(ABORT, 0):
+        model.mesh.setOrder(order)
+    check_known(model.mesh.getElements(dim)[0], str(path))
+
+
+@contextmanager
+def _option(name: str, value: float) -> Iterator[None]:
+    """Give an option of gmsh another value within the block."""
+    import gmsh
+
+    before = gmsh_option(name)
+    gmsh.option.setNumber(name, value)
+    try:
+        yield
+    finally:
+        gmsh.option.setNumber(name, before)
 
 
 def gmsh_option(name: str) -> float:
