@@ -37,7 +37,7 @@ quick: env
 	$(RUN) .venv/bin/python -m pytest -m "not slow and not mpi and not demo and not around"
 
 test: env
-	$(RUN) .ci/suite .venv/bin/python
+	$(RUN) .venv/bin/python -m pytest
 
 hard: env
 	$(RUN) .venv/bin/python tests/hard/run.py

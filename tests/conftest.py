@@ -66,17 +66,11 @@ AROUND = {
 """Files (test_X.py) that are marked `around`: they test what lies around a problem's solution."""
 
 
-SINGLY = {"demos", "hard"}
-"""Files whose tests take long and need not share a process; each other file stays in one."""
-
-
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by markers
 def pytest_collection_modifyitems(config, items):
     for item in items:
         if item.path.stem.removeprefix("test_") in AROUND:
             item.add_marker(pytest.mark.around)
-        if item.path.stem.removeprefix("test_") not in SINGLY:
-            item.add_marker(pytest.mark.xdist_group(item.path.stem))
     if config.getoption("--engine"):
         for item in items:
             if item.get_closest_marker("engine"):
