@@ -1,4 +1,4 @@
-"""A film element under equi-biaxial dead load and voltage (thesis 3.3 and 3.4).
+"""A film element under equi-biaxial dead load and voltage (Park 2019, 3.3 and 3.4).
 
 A cube of neo-Hookean rubber is stretched by equal forces in its plane; the forces are held and a
 voltage is applied through the thickness.  Thesis eq 17 is the exact answer:

@@ -1,4 +1,4 @@
-"""Free stack of round layers with full electrodes under voltage (DDEA, thesis 4.3.2).
+"""Free stack of round layers with full electrodes under voltage (DDEA, Park 2019, 4.3.2).
 
 Every layer of such a stack is in the same homogeneous state, so a short column stands for all of
 it, and the state is known exactly.  The layers are traced through pull-in in the full field, and

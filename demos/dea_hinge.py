@@ -1,4 +1,4 @@
-"""Stacked hinge (thesis 5.3): three driven films on a PETG sheet that is thinner along the fold.
+"""Stacked hinge (Park 2019, 5.3): three driven films on a PETG sheet, thinner along the fold.
 
 Full coupling up to 4 kV and on to pull-in, for both material sets of Table 5.2, in plane strain or
 generalised plane strain.  Beside it the thesis's way, eps (V/T)^2 with the undeformed thickness as

@@ -1,4 +1,4 @@
-"""Search for the helical actuator with the least voltage and the most strain (thesis 4.4).
+"""Search for the helical actuator with the least voltage and the most strain (Park 2019, 4.4).
 
 NSGA-II on the analytic model inside Table 4.1's envelope, beside the exact front and the thesis's
 optimum (Table 4.2).  --fem reruns points of the front with finite elements.

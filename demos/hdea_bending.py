@@ -1,4 +1,4 @@
-"""Helical actuator that bends: electrodes over one half only (thesis 4.3.3).
+"""Helical actuator that bends: electrodes over one half only (Park 2019, 4.3.3).
 
 Every layer of the driven half thins, so the end face tilts and the actuator shortens.  Under a
 given pressure the curvature has a closed form; under voltage the field is solved in full.

@@ -1,4 +1,4 @@
-"""One ring layer of the helical actuator under 4 to 40 kPa on its electrodes (thesis 4.3.3).
+"""One ring layer of the helical actuator under 4 to 40 kPa on its electrodes (Park 2019, 4.3.3).
 
 Free, the layer is in a homogeneous state and follows the analytic model.  On a rigid base the
 rubber can't flow sideways there: under a flat plate the stiffness is that of the shape factor,

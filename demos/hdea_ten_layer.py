@@ -1,4 +1,4 @@
-"""Ten-layer helical actuator under voltage (thesis 4.3.3), beside its helically periodic cell.
+"""Ten-layer helical actuator under voltage (Park 2019, 4.3.3), beside its helically periodic cell.
 
 The thesis has ten layers and a height of 16.5 mm, which do not agree: ten turns of 1.1 mm are
 12.1 mm high (with the last one's end), 16.5 mm are 15 pitches, --turns 14.

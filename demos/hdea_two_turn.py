@@ -1,4 +1,4 @@
-"""Two-turn helical dielectric elastomer actuator under voltage (thesis 4.3.3).
+"""Two-turn helical dielectric elastomer actuator under voltage (Park 2019, 4.3.3).
 
 Two compliant electrodes wind as a double helix through a ring of rubber; a voltage between them
 squeezes every layer and the stack contracts.  The field is solved in full, fringes included.

@@ -1,4 +1,4 @@
-"""The spiral box moved by its hinges (thesis 5.3, Table 5.3, chapter 6), in closed form.
+"""The spiral box moved by its hinges (Park 2019, 5.3, Table 5.3, chapter 6), in closed form.
 
 The printed angles are the hinge law, or those of a file (`--law`).  Beside the printed heights,
 which are proportional to the angle: rigid panels that tilt, and those of a Kresling storey, which

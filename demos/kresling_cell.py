@@ -1,4 +1,4 @@
-"""One storey of the Kresling box by finite elements: force over stroke (thesis 5.2.2).
+"""One storey of the Kresling box by finite elements: force over stroke (Park 2019, 5.2.2).
 
 Thin panels and rubber hinges as solids, the four lower sides clamped, the four upper ones pushed
 down.  With free twist the storey folds, linear (the tangent at rest, as in the thesis) and at large

@@ -1,4 +1,4 @@
-"""The Kresling spiral box as a linkage (thesis 5.2.1): figure 5.2, each way to read it.
+"""The Kresling spiral box as a linkage (Park 2019, 5.2.1): figure 5.2, each way to read it.
 
 Heights without strain, barrier, snap forces, strokes, and the crease pattern to cut.  The thesis
 gives k = 17 without a unit; lbf/in is assumed, as only this gives its 2 to 2.5 lbf.

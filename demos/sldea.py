@@ -1,4 +1,4 @@
-"""One layer under a given live pressure on its electrodes (SLDEA, thesis 4.3.2 and 4.3.3).
+"""One layer under a given live pressure on its electrodes (SLDEA, Park 2019, 4.3.2 and 4.3.3).
 
 A round layer with full electrodes is pressed by the true pressure p = eps E^2 and free at its rim:
 a homogeneous state, known exactly.  The thesis's pressures are in kN/m^2, whatever it prints.

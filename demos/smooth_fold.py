@@ -1,4 +1,4 @@
-"""The smooth fold in place of a crease, its stiffener regions, and the box folding (thesis 5.4.3).
+"""The smooth fold in place of a crease, its stiffeners, and the box folding (Park 2019, 5.4.3).
 
 The four points of the fold with the thesis's numbers and with its own cell, the width that panels
 of a given thickness need, the pattern to cut with the folds or the panels between them as

@@ -1,4 +1,4 @@
-"""Pre-stretched VHB film with a Mylar strip on the smooth fold (thesis 5.4 to 5.6).
+"""Pre-stretched VHB film with a Mylar strip on the smooth fold (Park 2019, 5.4 to 5.6).
 
 The film is stretched from 1 x 1 in and then stiffened: its mesh shows the stretched state.
 
