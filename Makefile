@@ -11,6 +11,8 @@
 # make lint   ruff and mypy
 # make api    pages of all public names from their docstrings, into build/api
 # make pictures  those of README and pages
+# make site   all pages as a web site with search and gallery, into build/site/html
+# make gallery  the pictures and run times of the gallery, by running all demos (ten minutes)
 # make docker the container image (docker/README.md)
 # make clean  remove what the targets above made, except results/
 
@@ -21,7 +23,7 @@ SHELL := /bin/bash
 READY := .venv/ready-$(firstword $(shell pwd | cksum))
 RUN := PATH="$(CURDIR)/.venv/bin:$$PATH" OMP_NUM_THREADS=1
 
-.PHONY: env demo quick test hard fuzz peers bench bench-compare lint api pictures docker clean
+.PHONY: env demo quick test hard fuzz peers bench bench-compare lint api pictures site gallery docker clean
 
 env: $(READY)
 
@@ -73,6 +75,18 @@ api: env
 
 pictures: env
 	$(RUN) .venv/bin/python -m dea_fenicsx.docs.pictures
+
+# What the site needs is asked of pip only where it is not there yet, so that the site is then built
+# without a network.
+SITE_NEEDS := import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["site"])
+
+site: env
+	@.venv/bin/python -c 'import sphinx, furo, myst_parser' 2>/dev/null || .venv/bin/python -m pip \
+	  install --quiet --disable-pip-version-check $$(.venv/bin/python -c '$(SITE_NEEDS)')
+	$(RUN) .venv/bin/python docs/build.py --out build/site
+
+gallery: env
+	$(RUN) .venv/bin/python docs/gallery.py
 
 docker:
 	docker/build
