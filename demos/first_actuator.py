@@ -1,12 +1,13 @@
 """Tutorial: the first actuator, a strip of two layers that bends under voltage.
 
-Two layers of silicone, one of them between electrodes, clamped at one end.  The field squeezes the
-active layer, which grows longer; the passive one does not follow, so the strip bends away from the
-active side.  For small voltages beam theory gives the curvature of two equal layers, h thick each:
+A strip has two layers of silicone and is clamped at one end.  One layer lies between electrodes.
+The field squeezes this active layer, so that it grows longer.  The passive layer does not follow, so
+the strip bends away from the active side.  For small voltages, beam theory gives the curvature of
+two equal layers, each with the thickness h:
 
     curvature = 3/4 e/h,     e = eps (V/h)^2 / (4 mu),
 
-e the strain along the strip of a free active layer in plane strain.
+where e is the strain of a free active layer along the strip, in plane strain.
 
 Run it with `mpirun -n 2 python demos/first_actuator.py`.
 """

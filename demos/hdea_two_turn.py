@@ -1,7 +1,7 @@
 """Two-turn helical dielectric elastomer actuator under voltage (Park 2019, 4.3.3).
 
-Two compliant electrodes wind as a double helix through a ring of rubber; a voltage between them
-squeezes every layer and the stack contracts.  The field is solved in full, fringes included.
+Two compliant electrodes wind as a double helix through a ring of rubber.  A voltage between them
+squeezes every layer, and the actuator contracts.  The field is solved in full, with its fringes.
 
 Run it with `mpirun -n 2 python demos/hdea_two_turn.py`; --trend adds the linear benchmark.
 """

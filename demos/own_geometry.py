@@ -1,9 +1,9 @@
 """Tutorial: your own geometry, from a gmsh .geo script and from a STEP file.
 
-Any outline will do: what links a drawing to a scene is the names of its parts and surfaces.  Here
-it is a film like a clover leaf with an electrode on either face.  Whatever its outline, a free
-film is in the same state everywhere, and that state is known exactly, so this drawing can be
-checked.  Draw your own device, name its parts, and see what a file holds with
+Only the names of parts and surfaces link a drawing to a scene, so any outline will do.  Here it is
+a film with the outline of a clover leaf and an electrode on each face.  A free film of any outline
+is in the same state everywhere, and this state is known exactly.  So this drawing can be checked.
+Draw your own device and name its parts.  This command shows what a file holds:
 
     dea mesh demos/own_geometry_data/clover.geo --unit 1e-3 --size 2e-3
 

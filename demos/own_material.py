@@ -1,12 +1,12 @@
 """Tutorial: a material of your own.
 
-A material is an energy and a few facts about it; stress, tangent and limits follow.  Here it is
-the I1 model of Lopez-Pamies (C. R. Mecanique 338 (2010) 3), with n = 1:
+A material is an energy and a few facts about it.  Stress, tangent and limits follow from them.  Here
+the energy is the I1 model of Lopez-Pamies (C. R. Mecanique 338 (2010) 3), with n = 1:
 
-    W = 3^(1 - a)/(2 a) mu (I1^a - 3^a),
+    W = 3^(1 - a)/(2 a) mu (I1^a - 3^a)
 
-which is neo-Hookean rubber at a = 1 and stiffens at a > 1.  The class serves finite elements
-(symbols) and the exact states (numbers) alike, since it is plain arithmetic.
+This is neo-Hookean rubber for a = 1, and it stiffens for a > 1.  The class is plain arithmetic.  So
+it serves finite elements, which put in symbols, and exact states, which put in numbers.
 
 Run it with `mpirun -n 2 python demos/own_material.py`.
 """

@@ -1,16 +1,17 @@
 """Tutorial: pre-stretch, held by a frame or by weights.
 
-A film is stretched equally in both directions of its plane, 2.5 times; then comes the voltage.
+A film is stretched to 2.5 times its length in both directions of its plane.  Then the voltage is
+applied.
 
-On a frame the stretch l stays: the film only loses tension, and at some voltage all of it.  On
-weights (a dead load P) the film gives way and its area grows, until pull-in.  Both are homogeneous
-states, known exactly:
+On a frame the stretch l stays.  The film only loses tension, and at some voltage it has none left.
+On weights (a dead load P) the film gives way and its area grows, until pull-in.  Both states are
+homogeneous and known exactly:
 
     frame:    true stress  s = mu (l^2 - l^-4) - eps (l^2 V/T)^2
     weights:  l P + eps (l^2 V/T)^2 = mu (l^2 - l^-4),   P = mu (2.5 - 2.5^-5)
 
-Run it with `mpirun -n 2 python demos/prestretch.py`.  See also cube.py, which goes to pull-in, and
-membrane_disc.py, a round frame with an electrode in its middle.
+Run it with `mpirun -n 2 python demos/prestretch.py`.  The demo cube.py goes on to
+pull-in.  The demo membrane_disc.py has a round frame with an electrode in its middle.
 """
 
 from mpi4py import MPI

@@ -1,16 +1,20 @@
 """Tutorial: pull-in, what happens there and how to find it.
 
-A free film thins under voltage, so its field grows, so it thins more.  At the pull-in voltage no
-equilibrium is left.  For a free neo-Hookean film of thickness T it is known (Zhao and Suo 2007):
+A free film becomes thinner under voltage.  So its field grows, and the film becomes thinner still.
+At the pull-in voltage no equilibrium is left.  For a free neo-Hookean film of thickness T this
+voltage is known (Zhao and Suo 2007):
 
     V = 0.687 T sqrt(mu/eps),   where the thickness has fallen to 2^(-2/3) = 0.63 of T.
 
-Three ways to meet it: ramp the voltage and run into it; follow the branch through it by arc length;
-or give the charge instead of the voltage, and the uniform film goes on past it, but not far: it
-thins in one place, to which its charge flows.
+The tutorial shows three ways to meet pull-in:
 
-Run it with `mpirun -n 2 python demos/pull_in.py`.  snap_through.py goes on from here: rubber that
-stiffens finds a new state beyond.
+1. The voltage is ramped until equilibrium is lost.
+2. The branch is followed through pull-in by arc length.
+3. The charge is given instead of the voltage.  The uniform film then goes on past pull-in, but not
+   far: it thins in one place, to which its charge flows.
+
+Run it with `mpirun -n 2 python demos/pull_in.py`.  The demo snap_through.py goes on from
+here: a rubber that stiffens finds a new state beyond pull-in.
 """
 
 from mpi4py import MPI

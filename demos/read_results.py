@@ -1,6 +1,6 @@
 """Tutorial: what is in a results folder, and how to read it with pandas, h5py and meshio.
 
-A run leaves ordinary files; nothing of this package is needed to read them.
+A run leaves ordinary files.  You can read them without this package.
 
     history.csv     a row for each step; columns end in their unit
     summary.json    the last values, settings, versions, git commit, machine, cost

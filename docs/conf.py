@@ -25,7 +25,7 @@ myst_heading_anchors = 4
 myst_links_external_new_tab = False
 myst_number_code_blocks = []
 
-# Formulas become MathML while the site is built: a page needs no script and no font for them.
+# Formulas become MathML while the site is built: a page needs no script for them.
 html_math_renderer = "mathml"
 
 autodoc_member_order = "bysource"

@@ -56,8 +56,8 @@ AROUND = {
     "cad", "foreign_cells", "foreign_meshes", "foreign_overlap", "malformed", "strange_meshes",
     "results_of_strangers", "results_safety", "vtk", "geometry_cli",
     # what users look at, and their machine
-    "cli", "demos", "docs", "site", "pictures", "progress", "doctor", "compile_cache", "interruption",
-    "ending", "import_effects", "reading_alone",
+    "cli", "demos", "docs", "pictures", "progress", "doctor", "compile_cache", "interruption",
+    "site", "ending", "import_effects", "reading_alone",
     # whole devices and their closed forms
     "edges", "hdea", "helicoid", "kresling_cell", "laminate", "loadings", "origami", "stiffened",
     # searches, tables, and inputs at random

@@ -30,7 +30,7 @@ PORD_FROM_UNKNOWNS = {2: 100_000, 3: 5_000}
 """Number of unknowns, by dimension, from which PORD orders a matrix.  Smaller ones use AMF.
 
 PORD must not be used for very small matrices: if all unknowns are equivalent, as in a single cell,
-it aborts the process.  The measured times are in docs/theory.md, "Measured choices of the solver".
+it aborts the process.  The measured times are in docs/developers/solver.md, "Measured constants".
 """
 
 FLOPS_PER_ENTRY_READ = 32

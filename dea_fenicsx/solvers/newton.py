@@ -23,7 +23,7 @@ RAMP_SOLVE_TOLERANCE = 3e-4
 """Relative tolerance of each linear solve on a ramp.
 
 It is constant, because the residual of a bending part does not fall steadily.  See "Measured
-choices of the solver" in docs/theory.md.
+constants" in docs/developers/solver.md.
 """
 
 FINAL_SOLVE_SHARE = 0.1

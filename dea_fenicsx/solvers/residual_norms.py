@@ -28,7 +28,7 @@ CHARGE_ROUNDING = 100 * np.finfo(float).eps
 A potential is stored with the relative precision eps, and charges come from differences of
 potential between neighbouring nodes of a cell.  The largest charges belong to a potential that
 changes its sign from node to node, so rounding leaves a few eps times these charges.  The measured
-values are in docs/theory.md, "Measured choices of the solver".
+values are in docs/developers/solver.md, "Measured constants".
 """
 
 FED_SHARE = 0.1

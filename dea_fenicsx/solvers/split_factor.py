@@ -35,15 +35,15 @@ from dea_fenicsx.support.petsc_objects import PetscObjects
 BULK_OVER_SHEAR_MODULUS = 50.0
 """Bulk modulus of incompressible regions in the preconditioner, in units of the shear modulus.
 
-A much larger one needs more digits than single precision has.  See "Measured choices of the solver"
-in docs/theory.md.
+A much larger one needs more digits than single precision has.  See "Measured constants" in
+docs/developers/solver.md.
 """
 
 LOW_RANK_TOLERANCE = 1e-7
 """Error of the low-rank blocks of a split factor, relative to the norm of the matrix.
 
-On two ranks a larger error costs many Krylov iterations.  See "Measured choices of the solver" in
-docs/theory.md.
+On two ranks a larger error costs many Krylov iterations.  See "Measured constants" in
+docs/developers/solver.md.
 """
 
 LOW_RANK_FROM_UNKNOWNS = 60_000
