@@ -1,8 +1,9 @@
 """Free stack of round layers with full electrodes under voltage (DDEA, Park 2019, 4.3.2).
 
-Every layer of such a stack is in the same homogeneous state.  So a short column stands for the whole
-stack, and its state is known exactly.  The layers are traced through pull-in in the full field.
-They are also pressed by the Maxwell pressure, in the ways that give the voltages of the thesis.
+Every layer of such a stack is in the same homogeneous state.  So a short column stands for the
+whole stack, and its state is known exactly.  The layers are traced through pull-in in the full
+field.  They are also pressed by the Maxwell pressure, in the ways that give the voltages of the
+thesis.
 
 Run it with `mpirun -n 2 python demos/ddea_stack.py`.
 """

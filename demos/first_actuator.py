@@ -1,9 +1,9 @@
 """Tutorial: the first actuator, a strip of two layers that bends under voltage.
 
 A strip has two layers of silicone and is clamped at one end.  One layer lies between electrodes.
-The field squeezes this active layer, so that it grows longer.  The passive layer does not follow, so
-the strip bends away from the active side.  For small voltages, beam theory gives the curvature of
-two equal layers, each with the thickness h:
+The field squeezes this active layer, so that it grows longer.  The passive layer does not follow,
+so the strip bends away from the active side.  For small voltages, beam theory gives the curvature
+of two equal layers, each with the thickness h:
 
     curvature = 3/4 e/h,     e = eps (V/h)^2 / (4 mu),
 

@@ -1,8 +1,9 @@
 """Fit every elastic model to Treloar's 1944 data: uniaxial, planar and equi-biaxial at once.
 
-This is the standard test of a rubber model: three kinds of loading of one vulcanised natural rubber.
-The data are those of Treloar, Trans. Faraday Soc. 40 (1944) 59, as digitised in fit_rubber_data.
-Read your own data with `dea.materials.read_data`, or put arrays into `dea.materials.TestData`.
+This is the standard test of a rubber model: three kinds of loading of one vulcanised natural
+rubber.  The data are those of Treloar, Trans. Faraday Soc. 40 (1944) 59, as digitised in
+fit_rubber_data.  Read your own data with `dea.materials.read_data`, or put arrays into
+`dea.materials.TestData`.
 """
 
 import json

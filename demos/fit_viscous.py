@@ -2,9 +2,10 @@
 
 The data in fit_viscous_data are those of Hossain et al. 2012: uniaxial loading and unloading at
 0.01, 0.03 and 0.05 /s.  The demo prints and draws the errors of three sets of constants.  The first
-set is that of Wang et al. 2016 (the preset `vhb4910-wang2016-viscous`).  The second set is fitted to
-all tests.  The third set is fitted to the tests at 0.01 and 0.05 /s, and predicts the one at 0.03 /s.
-For your own data use `dea.materials.RateData`: it takes relaxation and any test of known stretch.
+set is that of Wang et al. 2016 (the preset `vhb4910-wang2016-viscous`).  The second set is fitted
+to all tests.  The third set is fitted to the tests at 0.01 and 0.05 /s, and predicts the one at
+0.03 /s.  For your own data use `dea.materials.RateData`: it takes relaxation and any test of known
+stretch.
 """
 
 import json

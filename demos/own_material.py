@@ -1,7 +1,7 @@
 """Tutorial: a material of your own.
 
-A material is an energy and a few facts about it.  Stress, tangent and limits follow from them.  Here
-the energy is the I1 model of Lopez-Pamies (C. R. Mecanique 338 (2010) 3), with n = 1:
+A material is an energy and a few facts about it.  Stress, tangent and limits follow from
+them.  Here the energy is the I1 model of Lopez-Pamies (C. R. Mecanique 338 (2010) 3), with n = 1:
 
     W = 3^(1 - a)/(2 a) mu (I1^a - 3^a)
 

@@ -45,8 +45,8 @@ SHORTEST_ARC = 2.0**-12
 BRANCH_SOLVE_TOLERANCE = 1e-6
 """Relative tolerance of the linear solves along a branch.
 
-The tolerance of a ramp would need twice as many Newton iterations here.  See "Measured constants" in
-docs/developers/solver.md.
+The tolerance of a ramp would need twice as many Newton iterations here.  See "Measured constants"
+in docs/developers/solver.md.
 """
 
 TANGENT_TOLERANCE = 1e-9
