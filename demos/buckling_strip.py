@@ -1,12 +1,12 @@
 """A thin strip between clamps buckles under voltage: bifurcation, null vector, both branches.
 
-Plane strain, both ends clamped.  The flat strip cannot deform; the field puts it under the
-compressive stress eps E^2, and it buckles at Euler's load,
+Both ends of the strip are clamped, and the strip is in plane strain.  The flat strip cannot deform.
+So the field puts it under the compressive stress eps E^2, and it buckles at Euler's load,
 
     eps E^2 = (4 pi^2/3) mu (h/L)^2,
 
 for a slender strip (bending stiffness 4 mu h^3/12).  The strip is traced to the bifurcation and
-then along the buckled branch; a ramp follows the flat branch beyond it.
+then along the buckled branch.  A ramp follows the flat branch beyond it.
 """
 
 from pathlib import Path

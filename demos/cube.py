@@ -1,7 +1,7 @@
 """A film element under equi-biaxial dead load and voltage (Park 2019, 3.3 and 3.4).
 
-A cube of neo-Hookean rubber is stretched by equal forces in its plane; the forces are held and a
-voltage is applied through the thickness.  Thesis eq 17 is the exact answer:
+A cube of neo-Hookean rubber is stretched by equal forces in its plane.  The forces are held, and a
+voltage is applied through the thickness.  Eq 17 of the thesis is the exact answer:
 
     lam P + eps (lam^2 V/T)^2 = mu (lam^2 - lam^-4),   P = mu (lam_0 - lam_0^-5)
 

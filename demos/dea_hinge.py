@@ -1,19 +1,22 @@
 """Stacked hinge (Park 2019, 5.3): three driven films on a PETG sheet, thinner along the fold.
 
-Full coupling up to 4 kV and on to pull-in, for both material sets of Table 5.2, in plane strain or
-generalised plane strain.  Beside it the thesis's way, eps (V/T)^2 with the undeformed thickness as
-a pressure on every film: by linear theory, and at large deflection.  There it goes wrong: the outer
-face of a curved film is longer than the inner one, so two equal pressures leave a resultant p t/R
-that the field's stress does not have, and the hinge buckles under it.  At small voltage the
-curvature is that of the multilayer closed form; blocked between two clamps the hinge pushes with
-eps E^2 times the films' thickness times the width.
+The coupled problem is solved up to 4 kV and on to pull-in, for both material sets of Table 5.2, in
+plane strain or generalised plane strain.  Beside it stands the way of the thesis: eps (V/T)^2 with
+the undeformed thickness is a pressure on every film, by linear theory and at large deflection.
 
-The films give way in many short waves at once, some of them at the free end, where the mesh must
-resolve the taper: with set G-K between 2281 and 2316 V on mesh 1 and 2359 and 2383 V on mesh 2,
-closed by then (180 degrees at 2.1 to 2.2 kV) and before the 4 kV of the thesis.
+At large deflection this way goes wrong.  The outer face of a curved film is longer than the inner
+one.  So two equal pressures leave a resultant p t/R that the field's stress does not have, and the
+hinge buckles under it.  At small voltage the curvature is that of the multilayer closed form.
+Blocked between two clamps, the hinge pushes with eps E^2 times the thickness of the films times the
+width.
 
-Moduli of PETG and electrodes, and all lengths, are missing in the thesis: they are options here.
-Panels that would touch go through each other.
+The films give way in many short waves at once.  Some of the waves are at the free end, where the
+mesh must resolve the taper.  With the set G-K this happens between 2281 and 2316 V on mesh 1, and
+between 2359 and 2383 V on mesh 2.  The hinge is closed by then (180 degrees at 2.1 to 2.2 kV), and
+the 4 kV of the thesis are not reached.
+
+The moduli of PETG and electrodes, and all lengths, are missing in the thesis, so they are options
+here.  Panels that would touch go through each other.
 """
 
 from pathlib import Path

@@ -1,10 +1,11 @@
 """Search for the helical actuator with the least voltage and the most strain (Park 2019, 4.4).
 
-NSGA-II on the analytic model inside Table 4.1's envelope, beside the exact front and the thesis's
-optimum (Table 4.2).  --fem reruns points of the front with finite elements.
+NSGA-II searches with the analytic model, inside the envelope of Table 4.1.  The result is compared
+with the exact front and with the optimum of the thesis (Table 4.2).  --fem computes points of the
+front again with finite elements.
 
-The thesis does not print its material; an effective neo-Hookean modulus is assumed with which
-Table 4.2's 14.5 % take its 8.90 kV.  --material takes any preset instead.
+The thesis does not print its material.  The demo assumes an effective neo-Hookean modulus, with
+which the 14.5 % of Table 4.2 take the 8.90 kV of that table.  --material takes any preset instead.
 """
 
 import csv

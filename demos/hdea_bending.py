@@ -1,7 +1,7 @@
 """Helical actuator that bends: electrodes over one half only (Park 2019, 4.3.3).
 
 Every layer of the driven half thins, so the end face tilts and the actuator shortens.  Under a
-given pressure the curvature has a closed form; under voltage the field is solved in full.
+given pressure the curvature has a closed form.  Under voltage the field is solved in full.
 
 Run it with `mpirun -n 2 python demos/hdea_bending.py`.
 """

@@ -1,12 +1,12 @@
 """Helically periodic cell of the HDEA: one pitch of its cross-section for any number of turns.
 
-Axial stretch and twist are unknowns of the cell, free here: the middle of a long actuator under
-voltage.  The cross-section is that of `hdea_two_turn.py`.
+Axial stretch and twist are unknowns of the cell.  They are free here, so the cell is the middle of
+a long actuator under voltage.  The cross-section is that of `hdea_two_turn.py`.
 
-Run it with `mpirun -n 2 python demos/hdea_helical_cell.py`; --linear adds the linear benchmarks,
---loads the same scene under three kinds of load, --force blocked force and stiffness, --pull-in
-follows the branch from the ramp's end by arc length, --edges does so on several meshes and with
-three kinds of electrode edge.
+Run it with `mpirun -n 2 python demos/hdea_helical_cell.py`.  --linear adds the linear benchmarks.
+--loads adds the same scene under three kinds of load.  --force adds the blocked force and the
+stiffness.  --pull-in follows the branch from the end of the ramp by arc length.  --edges does so on
+several meshes, with three kinds of electrode edge.
 """
 
 import csv

@@ -1,8 +1,8 @@
 """One ring layer of the helical actuator under 4 to 40 kPa on its electrodes (Park 2019, 4.3.3).
 
-Free, the layer is in a homogeneous state and follows the analytic model.  On a rigid base the
-rubber can't flow sideways there: under a flat plate the stiffness is that of the shape factor,
-E = 4 mu (1 + S^2); under a soft electrode the edges are squeezed and the middle hardly moves.
+A free layer is in a homogeneous state and follows the analytic model.  On a rigid base the rubber
+cannot flow sideways.  Under a flat plate its stiffness is then that of the shape factor S,
+E = 4 mu (1 + S^2).  Under a soft electrode the edges are squeezed, and the middle hardly moves.
 
 Run it with `mpirun -n 2 python demos/hdea_single_layer.py`.
 """

@@ -1,11 +1,11 @@
 """Ten-layer helical actuator under voltage (Park 2019, 4.3.3), beside its helically periodic cell.
 
-The thesis has ten layers and a height of 16.5 mm, which do not agree: ten turns of 1.1 mm are
-12.1 mm high (with the last one's end), 16.5 mm are 15 pitches, --turns 14.
+The thesis has ten layers and a height of 16.5 mm, and these do not agree.  Ten turns of 1.1 mm are
+12.1 mm high, with the end of the last one.  A height of 16.5 mm means 15 pitches, --turns 14.
 
-Run it with `mpirun -n 2 python demos/hdea_ten_layer.py`; --reach goes on to the thesis's 13 % or to
-pull-in, --blocked adds blocked force and stiffness.  --table, without mpirun, measures how cost
-grows with turns and ranks.
+Run it with `mpirun -n 2 python demos/hdea_ten_layer.py`.  --reach continues to the 13 % of the
+thesis or to pull-in.  --blocked adds the blocked force and the stiffness.  --table, without mpirun,
+measures how the cost grows with turns and ranks.
 """
 
 import csv

@@ -1,9 +1,10 @@
 """The spiral box moved by its hinges (Park 2019, 5.3, Table 5.3, chapter 6), in closed form.
 
-The printed angles are the hinge law, or those of a file (`--law`).  Beside the printed heights,
-which are proportional to the angle: rigid panels that tilt, and those of a Kresling storey, which
-turns as it sinks.  Beside the printed forces: an ideal film that may not stretch, for any number of
-layers, of the four cells of a storey and of any number of storeys.
+The law of the hinges consists of the printed angles, or of those of a file (`--law`).  The printed
+heights are proportional to the angle.  They are compared with rigid panels that tilt, and with the
+panels of a Kresling storey, which turns as it sinks.  The printed forces are compared with an ideal
+film that may not stretch, for any number of layers.  The forces are also those of the four cells of
+a storey, and of any number of storeys.
 """
 
 import csv

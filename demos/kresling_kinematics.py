@@ -1,7 +1,8 @@
 """The Kresling spiral box as a linkage (Park 2019, 5.2.1): figure 5.2, each way to read it.
 
-Heights without strain, barrier, snap forces, strokes, and the crease pattern to cut.  The thesis
-gives k = 17 without a unit; lbf/in is assumed, as only this gives its 2 to 2.5 lbf.
+The demo computes the heights without strain, the barrier, the snap forces, the strokes, and the
+crease pattern to cut.  The thesis gives k = 17 without a unit.  The demo assumes lbf/in, because
+only this unit gives the 2 to 2.5 lbf of the thesis.
 """
 
 import csv

@@ -1,7 +1,8 @@
 """One layer under a given live pressure on its electrodes (SLDEA, Park 2019, 4.3.2 and 4.3.3).
 
-A round layer with full electrodes is pressed by the true pressure p = eps E^2 and free at its rim:
-a homogeneous state, known exactly.  The thesis's pressures are in kN/m^2, whatever it prints.
+A round layer with full electrodes is pressed by the true pressure p = eps E^2, and it is free at
+its rim.  Its state is homogeneous and known exactly.  The thesis prints its pressures in N/m^2, but
+they are in kN/m^2.
 
 Run it with `mpirun -n 2 python demos/sldea.py`.
 """

@@ -1,9 +1,12 @@
 """The smooth fold in place of a crease, its stiffeners, and the box folding (Park 2019, 5.4.3).
 
-The four points of the fold with the thesis's numbers and with its own cell, the width that panels
-of a given thickness need, the pattern to cut with the folds or the panels between them as
-stiffeners, and the storey with its smooth folds closing, for ParaView: rigid panels, from the open
-box to where panels meet.
+The demo computes four things:
+
+1. the four points of the fold, with the numbers of the thesis and with those of its own cell;
+2. the width that panels of a given thickness need;
+3. the pattern to cut, with the folds or the panels between them as stiffeners;
+4. the storey that closes with its smooth folds, for ParaView: its panels are rigid, and move from
+   the open box to where they meet.
 """
 
 import json

@@ -1,8 +1,9 @@
 """Speed against error: the stroke of a long helical actuator by formula, as rings and as a helix.
 
-One quantity, several fidelities, several meshes: which choice reaches 1 %, 0.1 % or 0.01 % first?
-The analytic helicoid presses the electrodes' area alone; rings leave the pitch out; the helically
-periodic cell is the reference.  The actuator is that of `hdea_two_turn.py`, of any length.
+One quantity is computed with several fidelities on several meshes.  Which choice reaches 1 %, 0.1 %
+or 0.01 % first?  The analytic helicoid presses the area of the electrodes alone.  Rings leave the
+pitch out.  The helically periodic cell is the reference.  The actuator is that of
+`hdea_two_turn.py`, and it may have any length.
 
 Run it with `python demos/speed_vs_error.py`; it writes speed_vs_error.csv and a picture of it.
 """

@@ -1,16 +1,17 @@
 """Pre-stretched VHB film with a Mylar strip on the smooth fold (Park 2019, 5.4 to 5.6).
 
-The film is stretched from 1 x 1 in and then stiffened: its mesh shows the stretched state.
+The film is stretched from 1 x 1 in and then stiffened.  So its mesh shows the stretched state.
 
-1. Without stiffener: voltage against strain on the exact curve, each model of Table 5.5, the width
-   held and (where the case has a second load) both sides under dead loads; loss of tension.
+1. Without a stiffener: the voltage over the strain is compared with the exact curve, for each model
+   of Table 5.5.  The width is held, and where the case has a second load, both sides are also put
+   under dead loads.  The loss of tension is found.
 2. With the strip p1 p2 p3 p4, flat: the voltage for a strain rises, within the rule of mixtures.
-3. Bending by a strip that lies off the middle, in a section across the fold: the angle of each of
-   32 elements and of the whole, tip displacement; a full-width stiffener against exact finite
-   bending.
+3. Bending by a strip that lies off the middle, in a section across the fold: the demo gives the
+   angle of each of 32 elements and of the whole, and the displacement of the tip.  A stiffener of
+   full width is compared with exact finite bending.
 
-The thesis gives no thickness of film and stiffener, no offset and no permittivity: all are options,
-and `--study` shows what they do to the bending.
+The thesis gives no thickness of film and stiffener, no offset and no permittivity.  All of these
+are options, and `--study` shows what they do to the bending.
 """
 
 from pathlib import Path

@@ -4,8 +4,8 @@ A square film is stretched equally along both axes and held at its rim.  It goes
 
     eps E^2 = mu (lam^2 - lam^-4),
 
-and, having some thickness, buckles a little later into its first wrinkle: both are events of the
-path, and the null vector of the second is drawn.
+and a little later it buckles into its first wrinkle, because it has some thickness.  Both are
+events of the path, and the null vector of the second one is drawn.
 """
 
 from pathlib import Path
