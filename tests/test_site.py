@@ -20,8 +20,11 @@ from conftest import ROOT
 
 DOCS = ROOT / "docs"
 DEMOS = ROOT / "demos"
-sys.path.append(str(DOCS))
+sys.path += [str(DOCS), str(DOCS / "_ext")]
+import assembled_gallery  # noqa: E402
+import build  # noqa: E402
 import check  # noqa: E402
+import public_names  # noqa: E402
 
 TOOLS = ("sphinx", "furo", "myst_parser")
 WIDTHS = (1200, 380)
@@ -102,6 +105,43 @@ def test_a_word_that_is_not_found_is_told(small):
 
 
 # ---- sources of the site -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("link, expected", [
+    ("[a](guide.md)", "[a](../guide.md)"),  # of the same folder, which becomes the top
+    ("[a](theory.md#elements)", "[a](../theory.md#elements)"),
+    ("[a](../../demos/cube.py)", "[a](../gallery/cube.md)"),
+    ("[a](../../LICENSE)", "`a`"),  # a file that is no page
+    ("[a](https://x.org/y.md)", "[a](https://x.org/y.md)"),
+    ("[a](#here)", "[a](#here)"),
+    ("![a](pictures/helix.png)", "![a](../pictures/helix.png)"),
+    ("```sh\n[a](guide.md)\n```", "```sh\n[a](guide.md)\n```"),  # code stays
+])  # fmt: skip
+def test_links_lead_to_the_pages_of_the_site(tmp_path, link, expected):
+    page = ROOT / "dea_fenicsx" / "docs" / "scripts.md"
+    pages = build.site_pages()
+    assert build.with_site_links(link, page, "deep/scripts.md", pages, tmp_path) == expected
+    assert (tmp_path / "pictures" / "helix.png").is_file() == link.startswith("!")
+
+
+def test_signs_of_markup_in_a_docstring_stay_as_they_are():
+    given = ["The energy |F P|^2 of **kwargs, `size`^2 of ``a*b``:", "", "    W = |F|^2 * mu", ""]
+    assert public_names.plain(given) == [
+        r"The energy \|F P\|^2 of \*\*kwargs, `size`\ ^2 of ``a*b``:", "", "::", "",
+        "    W = |F|^2 * mu", "",
+    ]  # fmt: skip
+
+
+def test_formulas_in_the_words_of_a_demo_become_blocks():
+    text = "The stretch is a_b*c:\n\n    l = a^2,\n    b = 1\n\nSee `x_y`."
+    assert assembled_gallery.as_markdown(text) == (
+        "The stretch is a\\_b\\*c:\n\n```text\nl = a^2,\nb = 1\n```\n\nSee `x_y`."
+    )
+
+
+def test_every_demo_is_in_one_group_of_the_gallery():
+    listed = [name for names in assembled_gallery.groups(DEMOS).values() for name in names]
+    assert sorted(listed) == sorted(file.name for file in DEMOS.glob("*.py"))
 
 
 def test_every_kept_picture_has_its_demo_and_its_commit():
