@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.currents import ChargeLoss, Current
     from dea_fenicsx.measure.energy import Dissipation, Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
+    from dea_fenicsx.measure.line import AlongLine, Curvature
     from dea_fenicsx.measure.observables import (
         Area,
         Capacitance,
@@ -64,6 +65,7 @@ if TYPE_CHECKING:
         Potential,
         Reaction,
     )
+    from dea_fenicsx.measure.over_region import CentreOfMass, Expression, OverRegion
     from dea_fenicsx.measure.point import AtPoint
     from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
@@ -153,6 +155,8 @@ _HOME = {
     "results.reading": ("read_history", "read_summary"),
     "measure.currents": ("ChargeLoss", "Current"),
     "measure.energy": ("Dissipation", "Energy"),
+    "measure.line": ("AlongLine", "Curvature"),
+    "measure.over_region": ("CentreOfMass", "Expression", "OverRegion"),
     "measure.point": ("AtPoint",),
     "measure.rigid_part": ("PartRotation",),
     "measure.rotation": ("BendingAngle", "Rotation"),
