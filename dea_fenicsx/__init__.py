@@ -70,6 +70,8 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.mesh.device import Device, read_gmsh
+    from dea_fenicsx.mesh.from_dolfinx import from_dolfinx
+    from dea_fenicsx.mesh.places import InBox, InCylinder, Interior, OnCylinder, OnPlane
     from dea_fenicsx.path.items import Close, March, Open, Ramp, Trace
     from dea_fenicsx.results.folder import Run
     from dea_fenicsx.results.per_turn import per_turn
@@ -145,6 +147,8 @@ _HOME = {
         "Ogden", "ViscousBranch", "Yeoh",
     ),
     "mesh.device": ("Device", "read_gmsh"),
+    "mesh.from_dolfinx": ("from_dolfinx",),
+    "mesh.places": ("InBox", "InCylinder", "Interior", "OnCylinder", "OnPlane"),
     "measure.observables": (
         "Area", "Capacitance", "Charge", "Contraction", "LargestDisplacement", "MeanDisplacement",
         "MeanStretch", "Potential", "Reaction",

@@ -61,6 +61,12 @@ def recorded(kind):
     return lambda **given: solve(record={"it": kind(**given)})
 
 
+def placed(kind):
+    """Name a surface by its place."""
+    square = BoxStack(1e-3, None, [Layer("film", 1e-3)])
+    return lambda **given: dea.read_gmsh(square, MPI.COMM_SELF, surfaces={"new": kind(**given)})
+
+
 def driven(kind):
     return lambda **given: solve(path=dea.March(1.0, {"voltage": kind(**given)}))
 
@@ -176,6 +182,11 @@ FIELDS = {
     dea.AlongLine: (recorded(dea.AlongLine),
                     dict(start=(0.0, 5e-4), end=(1e-3, 5e-4), what="stretch")),
     dea.Curvature: (recorded(dea.Curvature), dict(start=(0.0, 5e-4), end=(1e-3, 5e-4))),
+    dea.OnPlane: (placed(dea.OnPlane), dict(axis="x", at=0.0)),
+    dea.InBox: (placed(dea.InBox), dict(low=(0.0, 0.0), high=(1e-3, 1e-3))),
+    dea.OnCylinder: (placed(dea.OnCylinder), dict(radius=5e-4)),
+    dea.InCylinder: (placed(dea.InCylinder), dict(radius=5e-3)),
+    dea.Interior: (placed(dea.Interior), {}),
     dea.PartRotation: (recorded(dea.PartRotation), dict(where="top")),
     geometry.Layer: (geometry.Layer, dict(name="film", thickness=1e-3)),
     geometry.BoxStack: (BoxStack, dict(length=1e-3, width=1e-3, layers=[Layer("film", 1e-3)])),
