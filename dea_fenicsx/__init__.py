@@ -66,6 +66,7 @@ if TYPE_CHECKING:
         Reaction,
     )
     from dea_fenicsx.measure.over_region import CentreOfMass, Expression, OverRegion
+    from dea_fenicsx.measure.periodic_force import PeriodicForce
     from dea_fenicsx.measure.point import AtPoint
     from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
@@ -100,6 +101,7 @@ if TYPE_CHECKING:
         FollowerPressure,
         Torque,
     )
+    from dea_fenicsx.scene.periodic import MeanStrain, Periodic
     from dea_fenicsx.scene.prescribed import (
         AxialStretch,
         Displacement,
@@ -128,6 +130,7 @@ _HOME = {
     "scene.taper": ("Taper",),
     "scene.elements": ("Discretisation",),
     "scene.loads": ("AxialForce", "DeadLoad", "DeadPressure", "FollowerPressure", "Torque"),
+    "scene.periodic": ("MeanStrain", "Periodic"),
     "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),
     "scene.rigid": ("Moment", "Rigid", "Turn"),
     "scene.sources": ("Source",),
@@ -161,6 +164,7 @@ _HOME = {
     "measure.energy": ("Dissipation", "Energy"),
     "measure.line": ("AlongLine", "Curvature"),
     "measure.over_region": ("CentreOfMass", "Expression", "OverRegion"),
+    "measure.periodic_force": ("PeriodicForce",),
     "measure.point": ("AtPoint",),
     "measure.rigid_part": ("PartRotation",),
     "measure.rotation": ("BendingAngle", "Rotation"),

@@ -182,6 +182,16 @@ FIELDS = {
     dea.AlongLine: (recorded(dea.AlongLine),
                     dict(start=(0.0, 5e-4), end=(1e-3, 5e-4), what="stretch")),
     dea.Curvature: (recorded(dea.Curvature), dict(start=(0.0, 5e-4), end=(1e-3, 5e-4))),
+    dea.Periodic: (lambda **g: scene(supports=[dea.Clamp("bottom"), dea.Periodic(**g)]),
+                   dict(first="x_min", second="x_max")),
+    dea.MeanStrain: (
+        lambda **g: scene(supports=[dea.Fix("bottom", "y"), dea.Periodic("x_min", "x_max")],
+                          prescribed=[dea.MeanStrain(**g)]),
+        dict(between=("x_min", "x_max"), axis="x", strain=0.1)),
+    dea.PeriodicForce: (
+        lambda **g: solve(record={"it": dea.PeriodicForce(**g)}, changes={
+            "supports": [dea.FreeBody(), dea.Periodic("x_min", "x_max")]}),
+        dict(between=("x_min", "x_max"), axis="x")),
     dea.OnPlane: (placed(dea.OnPlane), dict(axis="x", at=0.0)),
     dea.InBox: (placed(dea.InBox), dict(low=(0.0, 0.0), high=(1e-3, 1e-3))),
     dea.OnCylinder: (placed(dea.OnCylinder), dict(radius=5e-4)),
