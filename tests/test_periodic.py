@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0
+from dea_fenicsx.support.compat import dolfinx
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 MU, EPS_R, L = 5e4, 3.0, 1e-3
@@ -206,6 +207,58 @@ def test_a_charged_film_repeats():
     assert run["q_C"] == pytest.approx(charge, rel=1e-9)
 
 
+# ------------------------------------------------------------------------- reactions and volumes
+
+
+def test_reactions_hold_the_whole_load():
+    """Nodes that follow bear their part: the bottom bears the top's load, the left the right's."""
+    device, p = block((2, 2)), 1e4
+    scene = dea.Scene(
+        device, {"film": FILM}, kinematics=dea.PlaneStrain(L),
+        supports=[SIDES[0], dea.Fix("bottom", "y"), dea.Fix("x_min", "x")],
+        loads=[dea.DeadLoad("top", (0.0, -p)), dea.DeadLoad("x_max", (2 * p, 0.0))],
+    )  # fmt: skip
+    run = solved(scene, {"y": dea.Reaction("bottom", "y"), "x": dea.Reaction("x_min", "x"),
+                         "far": dea.Reaction("x_max", "x")}, steps=2)  # fmt: skip
+    assert run["y_N"] == pytest.approx(p * L**2, rel=1e-9)
+    assert run["x_N"] == run["far_N"] == pytest.approx(-2 * p * L**2, rel=1e-9)
+
+
+def test_a_volume_that_cannot_be_kept_is_refused():
+    """An incompressible body without free surfaces cannot be stretched along one axis."""
+    scene = dea.Scene(
+        block((2, 2)), {"film": FILM}, kinematics=dea.PlaneStrain(L),
+        supports=[dea.Periodic(*X, free=""), dea.Periodic("bottom", "top", free=""),
+                  dea.FreeBody()],
+        prescribed=[dea.MeanStrain(X, "x", 0.1)],
+    )  # fmt: skip
+    with pytest.raises(dea.InputError, match=r"1\.1 times its volume"):
+        solved(scene)
+
+
+@pytest.mark.parametrize("kind", ["triangle", "tetrahedron"])
+def test_other_elements(kind):
+    """A free film of simplices, whose pressure is continuous and tied as well."""
+    cells = getattr(dolfinx.mesh.CellType, kind)
+    if kind == "triangle":
+        mesh = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, [[0, 0], [1, 1]], [2, 2], cells)
+        kinematics, axes, power = dea.PlaneStrain(L), "xy", 3
+    else:
+        mesh = dolfinx.mesh.create_box(MPI.COMM_SELF, [[0] * 3, [1] * 3], [1, 1, 1], cells)
+        kinematics, axes, power = dea.ThreeD(), "xyz", 5
+    faces = {f"{a}_{k}": dea.OnPlane(a, k * L) for a in axes for k in (0, 1)}
+    device = dea.from_dolfinx(mesh, regions="film", surfaces=faces, unit=L)
+    lam, last = 1.05, axes[-1]
+    volts = L * np.sqrt(MU * (lam - lam**-power) / (EPS_R * EPSILON_0 * lam ** (power - 2)))
+    scene = dea.Scene(
+        device, {"film": FILM}, [dea.Electrode(f"{last}_1", volts), dea.Ground(f"{last}_0")],
+        [*(dea.Periodic(f"{a}_0", f"{a}_1") for a in axes[:-1]), dea.FreeBody()], (), (),
+        kinematics,
+    )  # fmt: skip
+    run = solved(scene, {"x": dea.MeanStretch(("x_0", "x_1"), "x")})
+    assert run["x"] == pytest.approx(lam, rel=1e-9)
+
+
 # --------------------------------------------------------------------------------- paths and ranks
 
 
@@ -244,6 +297,8 @@ def test_values_do_not_depend_on_ranks(on_ranks, ranks):
     ({"prescribed": [dea.MeanStrain(("x_min", "x_max"), "x", 0.1)], "supports": [
         SIDES[0], dea.Fix("x_min", "x"), dea.Fix("x_max", "x"), dea.Fix("bottom", "y")]},
      "held along x at different values"),
+    ({"supports": [dea.Periodic(*X, free=""), dea.Rigid("top"), dea.Fix("bottom", "xy")]},
+     "share nodes with a rigid part"),
     ({"prescribed": [dea.MeanStrain(("x_max", "x_min"), "x", 0.1)]}, "which are no periodic faces"),
     ({"prescribed": 2 * [dea.MeanStrain(("x_min", "x_max"), "x", 0.1)]}, "prescribed twice"),
     ({"prescribed": [dea.MeanStrain(("x_min", "x_max"), "z", 0.1)]}, "axis of MeanStrain"),

@@ -120,6 +120,7 @@ class Conditions:
         ]
         self.groups += self.ties.groups(values.fixed)
         fixed = values.fixed[: space.owned]
+        self.ties.refuse_shared(self.rigid.followers(space.owned))
         self.ties.leave_out(self._grouped(space.owned))
         follower = followers(self.groups, self.pairs, fixed) | self.rigid.followers(space.owned)
         follower |= self.ties.followers(space.owned)

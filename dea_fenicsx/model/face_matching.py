@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,36 @@ from dea_fenicsx.support.errors import InputError
 
 MATCH_TOLERANCE = 1e-6
 """Largest distance of two nodes that are the same place, as a share of the device's extent."""
+
+
+@dataclass(frozen=True)
+class Faces:
+    """A pair of faces: their declaration, the axis and the length of the period, the unknowns d.
+
+    `unknowns` are the local degrees of freedom of d along each axis: one constant a cell, all
+    alike.
+    """
+
+    told: PeriodicFaces
+    axis: int
+    length: float
+    unknowns: tuple[np.ndarray, ...]
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Pairs of degrees of freedom by number, the same on all ranks.
+
+    In the order of the attributes: their numbers on the first and on the second face, the number of
+    the pair of faces, that of the displacement component (-1 for another field), and the
+    dimensionless position on the second face, shape (pairs, 3).
+    """
+
+    masters: np.ndarray
+    slaves: np.ndarray
+    faces: np.ndarray
+    axes: np.ndarray
+    x: np.ndarray
 
 
 class Matched(NamedTuple):

@@ -15,7 +15,6 @@ All of this is linear, so that an increment of the unknowns keeps it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.face_matching import classes, matched
+from dea_fenicsx.model.face_matching import Faces, Matches, classes, matched
 from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.tied_unknowns import Group, Rows
 from dea_fenicsx.scene.kinematics_base import Kinematics
@@ -32,36 +31,6 @@ from dea_fenicsx.support.errors import InputError
 
 EQUAL = 1e-9
 """Dimensionless values that differ by less are equal but for rounding errors."""
-
-
-@dataclass(frozen=True)
-class _Faces:
-    """A pair of faces: their declaration, the axis and the length of the period, the unknowns d.
-
-    `unknowns` are the local degrees of freedom of d along each axis: one constant a cell, all
-    alike.
-    """
-
-    told: PeriodicFaces
-    axis: int
-    length: float
-    unknowns: tuple[np.ndarray, ...]
-
-
-@dataclass(frozen=True)
-class _Matches:
-    """Pairs of degrees of freedom by number, the same on all ranks.
-
-    In the order of the attributes: their numbers on the first and on the second face, the number of
-    the pair of faces, that of the displacement component (-1 for another field), and the
-    dimensionless position on the second face, shape (pairs, 3).
-    """
-
-    masters: np.ndarray
-    slaves: np.ndarray
-    faces: np.ndarray
-    axes: np.ndarray
-    x: np.ndarray
 
 
 class PeriodicTies:
@@ -100,20 +69,20 @@ class PeriodicTies:
         parts: Sequence[Component], fields: Mapping[str, Mapping[str, Component]], rows: Rows,
     ) -> None:  # fmt: skip
         self._rows, self._axes = rows, axes
-        self.faces: list[_Faces] = []
+        self.faces: list[Faces] = []
         found: list[list[np.ndarray]] = []
         for k, told in enumerate(declared):
             period, pairs = matched(told, device, parts, rows)
             along = int(np.argmax(np.abs(period)))
             unknowns = tuple(part.dofs for part in fields[told.field].values())
-            self.faces.append(_Faces(told, along, float(period[along]), unknowns))
+            self.faces.append(Faces(told, along, float(period[along]), unknowns))
             for c, (masters, slaves, x) in enumerate(pairs):
                 same = np.ones(len(masters), dtype=np.int64)
                 axis = c if c < len(axes) else -1
                 found.append([masters, slaves, k * same, axis * same, x])
         none = np.empty(0, dtype=np.int64)
         found = found or [[none, none, none, none, np.empty((0, 3))]]
-        self.matches = _Matches(*map(np.concatenate, zip(*found, strict=True)))
+        self.matches = Matches(*map(np.concatenate, zip(*found, strict=True)))
         self.leaders = self.members = np.empty(0, dtype=np.int64)
         self._member_axes, self._offsets = self.leaders, np.empty((0, len(self.faces)))
         self._follows = self._led_by_fixed = np.empty(0, dtype=bool)
@@ -208,7 +177,8 @@ class PeriodicTies:
         along = f" along {self._axes[axis]}" if axis >= 0 else ""
         raise InputError(
             f"The periodic faces {told.first!r} and {told.second!r} are held{along} {how} their "
-            f"mean strain{along}; hold one of them, or prescribe the strain by MeanStrain."
+            f"mean strain{along}; hold one of them, leave the axis out of free=, or give a "
+            "MeanStrain."
         )
 
     def _led(self, array: np.ndarray) -> np.ndarray:
@@ -284,6 +254,23 @@ class PeriodicTies:
         ))  # type: ignore[return-value]  # fmt: skip
 
     # ---------------------------------------------------------------- what follows
+
+    def refuse_shared(self, others: np.ndarray) -> None:
+        """Raise InputError if a node of the faces follows anything else, too.  Collective.
+
+        Parameters
+        ----------
+        others
+            Mask of the owned degrees of freedom that follow rigid parts.
+        """
+        for numbers in (self.matches.masters, self.matches.slaves):
+            shared = self._rows.fetch(others, numbers) if self.faces else np.zeros(0, dtype=bool)
+            if np.any(shared):
+                told = self.faces[self.matches.faces[np.argmax(shared)]].told
+                raise InputError(
+                    f"The periodic faces {told.first!r} and {told.second!r} share nodes with a "
+                    "rigid part; a node can follow one of them only."
+                )
 
     def leave_out(self, grouped: np.ndarray) -> None:
         """Let members follow no leader that are tied to others in groups.  Collective.
