@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.currents import ChargeLoss, Current
     from dea_fenicsx.measure.energy import Dissipation, Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
+    from dea_fenicsx.measure.line import AlongLine, Curvature
     from dea_fenicsx.measure.observables import (
         Area,
         Capacitance,
@@ -64,10 +65,14 @@ if TYPE_CHECKING:
         Potential,
         Reaction,
     )
+    from dea_fenicsx.measure.over_region import CentreOfMass, Expression, OverRegion
+    from dea_fenicsx.measure.periodic_force import PeriodicForce
     from dea_fenicsx.measure.point import AtPoint
     from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.mesh.device import Device, read_gmsh
+    from dea_fenicsx.mesh.from_dolfinx import from_dolfinx
+    from dea_fenicsx.mesh.places import InBox, InCylinder, Interior, OnCylinder, OnPlane
     from dea_fenicsx.path.items import Close, March, Open, Ramp, Trace
     from dea_fenicsx.results.folder import Run
     from dea_fenicsx.results.per_turn import per_turn
@@ -96,6 +101,7 @@ if TYPE_CHECKING:
         FollowerPressure,
         Torque,
     )
+    from dea_fenicsx.scene.periodic import MeanStrain, Periodic
     from dea_fenicsx.scene.prescribed import (
         AxialStretch,
         Displacement,
@@ -124,6 +130,7 @@ _HOME = {
     "scene.taper": ("Taper",),
     "scene.elements": ("Discretisation",),
     "scene.loads": ("AxialForce", "DeadLoad", "DeadPressure", "FollowerPressure", "Torque"),
+    "scene.periodic": ("MeanStrain", "Periodic"),
     "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),
     "scene.rigid": ("Moment", "Rigid", "Turn"),
     "scene.sources": ("Source",),
@@ -143,6 +150,8 @@ _HOME = {
         "Ogden", "ViscousBranch", "Yeoh",
     ),
     "mesh.device": ("Device", "read_gmsh"),
+    "mesh.from_dolfinx": ("from_dolfinx",),
+    "mesh.places": ("InBox", "InCylinder", "Interior", "OnCylinder", "OnPlane"),
     "measure.observables": (
         "Area", "Capacitance", "Charge", "Contraction", "LargestDisplacement", "MeanDisplacement",
         "MeanStretch", "Potential", "Reaction",
@@ -153,6 +162,9 @@ _HOME = {
     "results.reading": ("read_history", "read_summary"),
     "measure.currents": ("ChargeLoss", "Current"),
     "measure.energy": ("Dissipation", "Energy"),
+    "measure.line": ("AlongLine", "Curvature"),
+    "measure.over_region": ("CentreOfMass", "Expression", "OverRegion"),
+    "measure.periodic_force": ("PeriodicForce",),
     "measure.point": ("AtPoint",),
     "measure.rigid_part": ("PartRotation",),
     "measure.rotation": ("BendingAngle", "Rotation"),

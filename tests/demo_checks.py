@@ -268,3 +268,18 @@ def check_crease(out, printed):
     assert s["end"] == "unloaded" and s["last_field"] == pytest.approx(0, abs=1e-12)
     assert s["largest_depth_m"] > 5 * abs(s["last_depth_m"])
     assert (out / "corner_voltage.png").exists()
+
+
+def check_minimum_energy(out, printed):
+    """The least energy of frame and film; by the film's force at small strain 26.96 1/m."""
+    s = summary(out)
+    assert s["closed_form_curvature_per_m"] == pytest.approx(26.8557, abs=1e-3)
+    assert abs(s["relative_difference"]) < 2e-3
+    assert abs(s["opened_relative_difference"]) < 2e-3
+    assert abs(s["released_energy_relative_difference"]) < 1e-4
+    assert s["opened_curvature_per_m"] < 0.8 * s["released_curvature_per_m"]
+    # an arc of 30 mm
+    turned = np.degrees(s["released_curvature_per_m"] * 30e-3)
+    assert s["released_bend_deg"] == pytest.approx(turned, rel=5e-3)
+    assert s["released_energy_J"] < s["flat_energy_J"]
+    assert "released it bends by" in printed

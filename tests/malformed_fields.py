@@ -61,6 +61,12 @@ def recorded(kind):
     return lambda **given: solve(record={"it": kind(**given)})
 
 
+def placed(kind):
+    """Name a surface by its place."""
+    square = BoxStack(1e-3, None, [Layer("film", 1e-3)])
+    return lambda **given: dea.read_gmsh(square, MPI.COMM_SELF, surfaces={"new": kind(**given)})
+
+
 def driven(kind):
     return lambda **given: solve(path=dea.March(1.0, {"voltage": kind(**given)}))
 
@@ -170,6 +176,27 @@ FIELDS = {
     dea.Energy: (recorded(dea.Energy), dict(what="elastic")),
     dea.AtPoint: (recorded(dea.AtPoint),
                   dict(point=(5e-4, 5e-4), what="displacement", axis="y")),
+    dea.OverRegion: (recorded(dea.OverRegion), dict(what="field")),
+    dea.Expression: (recorded(dea.Expression), dict(value=lambda at: at.J)),
+    dea.CentreOfMass: (recorded(dea.CentreOfMass), dict(axis="y")),
+    dea.AlongLine: (recorded(dea.AlongLine),
+                    dict(start=(0.0, 5e-4), end=(1e-3, 5e-4), what="stretch")),
+    dea.Curvature: (recorded(dea.Curvature), dict(start=(0.0, 5e-4), end=(1e-3, 5e-4))),
+    dea.Periodic: (lambda **g: scene(supports=[dea.Clamp("bottom"), dea.Periodic(**g)]),
+                   dict(first="x_min", second="x_max")),
+    dea.MeanStrain: (
+        lambda **g: scene(supports=[dea.Fix("bottom", "y"), dea.Periodic("x_min", "x_max")],
+                          prescribed=[dea.MeanStrain(**g)]),
+        dict(between=("x_min", "x_max"), axis="x", strain=0.1)),
+    dea.PeriodicForce: (
+        lambda **g: solve(record={"it": dea.PeriodicForce(**g)}, changes={
+            "supports": [dea.FreeBody(), dea.Periodic("x_min", "x_max")]}),
+        dict(between=("x_min", "x_max"), axis="x")),
+    dea.OnPlane: (placed(dea.OnPlane), dict(axis="x", at=0.0)),
+    dea.InBox: (placed(dea.InBox), dict(low=(0.0, 0.0), high=(1e-3, 1e-3))),
+    dea.OnCylinder: (placed(dea.OnCylinder), dict(radius=5e-4)),
+    dea.InCylinder: (placed(dea.InCylinder), dict(radius=5e-3)),
+    dea.Interior: (placed(dea.Interior), {}),
     dea.PartRotation: (recorded(dea.PartRotation), dict(where="top")),
     geometry.Layer: (geometry.Layer, dict(name="film", thickness=1e-3)),
     geometry.BoxStack: (BoxStack, dict(length=1e-3, width=1e-3, layers=[Layer("film", 1e-3)])),

@@ -202,6 +202,7 @@ EXAMPLES = {
     "Electrode": ("top", 5.0), "ThinFilm": ("film", 5.0, "voltage", (), 0.0, EDGE),
     "ChargedElectrode": ("top", 1e-9),
     "Source": ("top", 100.0),
+    "Periodic": ("x_min", "x_max"), "MeanStrain": (("x_min", "x_max"), "x", 0.1),
     "Rigid": ("x_max",), "Turn": ("x_max", 1.0), "Moment": ("x_max", 1.0),
 }  # fmt: skip
 

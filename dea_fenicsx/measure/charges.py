@@ -29,7 +29,7 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.tied_unknowns import columns, expansion
-from dea_fenicsx.scene.electrode_places import with_far_ends
+from dea_fenicsx.scene.electrode_places import joined_ends, with_far_ends
 from dea_fenicsx.scene.electrodes import Conducting
 from dea_fenicsx.scene.kinematics import cofactor
 from dea_fenicsx.solvers.factors import AMF, Mumps
@@ -260,7 +260,7 @@ def _cells_of(
     if electrode.fills_region:
         counted = set(electrode.names)
     else:
-        names = with_far_ends(device, electrode.names, scene.kinematics)
+        names = with_far_ends(device, electrode.names, joined_ends(scene))
         beside = regions_beside(device, names) if films else set()
         elsewhere = {name for film in films for name in film.names} - beside
         counted = set(device.regions) - elsewhere

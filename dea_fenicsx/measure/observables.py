@@ -181,7 +181,11 @@ class Reaction:
             member = np.zeros(problem.owned, dtype=bool)
             member[dofs] = True
             dofs = np.flatnonzero(problem.conditions.pairs.join(member))
-        dofs = dofs[problem.conditions.fixed_values.fixed[dofs]]
+        ties = problem.conditions.ties
+        if ties:  # a node of a periodic face bears what its partners bear, too
+            dofs = ties.widen(dofs)
+        held = problem.conditions.fixed_values.fixed[: problem.owned] | ties.held(problem.owned)
+        dofs = dofs[held[dofs]]
         if problem.comm.allreduce(len(dofs), op=MPI.SUM) == 0:
             raise InputError(
                 f"{label_of(self.where)!r} is not held along {self.axis}, so it has no reaction; "

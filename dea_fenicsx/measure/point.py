@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal, get_args
+from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 import ufl
 
 from dea_fenicsx.measure.observables import Measurement
+from dea_fenicsx.measure.quantity import (
+    UNITS,
+    Quantity,
+    axis_numbers,
+    check_field,
+    needs_field,
+)
 from dea_fenicsx.mesh.point_search import Place, place_of
 from dea_fenicsx.model.cell_values import evaluated_at
 from dea_fenicsx.model.components import Component
@@ -19,18 +26,6 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite, known, one_of
-
-Quantity = Literal["displacement", "potential", "pressure", "stretch", "stress", "field"]
-"""What can be measured at a point."""
-
-UNITS = {
-    "displacement": "m", "potential": "V", "pressure": "Pa", "stretch": "", "stress": "Pa",
-    "field": "V_per_m",
-}  # fmt: skip
-
-NUMBER_OF_AXES = {"displacement": 1, "potential": 0, "pressure": 0, "stretch": 1, "stress": 2,
-                  "field": 1}  # fmt: skip
-"""How many axes name a component."""
 
 NEARLY = 1e-6
 """Distance from the cells that counts as rounding, as a share of the device's largest extent."""
@@ -92,15 +87,8 @@ class AtPoint:
 
     def bind(self, problem: Problem) -> Measurement:
         indices = self._check(problem)
-        cells, where = self._cells(problem)
-        place = place_of(problem.scene.device, np.array(self.point, dtype=float), cells)
-        if place is None:
-            raise InputError(f"{self._told()} has no value: the scene has no {where}.")
-        if place.distance > NEARLY * problem.scene.device.length:
-            raise InputError(
-                f"{self._told()} is at a point {place.distance:.3g} m outside of the {where}; give "
-                "an undeformed position in metres inside of it."
-            )
+        point = np.array(self.point, dtype=float)
+        place = place_with(problem, point, self.what, self.region, self._told())
         if self.what in ("displacement", "potential"):
             return self._nodal(problem, place, indices)
         return self._derived(problem, place, indices)
@@ -125,38 +113,8 @@ class AtPoint:
             )
         if self.region is not None:
             known(self.region, problem.scene.materials, "region", "the scene")
-        if self.what in ("potential", "field") and problem.potential is None:
-            raise InputError(f"{self._told()} has no value: the scene has no electrodes.")
-        axes = kinematics.axes
-        if self.what != "displacement":
-            axes = "rtz" if kinematics.axis_of_rotation else "xyz"
-        count = NUMBER_OF_AXES[self.what]
-        given = self.axis or ""
-        if len(given) != count or any(a not in axes for a in given):
-            due = {0: "left out", 1: f"one of {', '.join(axes)}",
-                   2: f"two of {', '.join(axes)}, such as '{axes[0]}{axes[-1]}'"}  # fmt: skip
-            raise InputError(
-                f"The axis of AtPoint is {shown(self.axis)}, but for the {self.what} must be "
-                f"{due[count]}."
-            )
-        return [axes.index(a) for a in given]
-
-    def _cells(self, problem: Problem) -> tuple[np.ndarray, str]:
-        """The owned cells that come into question, and what they are in words."""
-        scene = problem.scene
-        device = scene.device
-        alive = dict.fromkeys(n for k in problem.kernels if k.eps is not None for n in k.regions)
-        names, where = list(scene.materials), "mesh"
-        if self.what in ("potential", "field"):
-            held = [name for e in scene.electrodes for name in e.names if name in device.regions]
-            names = [*alive, *(held if self.what == "potential" else [])]
-            where = "dielectrics" + (" and electrodes" if self.what == "potential" else "")
-        if self.region is not None:
-            where = f"region {self.region!r}" + (f" of {where}" if where != "mesh" else "")
-            names = [name for name in names if name == self.region]
-        found = [device.cells_of(name) for name in dict.fromkeys(names)]
-        cells = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *found]))
-        return cells[cells < device.owned_cells()], where
+        check_field(problem, self.what, self._told())
+        return axis_numbers(kinematics, self.what, self.axis, "AtPoint")
 
     def _nodal(self, problem: Problem, place: Place, axes: list[int]) -> Measurement:
         """A component of the displacement, or the potential, from the values at a cell's nodes."""
@@ -202,6 +160,69 @@ class AtPoint:
             return float(values[tuple(axes)]) * unit
 
         return _from_owner(problem, place, evaluate)
+
+
+def place_with(
+    problem: Problem, point: np.ndarray, what: str, region: str | None, told: str
+) -> Place:
+    """Where a quantity is measured.  Collective.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    point
+        Undeformed position in m, shape (dim,).
+    what, region
+        The quantity, and the region in whose cells alone it is looked for.
+    told
+        What is measured in words, for messages.
+
+    Raises
+    ------
+    InputError
+        If the point lies in no cell in which the quantity has a value.
+    """
+    cells, where = _cells_with(problem, what, region)
+    place = place_of(problem.scene.device, point, cells)
+    if place is None:
+        raise InputError(f"{told} has no value: the scene has no {where}.")
+    if place.distance > NEARLY * problem.scene.device.length:
+        raise InputError(
+            f"{told} is at a point {place.distance:.3g} m outside of the {where}; give an "
+            "undeformed position in metres inside of it."
+        )
+    kinematics = problem.scene.kinematics
+    on_axis = abs(point[0]) < NEARLY * problem.scene.device.length
+    return _off_axis(place) if kinematics.axis_of_rotation and on_axis else place
+
+
+def _off_axis(place: Place) -> Place:
+    """A place on the axis of rotation, moved by a millionth of its cell into the cell.
+
+    On the axis itself the hoop stretch u_r/r is 0/0.
+    """
+    dim = len(place.reference)
+    inside = np.full(dim, 1 / (dim + 1))  # a point within triangles, and within squares, too
+    return replace(place, reference=place.reference + 1e-6 * (inside - place.reference))
+
+
+def _cells_with(problem: Problem, what: str, region: str | None) -> tuple[np.ndarray, str]:
+    """The owned cells in which a quantity has a value, and what they are in words."""
+    scene = problem.scene
+    device = scene.device
+    alive = dict.fromkeys(n for k in problem.kernels if k.eps is not None for n in k.regions)
+    names, where = list(scene.materials), "mesh"
+    if needs_field(what):
+        held = [name for e in scene.electrodes for name in e.names if name in device.regions]
+        names = [*alive, *(held if what == "potential" else [])]
+        where = "dielectrics" + (" and electrodes" if what == "potential" else "")
+    if region is not None:
+        where = f"region {region!r}" + (f" of {where}" if where != "mesh" else "")
+        names = [name for name in names if name == region]
+    found = [device.cells_of(name) for name in dict.fromkeys(names)]
+    cells = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *found]))
+    return cells[cells < device.owned_cells()], where
 
 
 def _from_owner(problem: Problem, place: Place, evaluate: Callable[[], float]) -> Measurement:

@@ -29,6 +29,9 @@ from dea_fenicsx.support.validation import did_you_mean
 STEP_UNIT = 1e-3
 """Coordinates of a STEP file in m: gmsh reads it, whatever its own unit, in mm."""
 
+BODY = "body"
+"""The region of all cells of a mesh that names none."""
+
 Names = Mapping[str, str | Iterable[str]]
 _NO_NAME = "Open CASCADE STEP translator"  # what OpenCASCADE writes for a part without a name
 _KINDS = ("point", "curve", "surface", "volume")
@@ -289,6 +292,15 @@ def read_names(model: Any, label: str) -> tuple[dict[str, tuple[int, int]], int]
             )
         names[name] = (d, tag)
     return names, cell_dim
+
+
+def name_the_body(model: Any) -> None:
+    """Make all cells of a model the region ``"body"`` if no group of cells is named."""
+    types, _, _ = model.mesh.getElements()
+    dim = max((model.mesh.getElementProperties(t)[1] for t in types), default=0)
+    if dim >= 2 and not any(d == dim for d, _ in model.getPhysicalGroups()):
+        tag = model.addPhysicalGroup(dim, [tag for _, tag in model.getEntities(dim)])
+        model.setPhysicalName(dim, tag, BODY)
 
 
 def groups_of(model: Any, label: str) -> list[Group]:

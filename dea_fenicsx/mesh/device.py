@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,9 +13,10 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.geometry._gmsh import quality, start
-from dea_fenicsx.mesh.cad import Names, lengths, open_file, read_names
+from dea_fenicsx.mesh.cad import Names, lengths, name_the_body, open_file, read_names
 from dea_fenicsx.mesh.foreign.meshing import ABORT
 from dea_fenicsx.mesh.foreign.model import checked
+from dea_fenicsx.mesh.named_by_place import Named, Where, check_wanted, named_by_place
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import check_same, together
 from dea_fenicsx.support.errors import InputError, install_hook
@@ -122,6 +123,14 @@ class ReadingOptions(TypedDict, total=False):
     programs
         Whether a .geo file may run: it is a program, which can do all that its reader may.  By
         default it may, unless the environment variable DEA_FENICSX_NO_PROGRAMS is set.
+    surfaces
+        New surfaces by their places, as in ``{"root": OnPlane("x", 0.0)}`` or ``{"root": lambda x:
+        x[0] < 1e-6}``: the facets of the boundary whose midpoints lie there, in metres.  A place is
+        `OnPlane`, `InBox`, `OnCylinder` or `InCylinder`, also with ``&``, ``|`` and ``~`` between
+        them, a function of midpoints of shape (3, n) that returns n truth values, or a list of such
+        for their union.  `Interior` takes facets inside of the body.  A new surface may share
+        facets with others; its name must be new.  Where no region is named either, all cells are
+        the region ``"body"``.
     """
 
     size: float | None
@@ -129,9 +138,12 @@ class ReadingOptions(TypedDict, total=False):
     curved: bool
     apart: bool
     programs: bool | None
+    surfaces: Mapping[str, Where | Sequence[Where]]
 
 
-READING = {"size": None, "names": None, "curved": True, "apart": False, "programs": None}
+READING: dict[str, Any] = {
+    "size": None, "names": None, "curved": True, "apart": False, "programs": None, "surfaces": {},
+}  # fmt: skip
 """Values of the options that are left out."""
 
 
@@ -161,19 +173,22 @@ def read_gmsh(
         Length of the file's coordinate unit in metres (1e-3 for a mesh in millimetres); 1 unless
         given.  A STEP file states its own.
     options
-        ``size``, ``names``, ``curved``, ``apart`` and ``programs``: see `ReadingOptions`.
+        ``size``, ``names``, ``curved``, ``apart``, ``programs`` and ``surfaces``: see
+        `ReadingOptions`.
 
     Raises
     ------
     InputError
         If the file is missing, gmsh cannot read or mesh it, cells lie in no named group or in two,
         facets of a group are faces of no cell, parts touch that are not joined, parts lie in one
-        another, or a flat mesh does not lie in a plane z = const.
+        another, a flat mesh does not lie in a plane z = const., or a new surface has no facets or
+        a name that is taken.
     """
     install_hook()
     label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__
     chosen = keywords("read_gmsh", options, ReadingOptions, READING)
-    check_same(comm, {"dim": dim, "unit": unit})
+    check_wanted(chosen["surfaces"], "read_gmsh")
+    check_same(comm, {"dim": dim, "unit": unit, "surfaces": chosen["surfaces"]})
     unit, chosen["size"] = lengths(label, unit, chosen["size"])
     _check_options(dim, **{name: chosen[name] for name in ("curved", "apart", "programs")})
     model, told = None, None
@@ -182,6 +197,8 @@ def read_gmsh(
         nonlocal model, told
         if comm.rank == 0:
             model = _open(source, unit, chosen)
+            if chosen["surfaces"]:
+                name_the_body(model)
             model, told = _look_at(model, source, label, dim, unit, chosen["apart"])
 
     with _gmsh(source, comm):
@@ -196,17 +213,22 @@ def read_gmsh(
         finally:
             if model is not None:
                 model.remove()
-    extent = _scale(mesh)
+    extent = scale(mesh)
+    named = Named(
+        cells,
+        {n: tag for n, (d, tag) in told.groups.items() if d == told.dim},
+        facets,
+        {n: tag for n, (d, tag) in told.groups.items() if d == told.dim - 1},
+        told.further,
+    )
+    if chosen["surfaces"]:
+        named = named_by_place(mesh, extent * unit, named, chosen["surfaces"])
     return Device(
         mesh=mesh,
-        cells=cells,
-        facets=facets,
-        regions={n: tag for n, (d, tag) in told.groups.items() if d == told.dim},
-        surfaces={n: tag for n, (d, tag) in told.groups.items() if d == told.dim - 1},
         length=extent * unit,
         source=told.source,
         quality=told.quality,
-        further=told.further,
+        **named._asdict(),
     )
 
 
@@ -291,7 +313,7 @@ def _look_at(
     return model, _Told(groups, further, cells, quality(model), name)
 
 
-def _scale(mesh: Any) -> float:
+def scale(mesh: Any) -> float:
     """Divide the coordinates by the largest extent, and return it.  Collective."""
     tdim = mesh.topology.dim
     for d in (tdim - 1, tdim):

@@ -50,3 +50,41 @@ def evaluated_at(
         return np.einsum("q,cqn->cn", weights, everywhere(mesh, cells))
 
     return value
+
+
+def evaluated_at_each(
+    expression: Any, kernel: Kernel, points: np.ndarray, quadrature: np.ndarray
+) -> Callable[[Any, np.ndarray, np.ndarray], np.ndarray]:
+    """How to evaluate a vector-valued expression of a kernel at one of several points of each cell.
+
+    All points are compiled at once.  For viscous branches the rule of `evaluated_at` holds.
+
+    Parameters
+    ----------
+    expression, kernel, quadrature
+        As in `evaluated_at`.
+    points
+        The points in the reference cell, of shape (n, dim).
+
+    Returns
+    -------
+    callable
+        Takes the mesh, local cells, and for each cell the number of its point; gives values of
+        shape (cells, numbers).
+    """
+    numbers = expression.ufl_shape[0]
+    if not kernel.is_viscous:
+        found = compat.expression(expression, points)
+
+        def at_once(mesh: Any, cells: np.ndarray, which: np.ndarray) -> np.ndarray:
+            return found(mesh, cells)[np.arange(len(cells)), which].reshape(len(cells), numbers)
+
+        return at_once
+    everywhere = compat.expression(expression, quadrature)
+    terms = (np.hstack([np.ones((len(quadrature), 1)), quadrature - at]) for at in points)
+    weights = np.array([np.linalg.pinv(one)[0] for one in terms])
+
+    def fitted(mesh: Any, cells: np.ndarray, which: np.ndarray) -> np.ndarray:
+        return np.einsum("cq,cqn->cn", weights[which], everywhere(mesh, cells))
+
+    return fitted

@@ -12,6 +12,7 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.free_body import HeldBody, held_body
 from dea_fenicsx.model.orientation_springs import Turning
+from dea_fenicsx.model.periodic_faces import PeriodicTies
 from dea_fenicsx.model.prescribed_motion import prescriptions
 from dea_fenicsx.model.rigid_motions import free_parts, refuse_free_parts
 from dea_fenicsx.model.rigid_parts import RigidParts
@@ -50,6 +51,8 @@ class Conditions:
         The rigid parts, whose nodes follow a translation and an angle.
     pairs
         What ties the two ends of a helical cell, or None.
+    ties
+        The periodic faces, whose nodes follow one another.
     groups
         Degrees of freedom that share a value, with what works on them.
     free, fixed
@@ -78,23 +81,19 @@ class Conditions:
         device, kinematics, declared = scene.device, scene.kinematics, scene.declared
         motion, overall, rows = space.of(Role.MOTION), space.parts.get("global", {}), space.rows
 
-        # What is fixed, by supports, prescribed motions and electrodes.
-        given = prescriptions(declared.displacements, device, kinematics, motion)
         values = self.fixed_values = FixedValues(space.size, scene.ramps)
-        for item in given:
-            values.fix(motion[item.axis].dofs[item.local], item.values, item.ramp)
-        values.fix_globals(declared.fixed_globals, overall, scales.length)
-        values.fix_outside(space.fields, space.parts, device)
-        self.electrode_dofs: dict[str, np.ndarray] = {}
-        if (potential := space.single(Role.POTENTIAL)) is not None:
-            self.electrode_dofs = values.fix_electrodes(
-                scene.electrodes, declared.potentials, device, potential, scales.potential
-            )
+        self.electrode_dofs = self._fix(scene, scales, space)
+
+        self.ties = PeriodicTies(
+            declared.periodic_faces, device, kinematics.axes, space.continuous, space.parts, rows
+        )
+        self.ties.fix_means(values, declared.mean_gradients)
 
         # What moves as a whole: rigid parts, and a free body, which is held without force.
         self.rigid = RigidParts(declared.rigid_surfaces, device, motion, space.parts, rows)
         carried = self.rigid.fix(values, declared.rigid_angles)
-        free = free_parts(device, kinematics, motion, values.fixed | carried)
+        ties = self.ties or None
+        free = free_parts(device, kinematics, motion, values.fixed | carried, ties)
         # If several parts can move, the largest is the free body, and the others are refused.
         bodies, others = (free[:1], free[1:]) if declared.holds_rigid_motions else ([], free)
         refuse_free_parts(others, device, "Fix or Clamp" if bodies else "Fix, Clamp or FreeBody")
@@ -110,23 +109,24 @@ class Conditions:
             self.pairs.share_fixed(values, space.W)
             for label, dofs in self.electrode_dofs.items():
                 self.electrode_dofs[label] = self.pairs.widen(dofs)
+        self.ties.form_classes(values, space.numbers)
+        for label, dofs in self.electrode_dofs.items():
+            self.electrode_dofs[label] = self.ties.widen(dofs)
         unknowns, forces = kinematics.global_unknowns, declared.global_forces
         self.groups: list[Group] = [
             *floating_groups(declared.floating, scales.charge, self.electrode_dofs, rows),
             *global_groups(unknowns, forces, scene.period, scales, overall, values.fixed, rows),
             *self.rigid.groups(values.fixed, declared.rigid_moments, scales.force * scales.length),
         ]
+        self.groups += self.ties.groups(values.fixed)
         fixed = values.fixed[: space.owned]
+        self.ties.refuse_shared(self.rigid.followers(space.owned))
+        self.ties.leave_out(self._grouped(space.owned))
         follower = followers(self.groups, self.pairs, fixed) | self.rigid.followers(space.owned)
+        follower |= self.ties.followers(space.owned)
         self.free = np.flatnonzero(~fixed & ~follower).astype(np.int32)
         self.fixed = np.flatnonzero(fixed).astype(np.int32)
-        self.expansion: Any = None
-        if self.groups or self.pairs is not None or self.rigid:
-            column = columns(self.free, self.groups, self.pairs, rows)
-            self.expansion = expansion(column, len(self.free), rows)
-            self.rigid.number(column)
-            self.rigid.fill(self.expansion, np.zeros(space.size))
-
+        self.expansion: Any = self._expanded(space)
         resistive = [self.electrode_dofs[e.label] for e, _ in declared.sheets]
         self.sheet_nodes = np.intersect1d(self.free, np.concatenate([[], *resistive]))
         self.sheet_nodes = self.sheet_nodes.astype(np.int32)
@@ -134,3 +134,38 @@ class Conditions:
         self.turning = Turning(self.body, device, motion, self.free)
         self.roles = Roles(space, self.free, device.comm)
         self.unknowns: int = device.comm.allreduce(len(self.free), op=MPI.SUM)
+
+    def _fix(self, scene: Scene, scales: Scales, space: Unknowns) -> dict[str, np.ndarray]:
+        """Fix what supports, prescribed motions and electrodes give; returns electrodes' nodes."""
+        device, declared, values = scene.device, scene.declared, self.fixed_values
+        motion, overall = space.of(Role.MOTION), space.parts.get("global", {})
+        for item in prescriptions(declared.displacements, device, scene.kinematics, motion):
+            values.fix(motion[item.axis].dofs[item.local], item.values, item.ramp)
+        values.fix_globals(declared.fixed_globals, overall, scales.length)
+        values.fix_outside(space.fields, space.parts, device)
+        if (potential := space.single(Role.POTENTIAL)) is None:
+            return {}
+        return values.fix_electrodes(
+            scene.electrodes, declared.potentials, device, potential, scales.potential
+        )
+
+    def _expanded(self, space: Unknowns) -> Any:
+        """The matrix from the free unknowns to all owned ones, or None if none follows another."""
+        if not (self.groups or self.pairs is not None or self.rigid or self.ties):
+            return None
+        rows = space.rows
+        column = columns(self.free, self.groups, self.pairs, rows)
+        found = expansion(column, len(self.free), rows, self.ties.most_entries)
+        self.ties.fill(found, column)
+        self.rigid.number(column)
+        self.rigid.fill(found, np.zeros(space.size))
+        return found
+
+    def _grouped(self, owned: int) -> np.ndarray:
+        """Mask of the owned degrees of freedom that are in groups."""
+        found = np.zeros(owned, dtype=bool)
+        for group in self.groups:
+            found[group.dofs] = True
+            if group.master >= 0:
+                found[group.master] = True
+        return found

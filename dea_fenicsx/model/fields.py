@@ -129,6 +129,9 @@ def declared_fields(scene: Scene) -> list[Field]:
         names = (*axes, "angle")
         element = basix.ufl.element("DG", cell, 0, shape=(len(names),))
         found.append(Field(part.field, element, Role.GLOBAL, names))
+    for pair in scene.declared.periodic_faces:
+        element = basix.ufl.element("DG", cell, 0, shape=(len(axes),))
+        found.append(Field(pair.field, element, Role.GLOBAL, axes))
     found += [field for added in scene.declared.added for field in added.fields]
     _check_names(found)
     return found

@@ -243,6 +243,7 @@ class Problem:
             history = state.history.get(memory) or self._unstrained[memory]
             self.circuits.impose(values, state.factors, history)
         self.rigid.place(values)
+        self.conditions.ties.follow(values)
         return state.with_values(values)
 
     def anchored(self, state: State) -> State:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -37,6 +37,16 @@ class Box(NamedTuple):
 
     middle: np.ndarray
     half: float
+
+
+class Ties(Protocol):
+    """Periodic faces, see `periodic_faces.PeriodicTies`."""
+
+    def joined_parts(self, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
+
+    def restraints(
+        self, kinematics: Kinematics, fixed: np.ndarray, parts: np.ndarray, boxes: Sequence[Box]
+    ) -> list[np.ndarray]: ...
 
 
 @dataclass(frozen=True)
@@ -88,8 +98,9 @@ class FreePart:
 
 
 def free_parts(
-    device: Device, kinematics: Kinematics, motion: Sequence[Component], fixed: np.ndarray
-) -> list[FreePart]:
+    device: Device, kinematics: Kinematics, motion: Sequence[Component], fixed: np.ndarray,
+    ties: Ties | None = None,
+) -> list[FreePart]:  # fmt: skip
     """The parts of the device that can move freely, the largest first.  Collective.
 
     Parameters
@@ -100,13 +111,25 @@ def free_parts(
         The displacement components.
     fixed
         Mask of the fixed local degrees of freedom of the mixed space.
+    ties
+        Periodic faces, which join the parts that they lie on, and prevent some of their rotations.
     """
     labels, count = joined_parts(device)
     if kinematics.periodic_ends is not None:
         # The two ends are tied, so two separate parts of one period may be one strand of the helix.
         labels, count = np.zeros_like(labels), 1
+    if ties:
+        ends = ties.joined_parts(_part_of_dofs(motion, labels, len(fixed)))
+        count, joined = components(count, *ends)
+        labels = joined[labels]
     boxes = _boxes(device, labels, count)
     rows = _held(motion, fixed, labels, boxes, kinematics)
+    if ties:
+        more = ties.restraints(kinematics, fixed, _part_of_dofs(motion, labels, len(fixed)), boxes)
+        rows = np.array([
+            _triangle(np.vstack([held, tied])) if len(tied) else held
+            for held, tied in zip(rows, more, strict=True)
+        ])  # fmt: skip
     owned = labels[: device.owned_cells()]
     found = []
     for k, box in enumerate(boxes):
@@ -245,6 +268,17 @@ def _held(
                 triangles[k] = _triangle(np.vstack([triangles[k], rows]))
     everyone = np.concatenate(comm.allgather(triangles), axis=1)
     return np.array([_triangle(rows) for rows in everyone])
+
+
+def _part_of_dofs(
+    motion: Sequence[Component], labels: np.ndarray, size: int
+) -> np.ndarray:
+    """The part of each of `size` local degrees of freedom; -1 where it is no displacement."""
+    found = np.full(size, -1, dtype=np.int64)
+    for part in motion:
+        table = part.space.dofmap.list
+        found[part.dofs[table.ravel()]] = np.repeat(labels, table.shape[1])
+    return found
 
 
 def _triangle(rows: np.ndarray) -> np.ndarray:

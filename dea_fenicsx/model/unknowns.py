@@ -84,6 +84,12 @@ class Unknowns:
         return next(iter(self.of(role)), None)
 
     @property
+    def numbers(self) -> np.ndarray:
+        """Number over all ranks of each local degree of freedom, ghosts included."""
+        local = np.arange(self.size, dtype=np.int32)
+        return np.asarray(self.W.dofmap.index_map.local_to_global(local))
+
+    @property
     def continuous(self) -> list[Component]:
         """The scalar parts of all continuous fields, the displacement first."""
         others = [f for f in self.fields if f.role is not Role.MOTION and f.is_continuous]

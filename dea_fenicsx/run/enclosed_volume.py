@@ -225,7 +225,7 @@ def _held_facets(problem: Problem) -> np.ndarray:
     """Mask of the local facets whose nodes are all prescribed along one axis.
 
     Facets on the axis of rotation, which have no area, count as prescribed.  So do the two ends of
-    a periodic cell, which move alike.
+    a periodic cell, which move alike, and periodic faces whose mean strain is given.
     """
     device, kinematics = problem.scene.device, problem.scene.kinematics
     topology, tdim = device.mesh.topology, device.dim
@@ -244,7 +244,8 @@ def _held_facets(problem: Problem) -> np.ndarray:
         for i in range(per_cell):
             nodes = table[:, layout.entity_closure_dofs(tdim - 1, i)]
             held[facets[done[nodes].all(axis=1), i]] = True
-    for name in kinematics.periodic_ends or ():
+    given = problem.conditions.ties.given_surfaces(fixed)
+    for name in (*(kinematics.periodic_ends or ()), *given):
         held[device.facets_of(name)] = True
     return held
 

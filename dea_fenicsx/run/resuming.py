@@ -156,6 +156,7 @@ def _size(scales: Scales, unit: str) -> float:
     length = scales.length
     return {
         "": 1.0, "rad": 1.0, "m": length, "m2": length**2, "m3": length**3,
-        "rad_per_m": 1 / length, "V": scales.potential, "C": scales.charge, "N": scales.force,
-        "Pa": scales.stress, "V_per_m": scales.field, "F": scales.charge / scales.potential,
+        "rad_per_m": 1 / length, "per_m": 1 / length, "V": scales.potential, "C": scales.charge,
+        "N": scales.force, "Pa": scales.stress, "V_per_m": scales.field,
+        "F": scales.charge / scales.potential,
     }.get(unit, 1.0)  # fmt: skip

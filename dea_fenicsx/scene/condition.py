@@ -57,6 +57,11 @@ class Condition(ABC):
         """Regions that it names."""
         return ()
 
+    @property
+    def joined_surfaces(self) -> tuple[str, str] | None:
+        """Two facet groups that it makes one place; None for most conditions."""
+        return None
+
     def check(self, scene: Setting) -> None:
         """Raise InputError unless it makes sense in a scene.  Collective.
 

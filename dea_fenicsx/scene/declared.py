@@ -26,6 +26,7 @@ from dea_fenicsx.scene.declarations import (
     SurfaceWork,
 )
 from dea_fenicsx.scene.electrodes import Conducting
+from dea_fenicsx.scene.periodic import MeanGradient, PeriodicFaces
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,8 @@ class Declared:
         Loads on surfaces, each with its condition.
     rigid_surfaces, rigid_angles, rigid_moments
         Rigid parts, the angles by which they are turned, and the moments on them.
+    periodic_faces, mean_gradients
+        Periodic faces, and what is prescribed of their mean strains.
     potentials, floating
         Electrodes of given and of unknown potential, each with its declaration.
     added
@@ -67,6 +70,8 @@ class Declared:
     rigid_surfaces: list[RigidSurface]
     rigid_angles: list[RigidAngle]
     rigid_moments: list[RigidMoment]
+    periodic_faces: list[PeriodicFaces]
+    mean_gradients: list[MeanGradient]
     potentials: list[tuple[Conducting, FixedPotential]]
     floating: list[tuple[Conducting, FloatingPotential]]
     added: list[AddedPhysics]
@@ -93,6 +98,8 @@ def gathered(scene: Setting) -> Declared:
         rigid_surfaces=of(RigidSurface),
         rigid_angles=of(RigidAngle),
         rigid_moments=of(RigidMoment),
+        periodic_faces=of(PeriodicFaces),
+        mean_gradients=of(MeanGradient),
         potentials=[(e, one) for e, one in electric if isinstance(one, FixedPotential)],
         floating=[(e, one) for e, one in electric if isinstance(one, FloatingPotential)],
         added=of(AddedPhysics),

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from dea_fenicsx.mesh.neighbours import regions_beside
 from dea_fenicsx.scene.condition import Setting
-from dea_fenicsx.scene.electrode_places import with_far_ends
+from dea_fenicsx.scene.electrode_places import joined_ends, with_far_ends
 from dea_fenicsx.scene.electrodes import Conducting
 from dea_fenicsx.support.errors import InputError
 
@@ -60,14 +60,14 @@ def _check_floating(scene: Setting) -> None:
 
     Dielectrics belong together where they have a facet or an electrode in common.
     """
-    device, materials, kinematics = scene.device, scene.materials, scene.kinematics
+    device, materials, ends = scene.device, scene.materials, joined_ends(scene)
     electrodes = scene.electrodes
     floating = [e for e in electrodes if e.floats]
     if not floating:
         return
 
     def dielectrics_beside(names: Sequence[str]) -> set[str]:
-        beside = regions_beside(device, with_far_ends(device, names, kinematics))
+        beside = regions_beside(device, with_far_ends(device, names, ends))
         return {name for name in beside if materials[name].is_dielectric}
 
     links = [dielectrics_beside(e.names) for e in electrodes]

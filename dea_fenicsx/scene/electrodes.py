@@ -17,7 +17,7 @@ from dea_fenicsx.scene.declarations import (
     FloatingPotential,
     SheetResistance,
 )
-from dea_fenicsx.scene.electrode_places import check_touch
+from dea_fenicsx.scene.electrode_places import check_touch, joined_ends
 from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.scene.taper import FACE_TOLERANCE, Taper
 from dea_fenicsx.support.errors import InputError
@@ -115,7 +115,7 @@ class Conducting(Driven):
 
     def check_place(self, scene: Setting) -> None:
         """Raise InputError unless the electrode lies where it makes a field.  Collective."""
-        check_touch(scene.device, scene.materials, self.names, scene.kinematics)
+        check_touch(scene.device, scene.materials, self.names, joined_ends(scene))
 
 
 @dataclass(frozen=True)

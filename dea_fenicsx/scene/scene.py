@@ -38,7 +38,7 @@ class Scene:
         Electrodes (of given potential or charge, or with a source) and grounds.  May be empty: then
         no potential is modelled at all.
     supports
-        `Fix`, `Clamp` or `FreeBody`.
+        `Fix`, `Clamp`, `FreeBody`, `Periodic` faces, and `Rigid` parts in the plane.
     prescribed
         Prescribed stretches and displacements, and `PreStretch`; of a helical cell also
         `AxialStretch` and `Twist`,

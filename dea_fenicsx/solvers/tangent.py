@@ -189,6 +189,7 @@ class Tangent:
         problem = self.problem
         self._along.x.scatter_forward()
         problem.rigid.follow(self._along.x.array, problem.w.x.array)
+        problem.conditions.ties.follow(self._along.x.array)
         product = problem.restrict(self._along_times())
         product[problem.circuits.given_rows()] = 0.0
         return product

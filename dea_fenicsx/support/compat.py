@@ -22,6 +22,7 @@ import basix
 import dolfinx
 import dolfinx.fem.petsc
 import numpy as np
+import ufl
 from ffcx.codegeneration import jit
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -33,8 +34,9 @@ from ufl.domain import extract_unique_domain
 from dea_fenicsx.support.errors import MachineError
 from dea_fenicsx.support.form_cache import cache_dir, compiling
 
-__all__ = ["PETSc", "collapse", "compile_form", "coordinate_element", "create_vector", "dolfinx",
-           "expression", "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
+__all__ = ["PETSc", "collapse", "compile_form", "coordinate_element", "copied_mesh",
+           "create_vector", "dolfinx", "expression", "geometry_dofmap", "jit_options",
+           "model_to_mesh"]  # fmt: skip
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 
@@ -104,6 +106,21 @@ def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any, Any]
     partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
     mesh, cells, facets = gmshio.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner)
     return mesh, cells, facets
+
+
+def copied_mesh(mesh: Any) -> Any:
+    """A mesh with the topology of another one and a copy of its coordinates."""
+    geometry = mesh.geometry._cpp_object
+    one = VERSION < (0, 11)
+    made = dolfinx.cpp.mesh.Geometry_float64(
+        geometry.index_map(),
+        np.array(geometry.dofmap if one else geometry.dofmaps[0], dtype=np.int32),
+        geometry.cmap if one else geometry.cmaps[0],
+        np.array(geometry.x[:, : geometry.dim], dtype=np.float64),
+        np.array(geometry.input_global_indices, dtype=np.int64),
+    )
+    copy = dolfinx.cpp.mesh.Mesh_float64(mesh.comm, mesh._cpp_object.topology, made)
+    return dolfinx.mesh.Mesh(copy, ufl.Mesh(mesh.ufl_domain().ufl_coordinate_element()))
 
 
 def slepc() -> Any:
