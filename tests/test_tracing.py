@@ -11,7 +11,8 @@ from conftest import block
 import dea_fenicsx as dea
 from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.path.arclength import Branch, Cubic, LoadCourse
+from dea_fenicsx.path.arclength import Branch, Cubic
+from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.solvers.newton import NewtonSolver
 
 MU, EPS_R, T = 50e3, 4.7, 1e-3

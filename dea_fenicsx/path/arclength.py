@@ -21,9 +21,7 @@ the new branch and not the old one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from mpi4py import MPI
@@ -31,8 +29,9 @@ from mpi4py import MPI
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
+from dea_fenicsx.path.load_course import Course
 from dea_fenicsx.path.roots import Bracket, root
-from dea_fenicsx.path.stability import Place, load_derivative
+from dea_fenicsx.path.stability import Place
 from dea_fenicsx.solvers.newton import LINEARISING, NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome, fault_of
 
@@ -62,6 +61,16 @@ A larger correction means that Newton's method has found a state of another bran
 """
 
 
+MOST_CUBIC_ERROR = 0.01
+"""Largest error of the cubic between two points of one branch, as a share of their arc."""
+
+SHARES_WHERE_SMOOTH = (0.5, 0.3)
+"""Where the cubic is compared with the branch.
+
+One of them is enough, for the other may be near a crossing.
+"""
+
+
 @dataclass(frozen=True)
 class Point:
     """A point of the branch: its state, its load f, and the tangent there (of unit length).
@@ -74,55 +83,6 @@ class Point:
     factor: float
     direction: np.ndarray
     slope: float
-
-
-class Course(Protocol):
-    """What the load f of a branch means for a problem."""
-
-    def loaded(self, state: State, factor: float) -> State:
-        """A state with the load f and the fixed values of this load.  Its free unknowns stay."""
-
-    def factor_of(self, state: State) -> float:
-        """The load f of a state."""
-
-    def derivative(self) -> np.ndarray:
-        """dR/df in the free rows at the problem's present state."""
-
-
-class LoadCourse:
-    """The load of some ramps.
-
-    Parameters
-    ----------
-    solver
-        The nonlinear solver.
-    rates
-        Change of each ramp's factor with the load f.
-    factor
-        The present f.
-    """
-
-    def __init__(
-        self, solver: NewtonSolver, rates: Mapping[str, float], factor: float
-    ) -> None:
-        self.solver, self.problem, self.rates = solver, solver.problem, rates
-        self._lead = max(rates, key=lambda name: abs(rates[name]))
-        now = self.problem.factors
-        self._origin = now | {name: now[name] - rate * factor for name, rate in rates.items()}
-
-    def loaded(self, state: State, factor: float) -> State:
-        """A state with the load f and the fixed values of this load.  Its free unknowns stay."""
-        moved = {name: self._origin[name] + rate * factor for name, rate in self.rates.items()}
-        return self.problem.imposed(self.problem.under(state, self._origin | moved))
-
-    def factor_of(self, state: State) -> float:
-        """The load f of a state."""
-        name = self._lead
-        return (state.factors[name] - self._origin[name]) / self.rates[name]
-
-    def derivative(self) -> np.ndarray:
-        """dR/df in the free rows at the problem's present state."""
-        return load_derivative(self.solver.tangent, self.rates)
 
 
 class Branch:
@@ -285,9 +245,31 @@ class Branch:
             return Outcome.OTHER_BRANCH
         return Outcome.CONVERGED if turn > 0.6 else Outcome.SHARP_TURN
 
+    def advanced(self, start: Point, end: Point) -> float:
+        """How far a point lies ahead of another one, along the tangent there."""
+        moved = (end.state.values - start.state.values)[self.problem.free]
+        return self.dot(moved, end.factor - start.factor, start.direction, start.slope)
+
     def place(self, start: Point, end: Point, arc: float) -> Place:
         """A function that finds the equilibrium at a share (0 to 1) of the arc between points."""
         return lambda share: self.step(start, share * arc, end)
+
+    def is_smooth(self, start: Point, end: Point, arc: float) -> bool:
+        """Whether the cubic through two points and their tangents meets the branch in between.
+
+        The cubic's error is of fourth order in the arc.  Between points of two different branches
+        the equilibria in between lie off the cubic by a part of the distance of the branches.
+        """
+        cubic = Cubic.through(self, start, end)
+        for share in SHARES_WHERE_SMOOTH:
+            guess, factor = cubic.guess(share * arc)
+            attempt = self.step(start, share * arc, end)
+            if attempt.converged:
+                moved = (attempt.found.values - guess.values)[self.problem.free]
+                change = self.factor_of(attempt.found) - factor
+                if np.sqrt(self.dot(moved, change, moved, change)) < MOST_CUBIC_ERROR * arc:
+                    return True
+        return False
 
     def limit_point(self, start: Point, end: Point, arc: float) -> tuple[Point, float] | None:
         """The point between two others at which the load is stationary, and its arc.
@@ -350,10 +332,8 @@ class Cubic:
 
     @classmethod
     def through(cls, branch: Branch, start: Point, end: Point) -> Cubic:
-        moved = (end.state.values - start.state.values)[branch.problem.free]
-        here = start.direction, start.slope
-        arc = branch.dot(moved, end.factor - start.factor, *here)
-        return cls(branch, start, end, arc, branch.dot(end.direction, end.slope, *here))
+        turn = branch.dot(end.direction, end.slope, start.direction, start.slope)
+        return cls(branch, start, end, branch.advanced(start, end), turn)
 
     def load(self, s: float) -> float:
         """The load at an arc."""

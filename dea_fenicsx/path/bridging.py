@@ -15,9 +15,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from dea_fenicsx.path.arclength import Branch, LoadCourse, Point
+from dea_fenicsx.path.arclength import Branch, Point
 from dea_fenicsx.path.branch_steps import BranchSteps
 from dea_fenicsx.path.events import Sentinel
+from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.path.stability import Place
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.arclength import Branch, LoadCourse, Point
+from dea_fenicsx.path.arclength import Branch, Point
 from dea_fenicsx.path.branch_steps import BranchSteps
+from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import SolverError
 

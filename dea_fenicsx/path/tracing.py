@@ -9,9 +9,11 @@ from itertools import pairwise
 import numpy as np
 
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, LoadCourse, Point
+from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, Point
+from dea_fenicsx.path.crossing import Crossings
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import Trace
+from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.path.roots import Bracket
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
@@ -65,6 +67,33 @@ class _Spot:
     traced: Traced
 
 
+@dataclass(frozen=True)
+class _Reached:
+    """A step that was accepted, from one point of the branch to another.
+
+    Attributes
+    ----------
+    attempt
+        How Newton's method ended.
+    start, there, arc
+        The two points, and the distance between them in units of arc.
+    count
+        Number of negative eigenvalues at its end, if it is counted.
+    retries
+        How often it was halved.
+    done
+        Distance from its start up to which events are known already.
+    """
+
+    attempt: Attempt
+    start: Point
+    there: Point
+    arc: float
+    count: int | None
+    retries: int
+    done: float = 0.0
+
+
 class BranchLost(Exception):
     """A branch cannot be followed any further, however short the arc."""
 
@@ -103,6 +132,7 @@ class Tracer:
         now = self.problem.factors[item.what]
         self.rates = {item.what: 1.0}
         self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
+        self.crossings = Crossings(self.branch, item.longest)
 
     def follow(self, arc: float, sign: float, may_switch: bool = True) -> Iterator[Traced]:
         """Yield the accepted points, one after another.
@@ -124,11 +154,12 @@ class Tracer:
         if here is None:
             raise BranchLost(self.solver.trouble)
         before: Point | None = None
-        left = self._left(here.state)
         while True:
-            attempt, there, arc, retries, count = self._step(here, arc, before)
+            step = self._step(here, arc, before)
+            start, there, arc, retries = step.start, step.there, step.arc, step.retries
+            left = self._left(start.state)
             switched = False
-            for spot in self._spots(here, there, arc, left, count):
+            for spot in self._spots(step, left):
                 traced = spot.traced
                 if traced.event:
                     factor = branch.factor_of(traced.state)
@@ -139,15 +170,18 @@ class Tracer:
                 retries = 0
                 if traced.event == "bifurcation" and item.switch and may_switch:
                     here, may_switch, switched = self._aside(traced), False, True
-                    before, arc, left = None, abs(item.switch), self._left(here.state)
+                    before, arc = None, abs(item.switch)
+                    self.crossings.forget()
                     self.sentinel.excess = None  # the new branch's own is taken at its first state
                     break
             if switched:
                 continue
-            was, left = left, self._left(there.state)
-            grown = 1.5 if attempt.iterations <= 3 else 1.0 if attempt.iterations <= 6 else 0.7
-            arc = min(arc * grown, item.longest, _just_beyond(arc, was, left))
-            before, here = here, there
+            self.crossings.reached(there, start, arc)
+            iterations = step.attempt.iterations
+            grown = 1.5 if iterations <= 3 else 1.0 if iterations <= 6 else 0.7
+            beyond = _just_beyond(arc, left, self._left(there.state))
+            arc = min(arc * grown, item.longest, beyond)
+            before, here = start, there
             yield Traced(there.state, arc, float(np.sign(there.slope)), retries)
 
     def _aside(self, traced: Traced) -> Point:
@@ -160,34 +194,49 @@ class Tracer:
         with self.problem.at(state):
             return self.gap()
 
-    def _step(
-        self, here: Point, arc: float, before: Point | None
-    ) -> tuple[Attempt, Point, float, int, int | None]:
-        """Go an arc, halved until the step is accepted.
-
-        Returns
-        -------
-        attempt, point, arc, retries, count
-            How the step ended, its point, the arc that was gone, how often it was halved, and the
-            number of negative eigenvalues, if it is counted.
-        """
+    def _step(self, here: Point, arc: float, before: Point | None) -> _Reached:
+        """Go an arc, halved until the step is accepted, or pass a crossing in one step."""
         retries = 0
         while True:
+            if self.crossings.announced(arc) and (passed := self._passed(here, retries)):
+                return passed
             attempt, there = self.branch.advance(here, arc, before)
             outcome = attempt.outcome
             if there is not None:
                 count = self.sentinel.count(there.state)
                 turns = here.slope * there.slope < 0
-                long = arc > SHORTEST_ARC_TO_SEPARATE_EVENTS
-                if not (long and _is_mixed(self.sentinel.excess, count, turns)):
+                if not self._is_doubtful(here, there, arc, count):
                     self._tell_unexplained(count, turns)
-                    return attempt, there, arc, retries, count
+                    return _Reached(attempt, here, there, arc, count, retries)
                 outcome = Outcome.MIXED_EVENTS
             retries += 1
             arc /= 2
             self.log(f"{self.item.what}: arc halved ({outcome.value})")
             if arc < SHORTEST_ARC:
                 raise BranchLost(outcome)
+
+    def _is_doubtful(self, here: Point, there: Point, arc: float, count: int | None) -> bool:
+        """Whether a step may have jumped to another branch.
+
+        That is so where the number of negative eigenvalues changes by other than limit points, and
+        no smooth curve joins the two points.  Very short steps are taken as they are.
+        """
+        before = self.sentinel.excess
+        if before is None or count is None or arc <= SHORTEST_ARC_TO_SEPARATE_EVENTS:
+            return False
+        explained = abs(count - before) == int(here.slope * there.slope < 0)
+        return not explained and not self.branch.is_smooth(here, there, arc)
+
+    def _passed(self, here: Point, retries: int) -> _Reached | None:
+        """A step from the last point with a long step, over what makes the steps short now."""
+        over = self.crossings.passage(here)
+        if over is None:
+            return None
+        self.log(f"{self.item.what}: went straight on where another branch crosses or almost does")
+        count = self.sentinel.count(over.there.state)
+        return _Reached(
+            over.attempt, over.start, over.there, over.arc, count, retries, over.done
+        )  # fmt: skip
 
     def _tell_unexplained(self, count: int | None, turns: bool) -> None:
         """Log a change of the number of negative eigenvalues that no limit point explains."""
@@ -202,23 +251,21 @@ class Tracer:
 
     # ------------------------------------------------------------------ between two points
 
-    def _spots(
-        self, here: Point, there: Point, arc: float, left: float | None, count: int | None
-    ) -> list[_Spot]:
-        """Events, requested loads and the end between two points, in the order of travel."""
-        branch = self.branch
-        spots = list(self._landings(here, there, arc))
-        if end := self._end(here, there, arc, left):
+    def _spots(self, step: _Reached, left: float | None) -> list[_Spot]:
+        """Events, requested loads and the end within a step, in the order of travel."""
+        branch, start, there, arc = self.branch, step.start, step.there, step.arc
+        spots = list(self._landings(start, there, arc))
+        if end := self._end(start, there, arc, left):
             spots.append(end)
-        turns = here.slope * there.slope < 0
+        turns = start.slope * there.slope < 0
         events = self.sentinel.passed(
-            there.state, branch.place(here, there, arc), self.rates, count, int(turns)
+            there.state, branch.place(start, there, arc), self.rates, step.count, int(turns)
         )
-        slope = float(np.sign(there.factor - here.factor))
+        slope = float(np.sign(there.factor - start.factor))
         for event in events:
             traced = Traced(event.state, arc, slope, event=event.name, mode=event.mode)
             spots.append(_Spot(event.share * arc, traced))
-        return sorted(spots, key=lambda spot: spot.arc)
+        return sorted((s for s in spots if s.arc > step.done), key=lambda spot: spot.arc)
 
     def _landings(self, here: Point, there: Point, arc: float) -> Iterator[_Spot]:
         """Limit point and requested loads between two points."""
@@ -262,18 +309,6 @@ class Tracer:
             state = attempt.found
             bracket.narrow(s, now)
         return _Spot(s, Traced(state, arc, float(np.sign(there.slope)), last=True))
-
-
-def _is_mixed(before: int | None, after: int | None, turns: bool) -> bool:
-    """Whether the number of negative eigenvalues changes by more than one event explains.
-
-    A limit point changes it by one, and so does a bifurcation in general.  A larger change may be a
-    jump to another branch.
-    """
-    if before is None or after is None:
-        return False
-    change = abs(after - before)
-    return change != 1 if turns else change > 1
 
 
 def _just_beyond(arc: float, was: float | None, left: float | None) -> float:

@@ -1,0 +1,108 @@
+"""Points at which another branch crosses the one that is followed, or almost crosses it.
+
+Where a symmetric body bifurcates, two branches cross.  A mesh that is not quite symmetric opens the
+crossing: each branch turns off into the other one, within an arc that becomes shorter with the
+error of the mesh.  A trace with short steps would follow that turn and leave its branch.  So when
+its steps become much shorter than they were, we go back to the last point with a long step, and
+try to pass the crossing in one step from there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dea_fenicsx.path.arclength import Branch, Point
+from dea_fenicsx.solvers.outcome import Attempt
+
+SHRINKAGE = 4.0
+"""How many times shorter than the longest of late a step is when we try to pass a crossing."""
+
+AHEAD = (0.25, 0.5, 0.75, 1.0)
+"""How far beyond the trace's last point we try to land, in lengths of the longest step of late."""
+
+MOST_ANCHORS = 3
+"""How many points with a long step we go back at most."""
+
+STRAIGHT = 0.8
+"""Least cosine of the angle between the tangents before and behind a crossing."""
+
+SMALL_STEPS = 12
+"""Number of short steps after which the trace takes their length for granted."""
+
+
+@dataclass
+class Passage:
+    """A step over a crossing: how it ended, and its first and last point.
+
+    Attributes
+    ----------
+    attempt, start, there
+        How Newton's method ended, the anchor, and the point behind the crossing.
+    arc
+        Distance between the two in units of arc.
+    done
+        Distance from the anchor to the trace's last point: events before it are known already.
+    """
+
+    attempt: Attempt
+    start: Point
+    there: Point
+    arc: float
+    done: float
+
+
+class Crossings:
+    """Passes crossings of a branch that steps shorter than usual announce.
+
+    Parameters
+    ----------
+    branch
+        The branch.
+    longest
+        Longest step in units of arc; a step over a crossing may begin farther back.
+    """
+
+    def __init__(self, branch: Branch, longest: float) -> None:
+        self.branch, self.longest = branch, longest
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew, as on another branch."""
+        self._anchors: list[tuple[Point, Point]] = []
+        self._arc, self._short, self._next = 0.0, 0, 0.0
+
+    def reached(self, point: Point, before: Point, arc: float) -> None:
+        """Take note of an accepted point, of the one before it, and of the arc between the two."""
+        arc = min(arc, self.longest)  # a step over a crossing may have been longer
+        self._short += 1
+        if self._short > SMALL_STEPS:
+            self._anchors, self._arc = [], arc
+        if 2 * arc >= self._arc:
+            self._anchors = [(point, before), *self._anchors[: MOST_ANCHORS - 1]]
+            self._arc = max(arc, self._arc)
+            self._short, self._next = 0, self._arc / SHRINKAGE
+
+    def announced(self, arc: float) -> bool:
+        """Whether a step has become so short that a crossing is to be expected; asked once each."""
+        if not self._anchors or arc > self._next:
+            return False
+        self._next = arc / SHRINKAGE
+        return True
+
+    def passage(self, here: Point) -> Passage | None:
+        """A step from an anchor that passes what lies ahead of a point; None if there is none.
+
+        Its last point must lie on a smooth curve with its first one.
+        """
+        branch = self.branch
+        for anchor, before in self._anchors:
+            done = branch.advanced(anchor, here)
+            for ahead in AHEAD:
+                arc = done + ahead * self._arc
+                attempt, there = branch.advance(anchor, arc, before)
+                if there is None:
+                    continue
+                turn = branch.dot(anchor.direction, anchor.slope, there.direction, there.slope)
+                if turn > STRAIGHT and branch.is_smooth(anchor, there, arc):
+                    return Passage(attempt, anchor, there, arc, done)
+        return None

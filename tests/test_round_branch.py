@@ -1,0 +1,66 @@
+"""A thick sphere under voltage: a trace stays on the round branch where lopsided ones cross it."""
+
+import math
+
+import pytest
+from scipy.integrate import quad
+
+import dea_fenicsx as dea
+
+OUTER, CHAINS = 1.2, 50.0
+"""Outer radius over the inner one, and the Gent material's J_m."""
+
+SECTION = """
+Point(1) = {0, 0, 0}; Point(2) = {1e-3, 0, 0}; Point(3) = {1.2e-3, 0, 0};
+Point(4) = {0, 1.2e-3, 0}; Point(5) = {0, 1e-3, 0};
+Line(1) = {2, 3}; Circle(2) = {3, 1, 4}; Line(3) = {4, 5}; Circle(4) = {5, 1, 2};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+Transfinite Curve {1, 3} = 4; Transfinite Curve {2, 4} = 13; Transfinite Surface {1};
+Recombine Surface {1};
+Physical Surface("wall") = {1}; Physical Curve("outer") = {2}; Physical Curve("inner") = {4};
+Physical Curve("equator") = {1}; Physical Curve("axis") = {3};
+Mesh.ElementOrder = 2; Mesh.SecondOrderIncomplete = 0;
+"""
+
+
+def voltage(a):
+    """Voltage in units of A sqrt(mu/eps) at which the inner radius is a times the undeformed A.
+
+    The pressure of the wall balances that of the charges: the integral of W'(l)/(l^3 - 1) from b/B
+    to a/A equals eps V^2/2 (a^-4 - b^-4)/(1/a - 1/b)^2.
+    """
+    b = (a**3 + OUTER**3 - 1) ** (1 / 3)
+
+    def pull(l):
+        return CHAINS / (CHAINS - 2 * l**2 - l**-4 + 3) * (2 * l - 2 * l**-5) / (l**3 - 1)
+
+    pressure = quad(pull, b / OUTER, a)[0]
+    return math.sqrt(2 * pressure / (a**-4 - b**-4)) * (1 / a - 1 / b)
+
+
+@pytest.mark.slow
+def test_lopsided_branches_that_almost_cross_are_passed(tmp_path):
+    """A mesh that is not quite round opens each crossing; short steps would turn off there."""
+    (tmp_path / "sphere.geo").write_text(SECTION)
+    mu, permittivity = 1e5, 4.0
+    unit = 1e-3 * math.sqrt(mu / (permittivity * 8.8541878128e-12))
+    scene = dea.Scene(
+        dea.read_gmsh(tmp_path / "sphere.geo"),
+        {"wall": dea.Material(dea.Gent(mu, CHAINS), dea.IdealDielectric(permittivity))},
+        electrodes=[dea.Electrode("outer", 0.1 * unit), dea.Ground("inner")],
+        supports=[dea.Fix("equator", "z"), dea.Fix("axis", "r")], kinematics=dea.Axisymmetric(),
+    )  # fmt: skip
+    inner = {
+        "equator": dea.AtPoint((1e-3, 0), "displacement", "r"),
+        "pole": dea.AtPoint((0, 1e-3), "displacement", "z"),
+    }
+    path = dea.Trace("voltage", steps=100, until=("equator_m", 1.4e-3))
+    run = dea.solve(scene, path, inner, quiet=True)
+    radii, poles = 1 + 1e3 * run.column("equator_m"), 1 + 1e3 * run.column("pole_m")
+    assert radii[-1] == pytest.approx(2.4, abs=1e-6)
+    told = zip(radii[1:], poles[1:], run.column("voltage_V")[1:], strict=True)
+    for radius, pole, volts in told:
+        assert volts / unit == pytest.approx(voltage(radius), rel=1e-4)
+        assert pole == pytest.approx(radius, rel=1e-3)
+    maxima = [h["voltage_V"] / unit for h in run.history if h["event"] == "maximum"]
+    assert maxima == pytest.approx([0.137950222], rel=1e-5)
