@@ -67,7 +67,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.point import AtPoint
     from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
-    from dea_fenicsx.mesh.device import Device, read_gmsh
+    from dea_fenicsx.mesh.device import Device, device, read_gmsh
     from dea_fenicsx.path.items import Close, March, Open, Ramp, Trace
     from dea_fenicsx.results.folder import Run
     from dea_fenicsx.results.per_turn import per_turn
@@ -142,7 +142,7 @@ _HOME = {
         "IdealDielectric", "KumarLopezPamies", "Material", "Maxwell", "MooneyRivlin", "NeoHookean",
         "Ogden", "ViscousBranch", "Yeoh",
     ),
-    "mesh.device": ("Device", "read_gmsh"),
+    "mesh.device": ("Device", "device", "read_gmsh"),
     "measure.observables": (
         "Area", "Capacitance", "Charge", "Contraction", "LargestDisplacement", "MeanDisplacement",
         "MeanStretch", "Potential", "Reaction",
