@@ -109,7 +109,7 @@ def test_a_file_without_numbers_is_told(tmp_path):
 
 
 def test_a_rubber_with_several_sets_is_answered_by_what_they_are_for():
-    with pytest.raises(dea.InputError, match=r"take one of its sets: 'vhb4910-wang2016' .slow"):
+    with pytest.raises(dea.InputError, match=r"nearest is 'vhb4910-wang2016' .slow"):
         dea.materials.get("vhb-4910")
     with pytest.raises(dea.InputError, match=r"'sylgard-186' .*'sylgard-184' "):
         dea.materials.get("Sylgard")

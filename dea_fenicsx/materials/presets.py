@@ -106,9 +106,12 @@ def _advice(name: str) -> str:
     library = _library()
     family = [other for other in library if _plain(name) and _plain(other).startswith(_plain(name))]
     if len(family) > 1:
-        told = [f"{other!r} ({library[other].use})" for other in family[:MOST_TOLD]]
-        more = f", and {len(family) - MOST_TOLD} more" if len(family) > MOST_TOLD else ""
-        return f"take one of its sets: {', '.join(told)}{more}; `dea materials` lists all."
+        first, *told = [f"{other!r} ({library[other].use})" for other in family[:MOST_TOLD]]
+        more = f" and {len(family) - MOST_TOLD} more" if len(family) > MOST_TOLD else ""
+        return (
+            f"the nearest is {first}; there are also {', '.join(told)}{more}; `dea materials` "
+            "lists all."
+        )
     near = nearest(name.lower(), library, cutoff=0.0)
     return f"the nearest is {near!r}, and dea_fenicsx.materials.list() names all."
 
