@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.mesh.device import Device, device, read_gmsh
     from dea_fenicsx.path.items import Close, March, Open, Ramp, Trace
-    from dea_fenicsx.results.folder import Run
+    from dea_fenicsx.results.finished import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
@@ -156,7 +156,7 @@ _HOME = {
     "measure.point": ("AtPoint",),
     "measure.rigid_part": ("PartRotation",),
     "measure.rotation": ("BendingAngle", "Rotation"),
-    "results.folder": ("Run",),
+    "results.finished": ("Run",),
     "run.session": ("solve",),
     "scene.scene": ("Scene",),
     "run.parser": ("Parser",),

@@ -18,7 +18,7 @@ from dea_fenicsx.materials import Conductor, Material, NeoHookean
 from dea_fenicsx.measure.observables import MeanDisplacement, Reaction
 from dea_fenicsx.mesh.device import device as device_of
 from dea_fenicsx.path.items import Ramp
-from dea_fenicsx.results.folder import Run
+from dea_fenicsx.results.finished import Run
 from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.conditions import Clamp, Displacement, Electrode, Fix, FreeBody, Ground
 from dea_fenicsx.scene.kinematics import Axisymmetric

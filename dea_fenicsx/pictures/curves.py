@@ -251,8 +251,8 @@ def _numbers(folder: Path, name: str) -> np.ndarray:
 def first_shown(folder: Path, names: Sequence[str]) -> int:
     """The row of a history with which a curve of some columns begins.
 
-    It is the last row before the first load among the columns leaves 0.  A curve over time or
-    steps begins with the first row, and so does one without loads, or whose loads stay 0.
+    It is the last row before the first load or voltage among the columns leaves 0.  A curve over
+    time or steps begins with the first row, and so does one without loads, or whose loads stay 0.
     """
     history = read_history(folder)
     summary: dict[str, Any] = {}
@@ -263,8 +263,10 @@ def first_shown(folder: Path, names: Sequence[str]) -> int:
         return 0
     found = []
     for name in names:
-        if name in loads and history[name].dtype.kind == "f" and history[name][:1] == 0:
-            moved = np.flatnonzero(history[name])
+        driven = name in loads or name.endswith("_V")
+        values = history.get(name)
+        if driven and values is not None and values.dtype.kind == "f" and values[:1] == 0:
+            moved = np.flatnonzero(values)
             if len(moved):
                 found.append(int(moved[0]) - 1)
     return min(found, default=0)

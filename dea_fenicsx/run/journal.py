@@ -179,6 +179,7 @@ class Journal:
             "retries": step.retries,
             "inertia": inertia.excess,
             "inertia_is_of_this_step": int(inertia.is_of(step.state)),
+            "negative_modes": inertia.excess,
         }
 
     # ------------------------------------------------------------------ writing and telling

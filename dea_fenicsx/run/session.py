@@ -17,7 +17,8 @@ from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.path.walk import Walk
 from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter
-from dea_fenicsx.results.folder import Folder, Run
+from dea_fenicsx.results.finished import Run
+from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
 from dea_fenicsx.results.identity import fingerprint
 from dea_fenicsx.results.summary import (
@@ -25,6 +26,7 @@ from dea_fenicsx.results.summary import (
     ending,
     unlocated,
 )  # fmt: skip
+from dea_fenicsx.results.surface_blocks import Blocks, electrode_surfaces
 from dea_fenicsx.run.arguments import DEFAULTS, Arguments, SolveOptions, check_arguments
 from dea_fenicsx.run.closing import Closing
 from dea_fenicsx.run.enclosed_volume import check_volume
@@ -207,7 +209,8 @@ class _Session:
                 folder.start()
             folder.keep_origin()
             self.progress.log = folder.path / "run.log"
-            folder.write(lambda: folder.write_grid(writer.grid, writer.surface_grids))
+            blocks = Blocks(writer.named_facets(), electrode_surfaces(self.scene))
+            folder.write(lambda: folder.write_grid(writer.grid, writer.surface_grids, blocks))
         self.progress.say(
             f"{self.scene.device.source or 'device'}: {journal.solver.problem.unknowns} unknowns, "
             f"{self.comm.size} rank{'s' * (self.comm.size > 1)}"
