@@ -45,6 +45,7 @@ from dea_fenicsx.support.errors import (
     PathError,
     install_hook,
 )  # fmt: skip
+from dea_fenicsx.support.form_cache import telling
 from dea_fenicsx.support.interruption import Interruption
 from dea_fenicsx.support.progress import Progress
 from dea_fenicsx.support.validation import keywords
@@ -138,6 +139,10 @@ class _Session:
             folder.release()
 
     def _run(self, folder: Folder | None) -> Run:
+        with telling(self.progress.compiling):
+            return self._told(folder)
+
+    def _told(self, folder: Folder | None) -> Run:
         journal = self._prepare(folder)
         cursor = self._load(journal) if self.given.resume and folder else None
         begin = self._begin(journal) if cursor is None else None
@@ -164,7 +169,6 @@ class _Session:
 
     def _prepare(self, folder: Folder | None) -> Journal:
         """Build the discrete problem, and all that measures and writes its states.  Collective."""
-        self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
         solver = solver_for(self.scene, self.given.options)
         problem = solver.problem
         if self.given.start is None:
