@@ -84,7 +84,7 @@ def moved_ramps(summary: dict[str, Any]) -> list[str]:
         path = list(summary["settings"]["path"])
     for item in path:
         with suppress(KeyError, TypeError, AttributeError):  # of this item alone
-            what = next(item[key] for key in ("ramps", "what", "drive") if key in item)
+            what = next((item[key] for key in ("ramps", "what", "drive") if key in item), ())
             names += [what] if isinstance(what, str) else list(what or [])
     return [name for name in names if isinstance(name, str)]
 
