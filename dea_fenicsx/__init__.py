@@ -70,11 +70,11 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.point import AtPoint
     from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
-    from dea_fenicsx.mesh.device import Device, read_gmsh
+    from dea_fenicsx.mesh.device import Device, device, read_gmsh
     from dea_fenicsx.mesh.from_dolfinx import from_dolfinx
     from dea_fenicsx.mesh.places import InBox, InCylinder, Interior, OnCylinder, OnPlane
     from dea_fenicsx.path.items import Close, March, Open, Ramp, Trace
-    from dea_fenicsx.results.folder import Run
+    from dea_fenicsx.results.finished import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
@@ -149,7 +149,7 @@ _HOME = {
         "IdealDielectric", "KumarLopezPamies", "Material", "Maxwell", "MooneyRivlin", "NeoHookean",
         "Ogden", "ViscousBranch", "Yeoh",
     ),
-    "mesh.device": ("Device", "read_gmsh"),
+    "mesh.device": ("Device", "device", "read_gmsh"),
     "mesh.from_dolfinx": ("from_dolfinx",),
     "mesh.places": ("InBox", "InCylinder", "Interior", "OnCylinder", "OnPlane"),
     "measure.observables": (
@@ -168,7 +168,7 @@ _HOME = {
     "measure.point": ("AtPoint",),
     "measure.rigid_part": ("PartRotation",),
     "measure.rotation": ("BendingAngle", "Rotation"),
-    "results.folder": ("Run",),
+    "results.finished": ("Run",),
     "run.session": ("solve",),
     "scene.scene": ("Scene",),
     "run.parser": ("Parser",),

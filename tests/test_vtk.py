@@ -24,7 +24,7 @@ LENGTH, WIDTH, HEIGHT, VOLTS = 2e-3, 1.5e-3, 5e-4, 4e3
 NODAL = {"displacement_m", "potential_V"}
 CELLWISE = {
     "region", "J", "cauchy_stress_Pa", "pressure_Pa", "electric_field_V_per_m",
-    "field_strength_V_per_m",
+    "field_strength_V_per_m", "field_strength_MV_per_m",
 }  # fmt: skip
 SCRIPT = f"""
 import sys

@@ -39,6 +39,7 @@ def told(name: str) -> dict[str, Any]:
         "marked": MARKS[found.mark],
         "source": found.source,
         "note": found.note,
+        "use": found.use,
     }
     if electric is not None and electric.breakdown_law() is not None:
         told["breakdown_V_per_m"] = float(electric.breakdown_field(1.0))
@@ -47,6 +48,7 @@ def told(name: str) -> dict[str, Any]:
 
 def run(options: argparse.Namespace) -> int:
     from dea_fenicsx.materials import names
+    from dea_fenicsx.materials.presets import MARKS
 
     if options.name is not None:
         one = told(options.name)
@@ -57,18 +59,22 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps(everything, indent=2, ensure_ascii=False))
         return 0
     width = max(len(m["name"]) for m in everything)
+    head = f"{'name':{width}}  {'model':12}  {'modulus':>9}  {'eps_r':9}  {'mark':4}  for"
+    print(f"{head}\n{'-' * (len(head) + 20)}")
     for m in everything:
-        electric = f"eps_r {m['eps_r']:g}" if m["eps_r"] else "conductor"
-        print(f"{m['name']:{width}}  {m['model']:12}  mu {_short(m['shear_modulus_Pa']):>9}  "
-              f"{electric:11}  {m['mark']}")  # fmt: skip
-    print("\nmu is the initial shear modulus.  S: read at the source, D: fitted to data read at "
-          "the source,\nM: from memory, unverified.  `dea materials NAME` shows constants and "
-          "source.")  # fmt: skip
+        electric = f"{m['eps_r']:g}" if m["eps_r"] else "conductor"
+        print(f"{m['name']:{width}}  {m['model']:12}  {_short(m['shear_modulus_Pa']):>9}  "
+              f"{electric:9}  {m['mark']:4}  {m['use']}")  # fmt: skip
+    print("\nmodulus: initial shear modulus.  eps_r: relative permittivity; a conductor has none.\n"
+          "mark: where the constants come from.")  # fmt: skip
+    for mark, meaning in MARKS.items():
+        print(f"  {mark}  {meaning}")
+    print("`dea materials NAME` shows constants and source.")
     return 0
 
 
 def _page(m: dict[str, Any]) -> str:
-    lines = [m["name"], f"  model            {m['model']}"]
+    lines = [m["name"], f"  for              {m['use']}", f"  model            {m['model']}"]
     for name, value in m["constants"].items():
         text = ", ".join(f"{v:.6g}" for v in value) if isinstance(value, tuple) else f"{value:.6g}"
         lines.append(f"  {name:16} {text} {_UNITS.get(name, '')}".rstrip())

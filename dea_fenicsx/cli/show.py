@@ -24,7 +24,7 @@ _COMMON = {
     "step", "time", "time_s", "ramp", "event", "max_field_V_per_m", "max_field_x_m",
     "max_field_y_m", "max_field_z_m", "min_J", "volume_error", "residual", "newton_iterations",
     "krylov_iterations", "factorisations", "retries", "inertia", "inertia_is_of_this_step",
-    "wall_s",
+    "negative_modes", "wall_s",
 }  # fmt: skip
 
 

@@ -16,9 +16,9 @@ from scipy.interpolate import CubicSpline
 from dea_fenicsx.geometry import HDEA, BoxStack, Layer
 from dea_fenicsx.materials import Conductor, Material, NeoHookean
 from dea_fenicsx.measure.observables import MeanDisplacement, Reaction
-from dea_fenicsx.mesh.device import read_gmsh
+from dea_fenicsx.mesh.device import device as device_of
 from dea_fenicsx.path.items import Ramp
-from dea_fenicsx.results.folder import Run
+from dea_fenicsx.results.finished import Run
 from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.conditions import Clamp, Displacement, Electrode, Fix, FreeBody, Ground
 from dea_fenicsx.scene.kinematics import Axisymmetric
@@ -73,7 +73,7 @@ def ring_stroke(
     shape = BoxStack(outer_radius - inner_radius, None, [layer], divisions=(cells[0],),
                      grading=8.0 if bonded else 1.0, x0=inner_radius)  # fmt: skip
     scene = Scene(
-        read_gmsh(shape, MPI.COMM_SELF),
+        device_of(shape, MPI.COMM_SELF),
         {"film": material},
         electrodes=[Electrode("top", voltage), Ground("bottom")],
         supports=[Clamp("bottom") if bonded else Fix("bottom", "z")],
@@ -149,7 +149,7 @@ def cell_stroke(
                      x0=inner_radius)  # fmt: skip
     metal = Material(NeoHookean(electrode_mu), Conductor())
     scene = Scene(
-        read_gmsh(shape, MPI.COMM_SELF),
+        device_of(shape, MPI.COMM_SELF),
         {"lower": metal, "film": material, "upper": metal},
         electrodes=[Electrode("upper", voltage), Ground("lower")],
         supports=[Fix("bottom", "z")],
@@ -210,7 +210,7 @@ def helix_stroke(
     shape = HDEA(outer_radius, inner_radius, inset, elastomer, 0.0, turns, **options)
     driven = ("electrode_b_active", "electrode_b_top") if turns > 1 else "electrode_b_top"
     scene = Scene(
-        read_gmsh(shape, comm),
+        device_of(shape, comm),
         {"elastomer": material},
         electrodes=[Electrode("electrode_a_active", voltage), Ground(driven)],
         supports=[FreeBody()],

@@ -10,6 +10,7 @@ All constants are in SI units.
 
 from dea_fenicsx.materials.base import EPSILON_0, Elastic, Strain
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
+from dea_fenicsx.materials.curve_data import TestData, read_data
 from dea_fenicsx.materials.electric import (
     Breakdown,
     Conductivity,
@@ -18,7 +19,8 @@ from dea_fenicsx.materials.electric import (
     Dielectric,
     IdealDielectric,
 )
-from dea_fenicsx.materials.fitting import Fit, TestData, fit, read_data
+from dea_fenicsx.materials.fitted import Fit
+from dea_fenicsx.materials.fitting import fit
 from dea_fenicsx.materials.flow_laws import FlowLaw, KumarLopezPamies
 from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.ogden import Ogden

@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from dea_fenicsx.materials.base import Elastic, constants
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
+from dea_fenicsx.materials.curve_data import TestData
+from dea_fenicsx.materials.fit_starts import other_starts
+from dea_fenicsx.materials.fitted import Fit
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
-from dea_fenicsx.materials.stretches import TESTS, log_stretches, nominal_stress, taylor
+from dea_fenicsx.materials.stretches import log_stretches, nominal_stress, taylor
 from dea_fenicsx.support.errors import InputError
-from dea_fenicsx.support.type_checks import shown
-from dea_fenicsx.support.units import in_si
 
 SOFT, STIFF = 1e3, 1e8
 """Initial shear moduli in Pa outside which the stress unit is doubted."""
 
 PENALTY_RESIDUAL = 1e3
 """Residual in place of one whose stress is not finite."""
+
+LEAST_MODULUS = 1e-3
+"""Smallest initial shear modulus of an admissible fit, over that of the model it starts from.
+
+It counts where the least squares without this bound have no positive initial shear modulus.
+"""
 
 DIFFERENCE_STEP = 1e-5
 """Step of a central difference, relative to the constant.  Its error is about 1e-10."""
@@ -41,134 +47,6 @@ It is well above the error of the central differences.
 
 SMALLEST_COMPONENT = 1e-4
 """Smallest component of a constant in a direction of constants that counts."""
-
-
-@dataclass(frozen=True, eq=False)
-@in_si(stretch="", stress="Pa")
-class TestData:
-    """One measured curve.
-
-    Parameters
-    ----------
-    test
-        ``"uniaxial"``, ``"planar"`` or ``"equibiaxial"``.
-    stretch
-        Stretches, shape (n,).
-    stress
-        Nominal stresses in Pa, shape (n,).
-    """
-
-    __test__ = False  # not a test of pytest's
-
-    test: str
-    stretch: Any
-    stress: Any
-
-    def __post_init__(self) -> None:
-        for name in ("stretch", "stress"):
-            given = getattr(self, name)
-            try:
-                object.__setattr__(self, name, np.asarray(given, dtype=float).ravel())
-            except (TypeError, ValueError, OverflowError) as error:
-                raise InputError(
-                    f"The {name} of the data is {shown(given)}, but must be an array of numbers."
-                ) from error
-        if not isinstance(self.test, str) or self.test not in TESTS:
-            raise InputError(
-                f"There is no test {shown(self.test)}; the tests are {', '.join(TESTS)}."
-            )
-        if len(self.stretch) != len(self.stress):
-            raise InputError(
-                f"The {self.test} data have {len(self.stretch)} stretches and {len(self.stress)} "
-                "stresses, but must have as many of each."
-            )
-        if not (np.all(np.isfinite(self.stretch)) and np.all(np.isfinite(self.stress))):
-            raise InputError(f"The {self.test} data hold values that are no finite numbers.")
-        if np.any(self.stretch <= 0):
-            raise InputError(
-                f"The {self.test} data hold a stretch of {self.stretch.min():g}, but a stretch is "
-                "> 0 (1 + strain)."
-            )
-
-
-def read_data(
-    path: str | Path,
-    test: str,
-    stretch: int,
-    stress: int,
-    unit: float,
-    delimiter: str | None = None,
-    decimal: str = ".",
-) -> TestData:
-    """Read a curve from a text file; lines that hold no numbers there are passed over.
-
-    Parameters
-    ----------
-    path, test
-        The file, and its test as in `TestData`.
-    stretch, stress
-        Numbers of the columns, from 0.
-    unit
-        Unit of the stresses in Pa (1e6 for MPa).
-    delimiter, decimal
-        Column delimiter (None for blanks) and decimal sign.
-    """
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"There is no data file {path}.")
-    rows = []
-    for line in path.read_text(encoding="latin-1").splitlines():
-        cells = line.split(delimiter)
-        try:
-            rows.append([float(cells[k].replace(decimal, ".")) for k in (stretch, stress)])
-        except (ValueError, IndexError):
-            continue
-    if not rows:
-        raise InputError(f"{path} holds no numbers in columns {stretch} and {stress}.")
-    columns = np.array(rows).T
-    return TestData(test, columns[0], columns[1] * unit)
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """A fitted model.
-
-    Attributes
-    ----------
-    model
-        The elastic model with the fitted constants.
-    uncertainty
-        Standard deviation of each constant, by name (a tuple for constants with several entries).
-        Infinite where the data do not determine the constant, alone or beside another one.
-    residual
-        Root mean square of the stress residual over each curve's root mean square stress.
-    r_squared
-        Share of the stresses' variance that is explained, all curves together.
-    stable
-        Whether the energy is stable in Drucker's sense over the data: every small change of stress
-        does positive work on the strain it causes.
-    """
-
-    model: Elastic
-    uncertainty: dict[str, Any]
-    residual: dict[str, float]
-    r_squared: float
-    stable: bool
-
-    def __str__(self) -> str:
-        parts = ", ".join(f"{t} {100 * r:.1f} %" for t, r in self.residual.items())
-        stability = "stable" if self.stable else "NOT stable (Drucker)"
-        text = f"{self.model}: residual {parts}; R^2 {self.r_squared:.4f}; {stability} on the data"
-        loose = self.undetermined
-        return text + (f"; the data do not determine {', '.join(loose)}" if loose else "")
-
-    @property
-    def undetermined(self) -> tuple[str, ...]:
-        """Names of the constants whose standard deviation is larger than they are themselves."""
-        return tuple(
-            name for name, deviation in self.uncertainty.items()
-            if np.any(np.asarray(deviation) > np.abs(getattr(self.model, name)))
-        )  # fmt: skip
 
 
 def fit(model: Any, data: TestData | Sequence[TestData], starts: int = 8) -> Fit:
@@ -194,8 +72,6 @@ def fit(model: Any, data: TestData | Sequence[TestData], starts: int = 8) -> Fit
     UserWarning
         If the stresses look like another unit than Pa.
     """
-    from scipy.optimize import least_squares  # slow to load, and most scripts fit nothing
-
     curves = [data] if isinstance(data, TestData) else list(data)
     if not curves:
         raise InputError("There are no data to fit.")
@@ -222,15 +98,24 @@ def fit(model: Any, data: TestData | Sequence[TestData], starts: int = 8) -> Fit
 
     scale = np.where(x0 == 0, 1.0, np.abs(x0))
     rng = np.random.default_rng(0)
-    best = None
-    for k in range(max(starts, 1)):
-        x = x0 / scale * (1.0 if k == 0 else rng.uniform(0.5, 1.5, len(x0)))
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")
-            found = least_squares(residuals, x, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    scattered = [rng.uniform(0.5, 1.5, len(x0)) for _ in range(max(starts, 1) - 1)]
+    others = [_flat(other) / scale for other in other_starts(first, curves)]
+    best, lowest = None, np.inf
+    for x in [x0 / scale, *(x0 / scale * s for s in scattered), *others]:
+        found = _searched(residuals, x)
+        lowest = min(lowest, found.cost)
         good = not _shaped(first, found.x * scale).faults()
         if good and (best is None or found.cost < best.cost * (1 - 1e-12)):
             best = found
+    if best is None or lowest < best.cost * (1 - 1e-9):
+        # The least squares are those of a model that is not admissible.
+        def admissible(x: np.ndarray) -> bool:
+            return not _shaped(first, x * scale).faults()
+
+        def modulus(x: np.ndarray) -> float:
+            return float(_shaped(first, x * scale).shear_modulus())
+
+        best = _within(residuals, [x0 / scale, *others], admissible, modulus, best)
     if best is None:
         raise InputError(
             f"No admissible {type(first).__name__} model was found from {first}; start nearer."
@@ -238,6 +123,62 @@ def fit(model: Any, data: TestData | Sequence[TestData], starts: int = 8) -> Fit
     size = np.maximum(np.abs(best.x), 1.0)
     deviation = _deviation(residuals, best.x, size, len(best.fun) - len(best.x))
     return _report(first, best.x * scale, deviation * scale, curves)
+
+
+def _searched(residuals: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> Any:
+    """The least squares that are found from a starting point."""
+    from scipy.optimize import least_squares  # slow to load, and most scripts fit nothing
+
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        return least_squares(residuals, x, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+
+
+def _within(
+    residuals: Callable[[np.ndarray], np.ndarray],
+    starts: Sequence[np.ndarray],
+    admissible: Callable[[np.ndarray], bool],
+    modulus: Callable[[np.ndarray], float],
+    best: Any,
+) -> Any:
+    """The least squares among admissible models, or None.
+
+    Each search stays on this side of `LEAST_MODULUS`, and of every other bound by a large residual
+    beyond it.
+
+    Parameters
+    ----------
+    residuals, starts
+        The residuals as a function of the constants, and where the searches begin.
+    admissible, modulus
+        Whether a model is admissible, and its initial shear modulus in Pa.
+    best
+        The best admissible model that is known, or None.
+    """
+    from scipy.optimize import minimize
+
+    def guarded(x: np.ndarray) -> np.ndarray:
+        r = residuals(x)
+        return r if admissible(x) else np.full_like(r, PENALTY_RESIDUAL)
+
+    for x in starts:
+        if not admissible(x):
+            continue
+        size = modulus(x)
+        bound = {"type": "ineq", "fun": lambda y, size=size: modulus(y) / size - LEAST_MODULUS}
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            ends = [x, minimize(
+                lambda y: float(np.sum(residuals(y) ** 2)), x, method="SLSQP", constraints=[bound],
+                options={"ftol": 1e-14, "maxiter": 500},
+            ).x]  # fmt: skip
+        for end in ends:
+            if not (np.all(np.isfinite(end)) and admissible(end)):
+                continue
+            found = _searched(guarded, end)
+            if admissible(found.x) and (best is None or found.cost < best.cost):
+                best = found
+    return best
 
 
 def _deviation(
@@ -304,14 +245,21 @@ def _report(
         label = c.test if c.test not in residual else f"{c.test} {k + 1}"
         rms = np.sqrt(np.mean((s - c.stress) ** 2))
         residual[label] = float(rms / np.sqrt(np.mean(c.stress**2)))
-    measured = np.concatenate([c.stress for c in curves])
-    error = np.concatenate(model_stress) - measured
-    spread = np.sum((measured - measured.mean()) ** 2)
+    # Each curve has the weight that it has in the sum of squares that was minimised.
+    weights = [1 / max(float(c.stress @ c.stress), 1e-300) for c in curves]
+    error = sum(
+        w * float(np.sum((s - c.stress) ** 2))
+        for w, c, s in zip(weights, curves, model_stress, strict=True)
+    )
+    spread = sum(
+        w * float(np.sum((c.stress - c.stress.mean()) ** 2))
+        for w, c in zip(weights, curves, strict=True)
+    )
     return Fit(
         model=m,
         uncertainty={name: getattr(deviation, name) for name in constants(deviation)},
         residual=residual,
-        r_squared=float(1 - np.sum(error**2) / spread) if spread > 0 else float("nan"),
+        r_squared=1 - error / spread if spread > 0 else float("nan"),
         stable=all(drucker(m, c.test, c.stretch.min(), c.stretch.max()) > 0 for c in curves),
     )
 

@@ -33,6 +33,10 @@ MARKS = {
 }
 
 
+MOST_TOLD = 4
+"""Number of sets for one rubber that a message tells."""
+
+
 @dataclass(frozen=True)
 class Preset:
     """A named material.
@@ -44,6 +48,7 @@ class Preset:
     mark : ``"S"``, ``"M"`` or ``"D"``, see `MARKS`
     source : where the constants come from
     note : what to beware of, or empty
+    use : what it is for, in one line
     """
 
     name: str
@@ -51,6 +56,7 @@ class Preset:
     mark: str
     source: str
     note: str = ""
+    use: str = ""
 
     def __str__(self) -> str:
         note = f" {self.note}" if self.note else ""
@@ -91,12 +97,28 @@ def preset(name: str) -> Preset:
     """
     library = _library()
     if not isinstance(name, str) or name not in library:
-        near = nearest(str(name).lower(), library, cutoff=0.0)
-        raise InputError(
-            f"There is no material named {shown(name)}; the nearest is {near!r}, and "
-            "dea_fenicsx.materials.list() names all."
-        )
+        raise InputError(f"There is no material named {shown(name)}; {_advice(str(name))}")
     return library[name]
+
+
+def _advice(name: str) -> str:
+    """Which set to take instead of one that is not there."""
+    library = _library()
+    family = [other for other in library if _plain(name) and _plain(other).startswith(_plain(name))]
+    if len(family) > 1:
+        first, *told = [f"{other!r} ({library[other].use})" for other in family[:MOST_TOLD]]
+        more = f" and {len(family) - MOST_TOLD} more" if len(family) > MOST_TOLD else ""
+        return (
+            f"the nearest is {first}; there are also {', '.join(told)}{more}; `dea materials` "
+            "lists all."
+        )
+    near = nearest(name.lower(), library, cutoff=0.0)
+    return f"the nearest is {near!r}, and dea_fenicsx.materials.list() names all."
+
+
+def _plain(name: str) -> str:
+    """Letters and digits of a name, in small letters."""
+    return "".join(c for c in name.lower() if c.isalnum())
 
 
 def get(name: str) -> Material:
@@ -136,4 +158,5 @@ def _build(name: str, entry: dict[str, Any]) -> Preset:
         entry["mark"],
         entry["source"],
         entry.get("note", ""),
+        entry["use"],
     )

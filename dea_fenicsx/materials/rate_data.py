@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.materials.material import Material
+from dea_fenicsx.materials.separators import parsed
 from dea_fenicsx.materials.stretches import TESTS, log_stretches, nominal_stress
 from dea_fenicsx.materials.viscous import closed_branches
 from dea_fenicsx.support.errors import InputError
@@ -129,19 +130,20 @@ def read_cycles(
     unit
         Unit of the stresses in Pa.
     delimiter
-        Column delimiter (None for blanks).
+        Column delimiter (None for blanks); others are tried where the file holds no numbers with
+        it.
     """
     path = Path(path)
     if not path.is_file():
         raise InputError(f"There is no data file {path}.")
     groups: dict[str, list[list[float]]] = {}
-    for line in path.read_text(encoding="latin-1").splitlines():
-        cells = line.split(delimiter)
-        try:
-            row = [float(cells[k]) for k in columns[1:]]
-            groups.setdefault(cells[columns[0]].strip(), []).append(row)
-        except (ValueError, IndexError):
-            continue
+    lines = path.read_text(encoding="latin-1").splitlines()
+
+    def row(cells: list[str]) -> tuple[str, list[float]]:
+        return cells[columns[0]], [float(cells[k]) for k in columns[1:]]
+
+    for name, values in parsed(lines, delimiter, ".", row):
+        groups.setdefault(name, []).append(values)
     if not groups:
         raise InputError(f"{path} holds no numbers in the columns {columns}.")
     found = []

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.materials.base import Elastic, constants
+from dea_fenicsx.materials.fitted import constants_told, with_spread
 from dea_fenicsx.materials.fitting import (
     PENALTY_RESIDUAL,
     TestData,
@@ -95,14 +96,18 @@ class RateFit:
         return rate_errors(self.material, data)
 
     def __str__(self) -> str:
-        branches = ", ".join(f"({b.mu:.4g} Pa, {b.tau:.4g} s)" for b in self.branches) or "none"
+        told = [
+            f"({with_spread(b.mu, dm)} Pa, {with_spread(b.tau, dt)} s)"
+            for b, (dm, dt) in zip(self.branches, self.branch_uncertainty, strict=True)
+        ]
+        branches = ", ".join(told) or "none"
         share = [
             e / np.sqrt(np.mean(d.stress[d.measured] ** 2))
             for e, d in zip(self.errors, self.data, strict=True)
         ]
         return (
-            f"{self.model}; branches {branches}; root mean square error "
-            f"{100 * min(share):.1f} to {100 * max(share):.1f} %"
+            f"{constants_told(self.model, self.uncertainty)}; branches {branches}; "
+            f"root mean square error {100 * min(share):.1f} to {100 * max(share):.1f} %"
         )
 
 

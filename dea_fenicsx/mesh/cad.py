@@ -19,7 +19,7 @@ import numpy as np
 
 from dea_fenicsx.geometry._gmsh import group_name, measure, start
 from dea_fenicsx.mesh.foreign.arrays import check_known
-from dea_fenicsx.mesh.foreign.formats import STEP, check_program, is_drawing, kind_of, merge
+from dea_fenicsx.mesh.foreign.formats import GEO, STEP, check_program, is_drawing, kind_of, merge
 from dea_fenicsx.mesh.foreign.meshing import mend_elsewhere, mesh_drawing
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
@@ -155,7 +155,7 @@ def _meshed(
         _read(path, kind)
     except Exception as error:
         raise InputError(
-            f"gmsh cannot read {path} ({_told(error)}); it must be a .msh, .geo or STEP file."
+            f"gmsh cannot read {path} ({_told(error)}); {_expected(kind)}."
         ) from error
     if kind in STEP:
         _name_parts(path, names or {})
@@ -193,6 +193,15 @@ def _options(values: Mapping[str, float | None]) -> Iterator[None]:
     finally:
         for key, value in before.items():
             gmsh.option.setNumber(key, value)
+
+
+def _expected(kind: str) -> str:
+    """What a file must be that gmsh cannot read, by what `kind_of` says of it."""
+    if kind in GEO:
+        return "look at the script at the place that gmsh names"
+    if kind in STEP:
+        return "write it anew as STEP (AP203, AP214 or AP242)"
+    return "the file is damaged or of another kind; write it anew"
 
 
 def _told(error: Exception | str) -> str:

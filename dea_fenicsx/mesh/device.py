@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -105,7 +106,7 @@ class _Told(NamedTuple):
 
 
 class ReadingOptions(TypedDict, total=False):
-    """Keywords of `read_gmsh` that tell how a file is meshed and checked.
+    """Keywords of `device` that tell how a file is meshed and checked.
 
     Attributes
     ----------
@@ -147,7 +148,7 @@ READING: dict[str, Any] = {
 """Values of the options that are left out."""
 
 
-def read_gmsh(
+def device(
     source: Any,
     comm: MPI.Comm = MPI.COMM_WORLD,
     *,
@@ -155,7 +156,7 @@ def read_gmsh(
     unit: float | None = None,
     **options: Unpack[ReadingOptions],
 ) -> Device:
-    """Read a mesh, or mesh a drawing, and distribute it.
+    """The device of a geometry or of a file: build or read its mesh, and distribute it.
 
     Parameters
     ----------
@@ -186,8 +187,8 @@ def read_gmsh(
     """
     install_hook()
     label = str(source) if isinstance(source, str | os.PathLike) else type(source).__name__
-    chosen = keywords("read_gmsh", options, ReadingOptions, READING)
-    check_wanted(chosen["surfaces"], "read_gmsh")
+    chosen = keywords("device", options, ReadingOptions, READING)
+    check_wanted(chosen["surfaces"], "device")
     check_same(comm, {"dim": dim, "unit": unit, "surfaces": chosen["surfaces"]})
     unit, chosen["size"] = lengths(label, unit, chosen["size"])
     _check_options(dim, **{name: chosen[name] for name in ("curved", "apart", "programs")})
@@ -230,6 +231,28 @@ def read_gmsh(
         quality=told.quality,
         **named._asdict(),
     )
+
+
+def read_gmsh(
+    source: Any,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    *,
+    dim: int | None = None,
+    unit: float | None = None,
+    **options: Unpack[ReadingOptions],
+) -> Device:
+    """The earlier name of `device`, which goes on working.
+
+    Warns
+    -----
+    PendingDeprecationWarning
+        Once for each place in a program; Python hides this kind of warning unless it is asked for.
+    """
+    warnings.warn(
+        "read_gmsh is called dea_fenicsx.device now; both take the same arguments.",
+        PendingDeprecationWarning, stacklevel=2,
+    )  # fmt: skip
+    return device(source, comm, dim=dim, unit=unit, **options)
 
 
 def _check_options(dim: Any, **switches: Any) -> None:

@@ -63,6 +63,12 @@ class Ramp:
     def label(self, scene: Scene) -> str:
         return "+".join(self.names(scene))
 
+    def words(self, scene: Scene) -> str:
+        """What it does, in words."""
+        if self.at is not None:
+            return f"ramp of {self.label(scene)} to {self.to:g}"
+        return f"ramp of {self.label(scene)} to {self.to:g} in {self.steps} steps"
+
 
 @dataclass(frozen=True)
 @plain_numbers
@@ -105,6 +111,11 @@ class Trace:
 
     def label(self, scene: Scene) -> str:
         return self.what
+
+    def words(self, scene: Scene) -> str:
+        """What it does, in words."""
+        end = f" until {self.until[0]} = {self.until[1]:g}" if self.until else ""
+        return f"trace of {self.what}{end}, at most {self.steps} steps"
 
 
 @dataclass(frozen=True)
@@ -154,6 +165,10 @@ class March:
     def label(self, scene: Scene) -> str:
         return "march"
 
+    def words(self, scene: Scene) -> str:
+        """What it does, in words."""
+        return f"march of {self.seconds:g} s"
+
 
 @dataclass(frozen=True)
 @plain_numbers
@@ -173,6 +188,10 @@ class Open:
 
     def label(self, scene: Scene) -> str:
         return f"open {self.where}"
+
+    def words(self, scene: Scene) -> str:
+        """What it does, in words."""
+        return f"the switch of {self.where} opens"
 
 
 @dataclass(frozen=True)
@@ -206,6 +225,10 @@ class Close:
 
     def label(self, scene: Scene) -> str:
         return f"close {self.where}"
+
+    def words(self, scene: Scene) -> str:
+        """What it does, in words."""
+        return f"the switch of {self.where} closes"
 
     def ramp(self, scene: Scene) -> Ramp:
         """The ramp of an ideal source that follows."""

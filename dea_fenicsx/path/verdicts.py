@@ -138,9 +138,19 @@ def ramp_lost(
     error = EquilibriumLost(
         f"Equilibrium was lost between {low} and {high} of the {label} ramp "
         f"(last trial: {last}); {cause}, and all steps before it are kept."
+        f"{_advice(names) if near_limit else ''}"
     )
     error.reached, error.failed, error.ramps = dict(reached), dict(failed), tuple(names)
     return error
+
+
+def _advice(names: Sequence[str]) -> str:
+    """What to do about a ramp that has come to a limit point."""
+    trace = f'dea.Trace("{names[0]}")' if len(names) == 1 else "dea.Trace of one of its ramps"
+    return (
+        f"  To see how the branch goes on, follow it with {trace}; to see where the device snaps "
+        "to, use Ramp(..., snap=True)."
+    )
 
 
 def trace_lost(what: str, factors: Factors, outcome: Outcome) -> PathError:

@@ -102,6 +102,8 @@ class Walk:
                     cursor = replace(cursor, start=dict(problem.factors))
                 if isinstance(item, Close) and not fed(scene, item.where).ohms:
                     item = item.ramp(scene)
+            if len(self.path) > 1:
+                self.log(f"stage {cursor.ramp + 1} of {len(self.path)}: {item.words(scene)}")
             self._orient(item)
             if isinstance(item, Ramp | Trace):
                 respond(self.solver, item, self.log)

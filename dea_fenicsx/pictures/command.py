@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import resource
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,8 +14,14 @@ import numpy as np
 
 from dea_fenicsx.pictures.curves import axis_label, curve, lettering, spoken, write_whole
 from dea_fenicsx.pictures.drawing import NO_PYVISTA, animated, deformed
+from dea_fenicsx.results.axes import FIXED, axes_told
 from dea_fenicsx.results.history import field_times
-from dea_fenicsx.results.reading import moved_ramps, read_history, read_summary
+from dea_fenicsx.results.reading import (
+    load_columns,
+    moved_ramps,
+    read_history,
+    read_summary,
+)
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean
 
@@ -27,7 +33,7 @@ def title_of(folder: Path, warp: float, time: float) -> str:
         history = read_history(folder)
         row = int(np.argmin(np.abs(np.array(field_times(history)) - time)))
         with suppress(InputError):
-            for name in dict.fromkeys(moved_ramps(read_summary(folder))):
+            for name in _ramps(folder, history):
                 if (key := f"{name}_V") in history:
                     parts.append(" ".join(spoken(key, float(history[key][row]))))
                 elif (key := f"{name}_factor") in history:
@@ -37,6 +43,18 @@ def title_of(folder: Path, warp: float, time: float) -> str:
         parts.append(f"step {int(history['step'][row])}")
     parts.append(f"displacements × {warp:g}, undeformed in red" if warp else "undeformed shape")
     return lettering(", ".join(parts))
+
+
+def _ramps(folder: Path, history: Mapping[str, np.ndarray]) -> list[str]:
+    """Names of the ramps that a run moves, in order.
+
+    Where its summary does not name them, they are those whose columns change.
+    """
+    named = list(dict.fromkeys(moved_ramps(read_summary(folder))))
+    if named:
+        return named
+    columns = [name for name in load_columns(history, {}) if np.ptp(history[name]) > 0]
+    return [name.removesuffix("_V").removesuffix("_factor") for name in columns]
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -90,16 +108,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     def title(time: float) -> str:
         return title_of(given.folder, given.warp, time)
 
+    axes = FIXED
+    with suppress(InputError):
+        axes = axes_told(read_summary(given.folder))
+
     def draw(file: Path) -> None:
         if given.command == "movie":
+            from dea_fenicsx.pictures.fields import Words
             from dea_fenicsx.pictures.movie import film
 
             kind = given.out.suffix
-            film(given.folder, given.field, given.warp, file, kind, title, axis_label)
+            film(given.folder, given.field, given.warp, file, kind, Words(title, axis_label, axes))
         else:
-            from dea_fenicsx.pictures.fields import render
+            from dea_fenicsx.pictures.fields import Words, render
 
-            render(given.folder, given.field, given.step, given.warp, file, title, axis_label)
+            words = Words(title, axis_label, axes)
+            render(given.folder, given.field, given.step, given.warp, file, words)
 
     write_whole(given.out, draw)
     return 0

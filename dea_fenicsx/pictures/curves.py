@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dea_fenicsx.results.reading import read_history
+from dea_fenicsx.results.reading import load_columns, read_history, read_summary
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import LONGEST_NAME, clean, file_name, listed, replace_file
 
@@ -36,6 +37,8 @@ _UNITS: dict[str, tuple[str, tuple[int, ...]]] = {
     "_GB": ("GB", (0,)),
 }
 _PREFIX = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+TIMES = ("step", "time", "time_s")
+"""Columns over which a curve shows the whole run."""
 _PERCENT = ("contraction", "strain")
 _WORDS = {
     "max_field": "peak electric field",
@@ -108,7 +111,9 @@ def curve(
 ) -> list[Path]:
     """Draw one column of the history against another, for one run or several.
 
-    Events of the path (a maximum, a bifurcation, a way to fail) are marked by name.
+    Events of the path (a maximum, a bifurcation, a way to fail) are marked by name.  A curve over
+    a load, or of one, begins where that load first moves: what comes before, such as a
+    pre-stretch at 0 V, would be a line along the axis.
 
     Parameters
     ----------
@@ -149,7 +154,8 @@ def curve(
     for kind in formats:
         if kind not in _SAVE:
             raise InputError(f"A curve is drawn as png or svg, not as {kind!r}.")
-    runs = [(_numbers(p, x), _numbers(p, y)) for p in places]
+    starts = [first_shown(p, (x, y)) for p in places]
+    runs = [(_numbers(p, x)[k:], _numbers(p, y)[k:]) for p, k in zip(places, starts, strict=True)]
     others = {
         label: (np.asarray(a, float), np.asarray(b, float))
         for label, (a, b) in (lines or {}).items()
@@ -168,7 +174,9 @@ def curve(
         for k, ((a, b), label) in enumerate(zip(scaled(runs), names, strict=True)):
             mark = markers[k % len(markers)] if markers else None
             axes.plot(a, b, marker=mark, markerfacecolor="white", label=label)
-        marked = _mark_events(axes, scaled(runs), [_events(p) for p in places])
+        marked = _mark_events(
+            axes, scaled(runs), [_events(p, k) for p, k in zip(places, starts, strict=True)]
+        )
         dashes = ["--", ":", "-."] * 9
         for (a, b), label, dash in zip(scaled(others.values()), others, dashes, strict=False):
             axes.plot(a, b, dash, color="0.2", linewidth=0.8, label=label)
@@ -240,12 +248,36 @@ def _numbers(folder: Path, name: str) -> np.ndarray:
     return columns[name]
 
 
-def _events(folder: Path) -> list[tuple[str, int]]:
-    """Events of a run with their rows, requested landings left out."""
+def first_shown(folder: Path, names: Sequence[str]) -> int:
+    """The row of a history with which a curve of some columns begins.
+
+    It is the last row before the first load or voltage among the columns leaves 0.  A curve over
+    time or steps begins with the first row, and so does one without loads, or whose loads stay 0.
+    """
+    history = read_history(folder)
+    summary: dict[str, Any] = {}
+    with suppress(InputError):
+        summary = read_summary(folder)
+    loads = set(load_columns(history, summary))
+    if set(names) & set(TIMES):
+        return 0
+    found = []
+    for name in names:
+        driven = name in loads or name.endswith("_V")
+        values = history.get(name)
+        if driven and values is not None and values.dtype.kind == "f" and values[:1] == 0:
+            moved = np.flatnonzero(values)
+            if len(moved):
+                found.append(int(moved[0]) - 1)
+    return min(found, default=0)
+
+
+def _events(folder: Path, first: int = 0) -> list[tuple[str, int]]:
+    """Events of a run from a row on with their rows, requested landings left out."""
     column = read_history(folder).get("event")
     if column is None or column.dtype.kind == "f":
         return []
-    return [(str(e), i) for i, e in enumerate(column) if e and e != "landed"]
+    return [(str(e), i) for i, e in enumerate(column[first:]) if e and e != "landed"]
 
 
 def bare(name: str) -> str:

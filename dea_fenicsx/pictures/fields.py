@@ -190,6 +190,22 @@ class View:
     dpi: int
 
 
+@dataclass(frozen=True)
+class Words:
+    """What stands in a picture.
+
+    Attributes
+    ----------
+    title : from the step's time to the text above the picture
+    label : from a name with its unit and the largest value to the axis label and the divisor
+    axes : names of the axes of the run's fields
+    """
+
+    title: Callable[[float], str]
+    label: Callable[[str, float], tuple[str, float]]
+    axes: tuple[str, str, str] = ("x", "y", "z")
+
+
 def limits_of(values: np.ndarray, name: str) -> tuple[float, float]:
     """Ends of the colour scale; those of an electric field and of a constant start at 0."""
     finite = values[np.isfinite(values)]
@@ -210,8 +226,8 @@ def points_seen(frame: Any, warp: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def render(
-    folder: Path, field: str, step: int, warp: float, path: Path, title: Callable[[float], str],
-    label: Callable[[str, float], tuple[str, float]], view: View | None = None,
+    folder: Path, field: str, step: int, warp: float, path: Path, words: Words,
+    view: View | None = None,
 ) -> None:  # fmt: skip
     """Draw a step of a run: the device in isometric view and a section through it.
 
@@ -223,10 +239,8 @@ def render(
         Scale of the drawn displacement.
     path
         The PNG file.
-    title
-        From the step's time to the text above the picture.
-    label
-        From a name with its unit and the largest value to the axis label and the divisor.
+    words
+        What stands in the picture.
     view
         Colour scale, frame and resolution; by default what fits this step.
     """
@@ -237,13 +251,13 @@ def render(
     if view is None:
         view = View(limits_of(values, name), *points_seen(frame, warp), _DPI)
     low, high = view.limits
-    text, divisor = label(name, max(abs(low), abs(high)))
+    text, divisor = words.label(name, max(abs(low), abs(high)))
     grey = "" if np.isfinite(values).all() else ", no field in grey"
     _compose(
-        _panels(frame, nodal, warp, view),
+        _panels(frame, nodal, warp, view, words.axes),
         (low / divisor, high / divisor),
         text,
-        title(frame.time) + grey,
+        words.title(frame.time) + grey,
         path,
         view.dpi,
     )
@@ -256,12 +270,12 @@ class _Panel:
     Attributes
     ----------
     image : the image
-    axes : names of the axes across and along, "" for an isometric view without axes
+    axes : names of the axes across and along; none for an isometric view without axes
     title : text above it
     """
 
     image: _Image
-    axes: str
+    axes: tuple[str, ...]
     title: str = ""
 
 
@@ -283,7 +297,9 @@ def _painter(
     return paint
 
 
-def _panels(frame: Any, nodal: bool, warp: float, view: View) -> list[_Panel]:
+def _panels(
+    frame: Any, nodal: bool, warp: float, view: View, axes: tuple[str, str, str]
+) -> list[_Panel]:
     """Images of the deformed device and of its section, each over the undeformed edges."""
     grid = frame.grid
     x, y, z = np.eye(3)
@@ -291,10 +307,10 @@ def _panels(frame: Any, nodal: bool, warp: float, view: View) -> list[_Panel]:
     outline = _edges(_surface(grid, 3)) if warp else None
     if frame.flat:
         paint = _painter(whole, outline, view, nodal, lit=False)
-        return [_Panel(_shoot(paint, view.outside, x, y, _WIDTH, view.dpi), "xy")]
+        return [_Panel(_shoot(paint, view.outside, x, y, _WIDTH, view.dpi), axes[:2])]
     right, up = np.array([1, 1, 0]) / 2**0.5, np.array([-1, 1, 2]) / 6**0.5
     paint = _painter(whole, outline, view, nodal, lit=True)
-    panels = [_Panel(_shoot(paint, view.outside, right, up, _WIDTH / 2, view.dpi, 0.01), "")]
+    panels = [_Panel(_shoot(paint, view.outside, right, up, _WIDTH / 2, view.dpi, 0.01), ())]
     section = _section(grid)
     if section is not None:
         seen = view.section
@@ -303,7 +319,7 @@ def _panels(frame: Any, nodal: bool, warp: float, view: View) -> list[_Panel]:
         paint = _painter(_warped(section, warp), edges, view, nodal, lit=False)
         middle = 1e3 * (grid.bounds[2] + grid.bounds[3]) / 2
         above = f"section y = {round(middle, 4) + 0.0:g} mm"
-        panels.append(_Panel(_shoot(paint, seen, x, z, _WIDTH / 2, view.dpi), "xz", above))
+        panels.append(_Panel(_shoot(paint, seen, x, z, _WIDTH / 2, view.dpi), ("x", "z"), above))
     return panels
 
 

@@ -8,13 +8,12 @@ from __future__ import annotations
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.pictures.fields import View, limits_of, points_seen, render, scalar
+from dea_fenicsx.pictures.fields import View, Words, limits_of, points_seen, render, scalar
 from dea_fenicsx.results.reading import frame_times, read_frame
 from dea_fenicsx.support.errors import InputError
 
@@ -42,9 +41,8 @@ def check_target(path: Path) -> None:
 
 
 def film(
-    folder: Path, field: str, warp: float, path: Path, ending: str,
-    title: Callable[[float], str], label: Callable[[str, float], tuple[str, float]],
-) -> None:  # fmt: skip
+    folder: Path, field: str, warp: float, path: Path, ending: str, words: Words
+) -> None:
     """Draw every step of a run on disk and join them, as `ending` says; else as `render`."""
     from PIL import Image
 
@@ -54,7 +52,7 @@ def film(
     with tempfile.TemporaryDirectory() as scratch:
         for step in range(count):
             file = Path(scratch) / f"{step}.png"
-            render(folder, field, step, warp, file, title, label, view)
+            render(folder, field, step, warp, file, words, view)
             with Image.open(file) as image:
                 images.append(image.convert("RGB"))
     rate = float(np.clip(count / _SECONDS, 2, 25))

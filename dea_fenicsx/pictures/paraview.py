@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.pictures.curves import axis_label, spoken, write_whole
+from dea_fenicsx.pictures.curves import spoken, write_whole
 from dea_fenicsx.results.history import field_times
 from dea_fenicsx.results.reading import (
     field_names,
@@ -19,8 +19,15 @@ from dea_fenicsx.results.reading import (
     read_summary,
 )
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.files import clean
 
-FIELD = "field_strength_V_per_m"
+LABELS = {
+    "field_strength_MV_per_m": "Electric field (MV/m)",
+    "field_strength_V_per_m": "Electric field (V/m)",
+}
+FIELDS = tuple(LABELS)
+"""Fields that colour the device: the first one that a run has.  Earlier runs have V/m only."""
+
 DISPLACEMENT = "displacement_m"
 
 _MACRO = '''\
@@ -28,8 +35,12 @@ _MACRO = '''\
 
     paraview --script=view.py        to look at it; play runs through the steps
     pvpython view.py picture.png     a picture of the last step
+
+The time in ParaView is that of a path with time in s; of other paths it is the place on the path,
+which is 0 at the beginning, 1 at the end of the first ramp, 2 at the end of the second.
 """
 
+import csv
 import itertools
 import os
 import sys
@@ -40,11 +51,35 @@ from paraview.simple import *
 FOLDER = {folder!r}  # where the run was when this was written
 FIELD, LABEL = {field!r}, {label!r}
 WARP = 1.0
-LOADS = {loads!r}
+REGIONS = {regions!r}  # number of each region in the array "region", and its name
+WRITTEN = {written!r}  # what was to be told of each step when this was written
+LOADS = {loads!r}  # columns of history.csv that hold the loads, and how they are called
 
 here = os.path.dirname(os.path.abspath(globals().get("__file__", FOLDER + "/view.py")))
 if os.path.exists(os.path.join(here, "fields.xdmf")):
     FOLDER = here
+
+
+def told():
+    """What stands in the picture of each step, by the history as it is now."""
+    try:
+        with open(os.path.join(FOLDER, "history.csv"), newline="") as file:
+            rows = list(csv.DictReader(file))
+        texts = []
+        for row in rows:
+            parts = ["step " + row["step"]]
+            if "time_s" in row:
+                parts.append("time %.4g s" % float(row["time_s"]))
+            for column, words in LOADS:
+                value = float(row[column] or "nan")
+                unit = "V" if column.endswith("_V") else ""
+                if unit and abs(value) >= 999.5:
+                    value, unit = value / 1e3, "kV"
+                parts.append(("%s %.4g %s" % (words, value, unit)).strip())
+            texts.append(", ".join(parts))
+        return texts
+    except (OSError, KeyError, ValueError, TypeError):
+        return WRITTEN
 
 
 def fit(view, sources):
@@ -77,6 +112,10 @@ view.UseColorPaletteForBackground = 0
 view.Background = [1.0, 1.0, 1.0]
 view.OrientationAxesLabelColor = [0.0, 0.0, 0.0]
 
+run.UpdatePipeline()
+low_z, high_z = run.GetDataInformation().GetBounds()[4:]
+REACH = 3 if high_z > low_z else 2  # dimensions of the device
+
 # The surface is extracted here, not by the representation: that of ParaView 5.11 colours the parts
 # of a curved face by the wrong cell.
 at_rest = ExtractSurface(registrationName="at rest", Input=run)
@@ -98,14 +137,48 @@ device = Show(surface, view)
 ColorBy(device, ("CELLS", FIELD))
 colours = GetColorTransferFunction(FIELD)
 colours.ApplyPreset("Viridis (matplotlib)", True)
+colours.NanColor = [0.72, 0.72, 0.72]  # parts without a field
 device.RescaleTransferFunctionToDataRangeOverTime()
 device.SetScalarBarVisibility(view, True)
 bar = GetScalarBar(colours, view)
 bar.Title, bar.ComponentTitle = LABEL, ""
 bar.TitleColor = bar.LabelColor = [0.0, 0.0, 0.0]
 
+# The colours of regions, by name; the region is an array of the device like the fields.
+try:
+    names = GetColorTransferFunction("region")
+    names.InterpretValuesAsCategories = 1
+    names.Annotations = [text for tag, name in REGIONS for text in (str(tag), name)]
+except Exception as error:
+    print("The regions are shown by number only:", error)
+
+# The electrodes, each a block by its name; and all other named surfaces, which are not shown.
+try:
+    for name, shown_here in (("electrodes", True), ("surfaces", False)):
+        document = os.path.join(FOLDER, name + ".xdmf")
+        if not os.path.exists(document):
+            continue
+        parts = Xdmf3ReaderS(registrationName=name, FileName=[document])
+        moved = WarpByVector(registrationName="warped " + name, Input=parts)
+        moved.Vectors = ["POINTS", {displacement!r}]
+        moved.ScaleFactor = WARP
+        outside = ExtractSurface(registrationName="faces of " + name, Input=moved)
+        outline = FeatureEdges(registrationName="outlines of " + name, Input=outside)
+        outline.ManifoldEdges = outline.NonManifoldEdges = 0
+        for source in (outside, outline) if shown_here else ():
+            shown = Show(source, view)
+            ColorBy(shown, None)
+            shown.AmbientColor = shown.DiffuseColor = [1.0, 0.5, 0.05]
+            shown.LineWidth = 4.0
+        if shown_here and REACH == 3:
+            Hide(outside, view)  # it would hide the field on the device
+except Exception as error:
+    print("The electrodes are not shown:", error)
+
+texts = told()
 load = PythonAnnotation(registrationName="load", Input=run)
-load.Expression = repr(LOADS) + "[int(t_index)]"
+# A run that has grown since has more steps than texts; each is then told by its time.
+load.Expression = "(%r + ['time %%.4g' %% t_value])[min(int(t_index), %d)]" % (texts, len(texts))
 text = Show(load, view)
 text.Color = [0.0, 0.0, 0.0]
 text.FontSize = 20
@@ -133,7 +206,22 @@ if len(sys.argv) > 1 and sys.argv[-1].endswith(".png"):
 '''
 
 
-def loads(folder: Path) -> list[str]:
+def loads(folder: Path) -> list[tuple[str, str]]:
+    """Columns of a run's history that hold the loads, and how each is called in a picture."""
+    with suppress(InputError, KeyError, TypeError, ValueError, OverflowError):
+        history = read_history(folder)
+        summary: dict[str, Any] = {}
+        with suppress(InputError):
+            summary = read_summary(folder)
+        return [
+            (name, spoken(name.removesuffix("_factor"), 0.0)[0])
+            for name in load_columns(history, summary)[::-1]
+            if history[name].dtype.kind == "f"
+        ]
+    return []
+
+
+def written(folder: Path) -> list[str]:
     """What stands in the picture of each step on disk: "step 3: voltage 2 kV"."""
     times = frame_times(folder)
     texts = [f"time {t:.4g}" for t in times]
@@ -154,8 +242,18 @@ def loads(folder: Path) -> list[str]:
     return texts
 
 
+def regions(folder: Path) -> list[tuple[int, str]]:
+    """Number and name of each region of a run."""
+    with suppress(InputError, KeyError, TypeError, ValueError, AttributeError):
+        found = read_summary(folder)["settings"]["regions"]
+        return sorted((int(tag), clean(name, 100)) for name, tag in found.items())
+    return []
+
+
 def write(folder: str | os.PathLike) -> Path:
     """Write view.py into a results folder and return its path.
+
+    The script reads the history when it runs, so that it also shows a run that has grown since.
 
     Raises
     ------
@@ -164,13 +262,9 @@ def write(folder: str | os.PathLike) -> Path:
     """
     place = Path(folder).resolve()
     names = field_names(place)
-    field = FIELD if FIELD in names else "J"
-    largest = 0.0
-    with suppress(InputError, KeyError, TypeError, ValueError):
-        largest = float(np.nanmax(read_history(place)["max_field_V_per_m"]))
-    words = axis_label(field, largest)[0].rsplit(" (", 1)[0]
+    field = next((name for name in FIELDS if name in names), "J")
     text = _MACRO.format(
-        folder=str(place), field=field, displacement=DISPLACEMENT,
-        label=f"{words} (V/m)" if field == FIELD else "J (-)", loads=loads(place),
+        folder=str(place), field=field, displacement=DISPLACEMENT, label=LABELS.get(field, "J (-)"),
+        written=written(place), loads=loads(place), regions=regions(place),
     )  # fmt: skip
     return write_whole(place / "view.py", lambda file: file.write_text(text, "utf-8"))

@@ -21,7 +21,7 @@ TIME = ("time_s",)
 FIELD = ("max_field_V_per_m", "max_field_x_m", "max_field_y_m", "max_field_z_m")
 WORK = (
     "min_J", "volume_error", "residual", "newton_iterations", "krylov_iterations",
-    "factorisations", "retries", "inertia", "inertia_is_of_this_step", "wall_s",
+    "factorisations", "retries", "inertia", "inertia_is_of_this_step", "negative_modes", "wall_s",
 )  # fmt: skip
 
 COUNTS = ("newton_iterations", "krylov_iterations", "factorisations")

@@ -19,6 +19,7 @@ from dea_fenicsx.model.cell_values import evaluated_at
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
+from dea_fenicsx.results.axes import axes_of_fields
 from dea_fenicsx.results.grids import Grid, SurfaceGrid, surface_grid
 from dea_fenicsx.results.moment import NO_MOMENT, Moment, history_of, table_of, width
 from dea_fenicsx.support import compat
@@ -151,7 +152,11 @@ class FieldWriter:
         points = np.empty((len(first), 3))
         points[self._connectivity.ravel()] = coordinates.reshape(-1, 3)
         order = BY_DEGREE[self.degree][self.kind].vtk_order
-        return Grid(points, self._connectivity[:, order], self.kind, regions, self.degree)
+        names = {tag: name for name, tag in problem.scene.device.regions.items()}
+        axes = axes_of_fields(problem.scene.kinematics)
+        return Grid(
+            points, self._connectivity[:, order], self.kind, regions, self.degree, names, axes
+        )
 
     def _build_surfaces(self, names: tuple[str, ...]) -> dict[str, SurfaceGrid]:
         """The grid of each surface on rank 0.  Collective."""
@@ -166,6 +171,11 @@ class FieldWriter:
             pairs[:, 0] = np.searchsorted(numbers, pairs[:, 0])
             found[name] = surface_grid(self.grid, self._connectivity, pairs)
         return found
+
+    def named_facets(self) -> dict[str, SurfaceGrid]:
+        """The grid of each facet group of the mesh that has facets, on rank 0.  Collective."""
+        device = self.problem.scene.device
+        return self._build_surfaces(tuple(n for n in device.surfaces if group_size(device, n)))
 
     def _sides(self, facets: np.ndarray) -> np.ndarray:
         """Each side of some facets that lies in an owned cell.
@@ -273,13 +283,16 @@ class FieldWriter:
         """J, true field (V/m), Cauchy stress and pressure (Pa): values at the cells' middles.
 
         The stress includes its electrostatic part; the pressure is minus a third of its trace.
+        Components are ordered by `Grid.axes`: (x, y, z), or (r, z, hoop) in a body of revolution
+        and a helical cell.  The strength of the field in MV/m is NaN in regions without a field.
         """
         problem = self.problem
-        values = np.zeros((self.owned_cells, 10))
+        values, mine = np.zeros((self.owned_cells, 10)), np.zeros(self.owned_cells)
         for kernel, evaluate in zip(problem.kernels, self._cell_expressions, strict=True):
             values[kernel.cells] = evaluate(problem.mesh, kernel.cells)
-        gathered = self.gather(values)
-        if gathered is None:
+            mine[kernel.cells] = kernel.eps is not None
+        gathered, live = self.gather(values), self.gather(mine)
+        if gathered is None or live is None:
             return None
         stress: np.ndarray = np.zeros((len(gathered), 3, 3))
         for k, (i, j) in enumerate(_VOIGT):
@@ -297,7 +310,9 @@ class FieldWriter:
         }
         if problem.potential is not None:
             fields["electric_field_V_per_m"] = field * problem.scales.field
-            fields["field_strength_V_per_m"] = np.linalg.norm(field, axis=1) * problem.scales.field
+            strength = np.linalg.norm(field, axis=1) * problem.scales.field
+            fields["field_strength_V_per_m"] = strength
+            fields["field_strength_MV_per_m"] = np.where(live > 0, strength / 1e6, np.nan)
         return fields
 
     # -------------------------------------------------------------- whole states

@@ -2,6 +2,8 @@
 
     fields.xdmf     one grid for each step that holds every field; ParaView opens this
     fields.h5       its numbers (while the run lasts: one small file a step in parts/)
+    electrodes.xdmf the electrodes that are surfaces, each a block by its name; no numbers
+    surfaces.xdmf   all other named surfaces in the same way
     fields_X.xdmf   the same on the surface X, where the writer of fields has surfaces
     history.csv     a row for each accepted step
     summary.json    settings, versions, sizes, final observables
@@ -21,7 +23,8 @@ import csv
 import json
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -29,14 +32,13 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results import checkpoint, hdf5, provenance, xdmf
-from dea_fenicsx.results.columns import check_added
 from dea_fenicsx.results.fields import Fields, Grid
-from dea_fenicsx.results.history import History, field_times
+from dea_fenicsx.results.history import field_times
 from dea_fenicsx.results.plain_text import json_value, number_text
 from dea_fenicsx.results.reading import read_history, read_summary
 from dea_fenicsx.results.shared_folder import SharedFolder
+from dea_fenicsx.results.surface_blocks import DOCUMENTS, Blocks, step_xml
 from dea_fenicsx.results.surface_names import (
     SURFACES,
     surface_document,
@@ -46,11 +48,11 @@ from dea_fenicsx.results.surface_names import (
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import free_name, replace_file
 
-__all__ = ["RUN_FILES", "Folder", "Run", "read_history", "read_summary", "replace_file"]
+__all__ = ["RUN_FILES", "Folder", "read_history", "read_summary", "replace_file"]
 
 RUN_FILES = (
     "fields.xdmf", "fields.h5", "history.csv", "summary.json", "checkpoint.npz", "parts", "modes",
-    "run.log",
+    "run.log", *DOCUMENTS,
 )  # fmt: skip
 
 
@@ -134,9 +136,12 @@ class Folder(SharedFolder):
     # ------------------------------------------------------------------ writing
 
     def write_grid(
-        self, grid: Grid | None, surfaces: Mapping[str, Grid] = MappingProxyType({})
+        self,
+        grid: Grid | None,
+        surfaces: Mapping[str, Grid] = MappingProxyType({}),
+        blocks: Blocks | None = None,
     ) -> None:
-        """Write the undeformed grid, and those of surfaces by their names (rank 0).
+        """Write the undeformed grid, those of surfaces by their names, and blocks (rank 0).
 
         Surfaces that a run had before it was resumed without them keep their grids.
         """
@@ -147,6 +152,8 @@ class Folder(SharedFolder):
 
         def put(h5: Any) -> None:
             hdf5.put_grid(h5, grid)
+            if blocks is not None:
+                blocks.put(h5)
             for name, surface in surfaces.items():
                 hdf5.put_grid(h5.create_group(surface_group(name)), surface)
             earlier = self._where(self.path / "parts" / "grid.h5", "grid/", False)
@@ -257,11 +264,38 @@ class Folder(SharedFolder):
         for name in self._surfaces:
             group = f"{surface_group(name)}/"
             self._write_document(surface_document(name), name, group, history, whole)
+        for document, electrodes in DOCUMENTS.items():
+            make = partial(step_xml, root=self.path, electrodes=electrodes)
+            name = document.removesuffix(".xdmf")
+            if text := self._steps_xml("", history, whole, make):
+                self._put_document(document, name, text, whole)
+
+    def _put_document(self, file_name: str, name: str, grids: str, whole: bool) -> None:
+        """Write a document, with a note on regions and axes."""
+        mesh, group = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
+        text = xdmf.document(grids, name, xdmf.note_of((mesh, group)))
+        replace_file(self.path / file_name, lambda target: target.write_text(text, "utf-8"))
 
     def _write_document(
         self, file_name: str, name: str, group: str, history: list[dict[str, Any]], whole: bool
     ) -> None:
         """Write the document of the device or of a surface, whose data lie in a group."""
+        make = partial(xdmf.grid_xml, root=self.path)
+        text = self._steps_xml(group, history, whole, make)
+        self._put_document(file_name, name, text, whole)
+
+    def _steps_xml(
+        self, group: str, history: list[dict[str, Any]], whole: bool, make: Callable[..., str]
+    ) -> str:
+        """What a document says of each step on disk.
+
+        Parameters
+        ----------
+        group, history, whole
+            As of `write_xdmf`, and the group of a surface.
+        make
+            From the step's name, its time, and the places of its mesh and its fields.
+        """
         grids = []
         names = [n for n in ("time", "time_s") if n == "time" or (history and n in history[0])]
         times = field_times({name: [row[name] for row in history] for name in names})
@@ -269,20 +303,15 @@ class Folder(SharedFolder):
             step = int(row["step"])
             file, prefix = self._where(self._part(step), f"step_{step:05d}/", whole)
             if file.exists():
-                place = (file, prefix + group)
-                grids.append(self._grid_xml(step, time, place, group, whole))
-        text = xdmf.document("".join(grids), name)
-        replace_file(self.path / file_name, lambda target: target.write_text(text, "utf-8"))
+                mesh, before = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
+                grids.append(
+                    make(f"step {step}", time, (mesh, before + group), (file, prefix + group))
+                )
+        return "".join(grids)
 
     def _where(self, part: Path, group: str, whole: bool) -> tuple[Path, str]:
         """File and group in it that hold a part of the results."""
         return (part, "") if part.exists() and not whole else (self.path / "fields.h5", group)
-
-    def _grid_xml(
-        self, step: int, time: float, fields: tuple[Path, str], group: str, whole: bool
-    ) -> str:
-        mesh, prefix = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
-        return xdmf.grid_xml(f"step {step}", time, (mesh, prefix + group), fields, self.path)
 
     def write_mode(
         self,
@@ -324,68 +353,3 @@ class Folder(SharedFolder):
         replace_file(whole, lambda target: hdf5.join(target, whole, sources))
         self.write_xdmf(history, whole=True)
         shutil.rmtree(parts)
-
-
-class Run:
-    """A finished or ended run.
-
-    Attributes
-    ----------
-    history
-        A row for each accepted step, and by its name each column as an array; see `History`.
-    summary
-        What summary.json holds.
-    folder
-        The results folder's writer, or None.
-    """
-
-    def __init__(
-        self,
-        history: History,
-        summary: dict[str, Any],
-        problem: Problem,
-        folder: Folder | None = None,
-    ) -> None:
-        self.history, self.summary, self.folder = history, summary, folder
-        self._problem = problem
-
-    @property
-    def problem(self) -> Problem:
-        """The discrete problem in its last accepted state."""
-        self._problem.handed_out = True
-        return self._problem
-
-    def __repr__(self) -> str:
-        steps = f"{len(self.history)} accepted steps"
-        return f"Run({self.summary.get('status', 'running')}, {steps}, out={self.out})"
-
-    @property
-    def out(self) -> Path | None:
-        """The results folder."""
-        return self.folder.path if self.folder else None
-
-    def add(self, **values: Any) -> None:
-        """Add a script's own findings to the summary, in memory and on disk (by rank 0).
-
-        A key ends in its unit (``height_m``) unless it is a pure number.
-
-        Raises
-        ------
-        InputError
-            If it would replace what the package says of the run, or the folder holds another run
-            by now.
-        """
-        check_added(values)
-        self.summary |= values
-        folder = self.folder
-        if folder:  # a script may well call this on rank 0 alone
-            folder.write(lambda: folder.add_to_summary(self.summary), together=False)
-
-    def column(self, name: str) -> np.ndarray:
-        """A column of the history as an array: numbers, NaN where there is none, or texts."""
-        return self.history.column(name)
-
-    def __getitem__(self, name: str) -> Any:
-        """Value of a column at the last step: a number, or a text such as that of ``event``."""
-        last = self.column(name)[-1]
-        return str(last) if isinstance(last, str) else float(last)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import basix
 import numpy as np
 
+from dea_fenicsx.results.axes import FIXED
 from dea_fenicsx.support.cell_types import BY_DEGREE, CORNERS, SHAPES
 
 
@@ -21,6 +23,8 @@ class Grid:
     kind : DOLFINx's name of the cell, or "line"
     regions : ndarray (cells,), tag of each cell's region
     degree : degree of the cells, 1 or 2
+    names : name of each region by its tag
+    axes : names of the axes by which components of vectors and tensors are ordered
     """
 
     points: np.ndarray
@@ -28,6 +32,8 @@ class Grid:
     kind: str
     regions: np.ndarray
     degree: int = 2
+    names: Mapping[int, str] = field(default_factory=dict)
+    axes: tuple[str, str, str] = FIXED
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +79,7 @@ def surface_grid(grid: Grid, connectivity: np.ndarray, pairs: np.ndarray) -> Sur
     vtk_order = BY_DEGREE[grid.degree][facet].vtk_order
     return SurfaceGrid(
         grid.points[nodes], cells[:, vtk_order], facet, grid.regions[parents], grid.degree,
-        nodes=nodes, parents=parents,
+        grid.names, grid.axes, nodes=nodes, parents=parents,
     )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 import shutil
 from collections.abc import Callable, Mapping
@@ -45,6 +46,9 @@ def put_grid(h5: Any, grid: Grid) -> None:
     h5.attrs["cell"] = grid.kind
     if grid.degree != 2:  # 2 where nothing is said
         h5.attrs["degree"] = grid.degree
+    h5.attrs["axes"] = " ".join(grid.axes)
+    if grid.names:
+        h5.attrs["region_names"] = json.dumps({str(tag): name for tag, name in grid.names.items()})
 
 
 def put_fields(h5: Any, nodes: Mapping[str, np.ndarray], cells: Mapping[str, np.ndarray]) -> None:

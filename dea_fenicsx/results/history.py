@@ -7,6 +7,7 @@ from typing import Any, SupportsIndex, overload
 
 import numpy as np
 
+from dea_fenicsx.results.tables import history_html
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean
 
@@ -26,6 +27,14 @@ class History(list[dict[str, Any]]):
     rows
         For each step the value of each column, all rows with the same columns.
     """
+
+    def __repr__(self) -> str:
+        many = f"{len(self)} step{'s' * (len(self) != 1)}"
+        return f"History({many}; columns: {', '.join(self.names) or 'none yet'})"
+
+    def _repr_html_(self) -> str:
+        """The steps as a table in a notebook."""
+        return history_html(self)
 
     @property
     def names(self) -> list[str]:

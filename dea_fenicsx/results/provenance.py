@@ -31,6 +31,27 @@ def script() -> Path | None:
     return None
 
 
+def notebook() -> str | None:
+    """The cells that a notebook has run so far, as a script; None outside of one.
+
+    There Python was started with the launcher of the kernel, which says nothing of the run.
+    """
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if shell is None or type(shell).__name__ == "TerminalInteractiveShell":
+        return None
+    cells = [str(cell).rstrip() for cell in getattr(shell, "user_ns", {}).get("In", ())]
+    told = [f"# In [{k}]\n{cell}\n" for k, cell in enumerate(cells) if cell]
+    return "\n".join(told) if told else None
+
+
+def _kept() -> bytes | None:
+    """What is kept as the script of a run."""
+    cells, source = notebook(), script()
+    if cells is not None:
+        return cells.encode("utf-8", "replace")
+    return source.read_bytes() if source is not None else None
+
+
 def is_script(file: Path) -> bool:
     """Whether a file is the script itself: one that writes its results beside itself."""
     source = script()
@@ -43,11 +64,10 @@ def keep_script(folder: Path) -> None:
     The copy of an earlier start of the same run stays; if the script has changed since, it is
     kept beside it.
     """
-    source = script()
-    if source is None:
-        return
     with suppress(OSError):  # a copy that cannot be made is no reason to stop a run
-        text = source.read_bytes()
+        text = _kept()
+        if text is None:
+            return
         target = folder / COPY
         if is_script(target):
             return
@@ -83,9 +103,10 @@ def git_state(place: Path, seconds: float = 3.0) -> dict[str, Any] | None:
 
 def origin() -> dict[str, Any]:
     """The script, its state in git, and the machine (rank 0; asks git, which may take a moment)."""
-    source = script()
+    in_notebook = notebook() is not None
+    source = None if in_notebook else script()
     return {
-        "script": str(source) if source else None,
+        "script": "notebook" if in_notebook else str(source) if source else None,
         "git": git_state(source or Path.cwd()),
         "host": platform.node(),
         "cores": len(os.sched_getaffinity(0)),

@@ -79,9 +79,12 @@ def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
 def moved_ramps(summary: dict[str, Any]) -> list[str]:
     """Names of the ramps that the items of a path move, in order, as far as a summary tells."""
     names: list[Any] = []
-    with suppress(KeyError, TypeError, AttributeError):
-        for item in summary["settings"]["path"]:
-            what = item["what"] if "what" in item else list(item["drive"])
+    path: Any = ()
+    with suppress(KeyError, TypeError):
+        path = list(summary["settings"]["path"])
+    for item in path:
+        with suppress(KeyError, TypeError, AttributeError):  # of this item alone
+            what = next((item[key] for key in ("ramps", "what", "drive") if key in item), ())
             names += [what] if isinstance(what, str) else list(what or [])
     return [name for name in names if isinstance(name, str)]
 

@@ -10,6 +10,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.path.items import Item, Trace
+from dea_fenicsx.results.axes import axes_of_fields
 from dea_fenicsx.results.columns import COUNTS, load_column
 from dea_fenicsx.results.identity import described
 from dea_fenicsx.results.provenance import package_versions
@@ -181,11 +182,23 @@ def settings(
         "prescribed": [described(s) for s in scene.prescribed],
         "loads": [described(s) for s in scene.loads],
         "kinematics": described(scene.kinematics),
+        "axes": list(axes_of_fields(scene.kinematics)),
         "elements": described(scene.elements),
-        "path": [described(r) for r in path],
+        "path": [_told(item, scene) for item in path],
         "newton": described(solver.options),
         "scales": described(problem.scales),
     }
+
+
+def _told(item: Any, scene: Scene) -> dict[str, Any]:
+    """An item of a path, with the names of the ramps that it moves.
+
+    ``Ramp()`` names none and moves all; ``Close`` names an electrode and moves its source's ramp.
+    """
+    told, moved = described(item), list(item.names(scene))
+    if "what" in told and not told["what"]:
+        told["what"] = moved
+    return told | {"ramps": moved}
 
 
 def _peak_memory_GB() -> float:

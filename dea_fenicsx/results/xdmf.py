@@ -6,25 +6,112 @@ its plain reader cannot read.  Here every grid holds every field.
 
 from __future__ import annotations
 
+import json
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
 import h5py
 
 from dea_fenicsx.support.cell_types import BY_DEGREE
 
+FACETS = "facets"
+"""Group beside a grid that holds the facets of each named surface."""
+
 _KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
 
 
-def document(grids: str, name: str = "device") -> str:
-    """An XDMF document that holds a temporal collection of grids, under a name."""
+def document(grids: str, name: str = "device", note: str = "") -> str:
+    """An XDMF document that holds a temporal collection of grids, under a name.
+
+    A note stands in it as a comment; readers of XDMF do not agree on elements for such texts.
+    """
+    comment = f"<!-- {note.replace('--', '- -')} -->\n" if note else ""
     return (
-        '<?xml version="1.0"?>\n<Xdmf Version="3.0">\n <Domain>\n'
+        f'<?xml version="1.0"?>\n{comment}<Xdmf Version="3.0">\n <Domain>\n'
         f'  <Grid Name={quoteattr(name)} GridType="Collection" CollectionType="Temporal">\n'
         + grids
         + "  </Grid>\n </Domain>\n</Xdmf>\n"
     )
+
+
+Stamp = tuple[int, int, int]
+"""What changes when a file is written again; see `stamp`."""
+
+
+@dataclass(frozen=True)
+class MeshFile:
+    """What a grid in a file holds.
+
+    Attributes
+    ----------
+    cells, points : shapes of the tables of nodes and of positions
+    kind : XDMF's name of the cells
+    facets : of each named surface its key, the shape of its table, XDMF's name of its cells, and
+        whether it is an electrode
+    note : its regions, and the axes by which components are ordered
+    """
+
+    cells: tuple[int, int]
+    points: tuple[int, int]
+    kind: str
+    facets: tuple[tuple[str, tuple[int, int], str, bool], ...]
+    note: str
+
+
+# A run writes its documents again at each step.  The files of the earlier steps are as they were,
+# and are not opened again, so that the time of a step does not grow with the number of steps.
+
+
+@lru_cache(maxsize=20_000)
+def fields_in(
+    file: Path, prefix: str, changed: Stamp
+) -> dict[str, dict[str, tuple[int, ...]]] | None:
+    """Shapes of the fields at nodes and of cells in a group of a file; None if it is not there."""
+    with h5py.File(file, locking=False) as h5:
+        if prefix and prefix not in h5:
+            return None
+        where = h5[prefix] if prefix else h5
+        return {
+            group: {name: data.shape for name, data in where.get(group, {}).items()}
+            for group in ("node", "cell")
+        }
+
+
+@lru_cache(maxsize=1000)
+def mesh_in(file: Path, prefix: str, changed: Stamp) -> MeshFile:
+    """What a grid in a group of a file holds."""
+    with h5py.File(file, locking=False) as h5:
+        where = h5[prefix] if prefix else h5
+        kind = BY_DEGREE[int(where.attrs.get("degree", 2))][str(where.attrs["cell"])].xdmf
+        facets = tuple(
+            (
+                key, table.shape,
+                BY_DEGREE[int(table.attrs["degree"])][str(table.attrs["cell"])].xdmf,
+                bool(table.attrs["electrode"]),
+            )
+            for key, table in where.get(FACETS, {}).items()
+        )  # fmt: skip
+        return MeshFile(
+            where["cells"].shape, where["points"].shape, kind, facets, _note(where.attrs)
+        )
+
+
+def note_of(mesh: tuple[Path, str]) -> str:
+    """What a grid says of its regions and axes, or nothing if it is not there."""
+    file, prefix = mesh
+    return mesh_in(file, prefix, stamp(file)).note if file.is_file() else ""
+
+
+def _note(attributes: Any) -> str:
+    parts = []
+    if axes := str(attributes.get("axes", "")):
+        parts.append(f"Components are ordered ({', '.join(axes.split())}).")
+    if names := json.loads(str(attributes.get("region_names", "{}"))):
+        parts.append(f"Regions: {', '.join(f'{tag} {name}' for tag, name in names.items())}.")
+    return " ".join(parts).encode("ascii", "replace").decode()
 
 
 def grid_xml(
@@ -34,58 +121,62 @@ def grid_xml(
 
     Empty where the file does not hold the group.
     """
-    body = _grid_body(mesh, fields, root, _stamp(mesh[0]), _stamp(fields[0]))
-    if not body:
+    (mesh_file, mesh_prefix), (file, prefix) = mesh, fields
+    found = fields_in(file, prefix, stamp(file))
+    if found is None:
         return ""
+    here = mesh_in(mesh_file, mesh_prefix, stamp(mesh_file))
+    source = f"{mesh_file.relative_to(root).as_posix()}:/{mesh_prefix}"
+    place = f"{file.relative_to(root).as_posix()}:/{prefix}"
     head = f'   <Grid Name="{name}" GridType="Uniform">\n    <Time Value="{time:.12g}"/>\n'
-    return head + body
+    lines = [
+        *geometry(here.kind, here.cells, f"{source}cells", here.points, f"{source}points"),
+        _attribute("region", "Scalar", "Cell", here.cells[:1], "Int", f"{source}regions"),
+        *(
+            attribute(field, shape, f"{place}{group}/{field}", group.capitalize())
+            for group, shapes in found.items()
+            for field, shape in shapes.items()
+        ),
+    ]
+    return head + "\n".join([*lines, "   </Grid>\n"])
 
 
-def _stamp(file: Path) -> tuple[int, int, int]:
+def stamp(file: Path) -> Stamp:
     """What changes when a file is written again."""
     found = file.stat()
     return found.st_ino, found.st_mtime_ns, found.st_size
 
 
-@lru_cache(maxsize=20_000)
-def _grid_body(
-    mesh: tuple[Path, str], fields: tuple[Path, str], root: Path, *stamps: tuple[int, int, int]
-) -> str:
-    """A grid without its name and its time.
+def geometry(
+    kind: str, shape: tuple[int, ...], cells: str, points: tuple[int, ...], places: str
+) -> list[str]:
+    """The topology and the geometry of a grid.
 
-    A run writes its document again at each step.  The files of the earlier steps are as they were,
-    and are not opened again, so that the time of a step does not grow with the number of steps.
+    Parameters
+    ----------
+    kind
+        XDMF's name of the cells.
+    shape, cells
+        Shape of the table of nodes of each cell, and where it lies.
+    points, places
+        Shape of the table of positions, and where it lies.
     """
-    (mesh_file, mesh_prefix), (file, prefix) = mesh, fields
-    file_name = file.relative_to(root).as_posix()
-    attributes = []
-    with h5py.File(file, locking=False) as h5:
-        if prefix and prefix not in h5:
-            return ""
-        where = h5[prefix] if prefix else h5
-        for group, center in (("node", "Node"), ("cell", "Cell")):
-            for field, data in where.get(group, {}).items():
-                kind = _KINDS[data.shape[1] if data.ndim > 1 else 1]
-                place = f"{file_name}:/{prefix}{group}/{field}"
-                attributes.append(_attribute(field, kind, center, data.shape, "Float", place))
-    with h5py.File(mesh_file, locking=False) as h5:
-        where = h5[mesh_prefix] if mesh_prefix else h5
-        n_cells, per_cell = where["cells"].shape
-        n_points = where["points"].shape[0]
-        kind = BY_DEGREE[int(where.attrs.get("degree", 2))][str(where.attrs["cell"])].xdmf
     # XDMF does not know how many nodes a polyline has
-    size = f' NodesPerElement="{per_cell}"' if kind == "Polyline" else ""
-    source = f"{mesh_file.relative_to(root).as_posix()}:/{mesh_prefix}"
-    lines = [
-        f'    <Topology TopologyType="{kind}"{size} NumberOfElements="{n_cells}">',
-        _item((n_cells, per_cell), "Int", f"{source}cells"),
+    size = f' NodesPerElement="{shape[1]}"' if kind == "Polyline" else ""
+    return [
+        f'    <Topology TopologyType="{kind}"{size} NumberOfElements="{shape[0]}">',
+        _item(shape, "Int", cells),
         "    </Topology>",
         '    <Geometry GeometryType="XYZ">',
-        _item((n_points, 3), "Float", f"{source}points"),
+        _item(points, "Float", places),
         "    </Geometry>",
-        _attribute("region", "Scalar", "Cell", (n_cells,), "Int", f"{source}regions"),
     ]
-    return "\n".join([*lines, *attributes, "   </Grid>\n"])
+
+
+def attribute(name: str, shape: tuple[int, ...], where: str, center: str = "Node") -> str:
+    """A field at nodes or of cells: its name, its shape and where it lies."""
+    kind = _KINDS[shape[1] if len(shape) > 1 else 1]
+    return _attribute(name, kind, center, shape, "Float", where)
 
 
 def _item(shape: tuple[int, ...], kind: str, where: str) -> str:

@@ -13,7 +13,7 @@ from dea_fenicsx.measure.failures import Failure
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.items import Close, Item, March, Open, Ramp, Trace
 from dea_fenicsx.path.path_checks import check_path
-from dea_fenicsx.results.folder import Run
+from dea_fenicsx.results.finished import Run
 from dea_fenicsx.run.starting import Start
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.options import NewtonOptions

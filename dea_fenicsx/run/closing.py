@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dea_fenicsx.measure.failures import pull_in
-from dea_fenicsx.results.folder import Run
+from dea_fenicsx.results.finished import Run
 from dea_fenicsx.results.summary import count_changes, settings, versions, work
 from dea_fenicsx.run.journal import Journal
 from dea_fenicsx.support.errors import EquilibriumLost, MachineError, PathError

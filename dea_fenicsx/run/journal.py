@@ -105,8 +105,11 @@ class Journal:
         solver, cursor = self.solver, step.cursor
         known = solver.inertia.is_of(step.state)
         wanted = self.stability == "every" or (self.stability == "last" and step.last)
+        counting = time.perf_counter()
         if wanted and not known:
+            self.progress.stage("counting negative modes")
             solver.refresh_inertia(last=step.last)
+        counting = time.perf_counter() - counting
         spent = self._spent()
         now = time.perf_counter()
         measured = {name: measure() for name, measure in self.measurements.items()}
@@ -128,7 +131,7 @@ class Journal:
             self._note_failure("pull-in", row, None)
         if self.folder and self.writer:
             self._write(step, row, {f.column: values for f, _, values in read})
-        self._report(row, now - self._step_started, self.share(cursor))
+        self._report(row, now - self._step_started, self.share(cursor), counting)
         self._step_started = time.perf_counter()
 
     # ------------------------------------------------------------------ a row's columns
@@ -179,6 +182,7 @@ class Journal:
             "retries": step.retries,
             "inertia": inertia.excess,
             "inertia_is_of_this_step": int(inertia.is_of(step.state)),
+            "negative_modes": inertia.excess,
         }
 
     # ------------------------------------------------------------------ writing and telling
@@ -244,11 +248,14 @@ class Journal:
         electric = all(self.scene.is_electric(name) for name in item.names(self.scene))
         return electric and step.event == ("minimum" if reverse else "maximum")
 
-    def _report(self, row: dict[str, Any], seconds: float, share: float) -> None:
+    def _report(
+        self, row: dict[str, Any], seconds: float, share: float, counting: float
+    ) -> None:
         """Tell of an accepted step."""
         before = self.loads(self.history[-2]) if len(self.history) > 1 else {}
         seen = list(self.measurements)[:3]
-        self.progress.step(step_line(row, self.loads(row), before, seen, seconds), share)
+        line = step_line(row, self.loads(row), before, seen, seconds, counting)
+        self.progress.step(line, share)
 
     def share(self, cursor: Cursor) -> float:
         """Share of the path that is done; each item of the path counts alike."""

@@ -20,7 +20,7 @@ from dea_fenicsx.materials.base import choices, constants
 from dea_fenicsx.materials.viscous import Branch, Maxwell
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.results.folder import Run
+from dea_fenicsx.results.finished import Run
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.options import NewtonOptions

@@ -17,7 +17,8 @@ from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.path.walk import Walk
 from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter
-from dea_fenicsx.results.folder import Folder, Run
+from dea_fenicsx.results.finished import Run
+from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
 from dea_fenicsx.results.identity import fingerprint
 from dea_fenicsx.results.summary import (
@@ -25,6 +26,7 @@ from dea_fenicsx.results.summary import (
     ending,
     unlocated,
 )  # fmt: skip
+from dea_fenicsx.results.surface_blocks import Blocks, electrode_surfaces
 from dea_fenicsx.run.arguments import DEFAULTS, Arguments, SolveOptions, check_arguments
 from dea_fenicsx.run.closing import Closing
 from dea_fenicsx.run.enclosed_volume import check_volume
@@ -43,6 +45,7 @@ from dea_fenicsx.support.errors import (
     PathError,
     install_hook,
 )  # fmt: skip
+from dea_fenicsx.support.form_cache import telling
 from dea_fenicsx.support.interruption import Interruption
 from dea_fenicsx.support.progress import Progress
 from dea_fenicsx.support.validation import keywords
@@ -136,6 +139,10 @@ class _Session:
             folder.release()
 
     def _run(self, folder: Folder | None) -> Run:
+        with telling(self.progress.compiling):
+            return self._told(folder)
+
+    def _told(self, folder: Folder | None) -> Run:
         journal = self._prepare(folder)
         cursor = self._load(journal) if self.given.resume and folder else None
         begin = self._begin(journal) if cursor is None else None
@@ -162,7 +169,6 @@ class _Session:
 
     def _prepare(self, folder: Folder | None) -> Journal:
         """Build the discrete problem, and all that measures and writes its states.  Collective."""
-        self.progress.stage("compiling the forms")  # a while for a new kind of scene, else nothing
         solver = solver_for(self.scene, self.given.options)
         problem = solver.problem
         if self.given.start is None:
@@ -207,7 +213,8 @@ class _Session:
                 folder.start()
             folder.keep_origin()
             self.progress.log = folder.path / "run.log"
-            folder.write(lambda: folder.write_grid(writer.grid, writer.surface_grids))
+            blocks = Blocks(writer.named_facets(), electrode_surfaces(self.scene))
+            folder.write(lambda: folder.write_grid(writer.grid, writer.surface_grids, blocks))
         self.progress.say(
             f"{self.scene.device.source or 'device'}: {journal.solver.problem.unknowns} unknowns, "
             f"{self.comm.size} rank{'s' * (self.comm.size > 1)}"

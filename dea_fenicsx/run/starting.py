@@ -13,7 +13,7 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.results.columns import load_column
 from dea_fenicsx.results.fields import FieldWriter
-from dea_fenicsx.results.folder import Run
+from dea_fenicsx.results.finished import Run
 from dea_fenicsx.results.identity import mesh_facts, same_mesh
 from dea_fenicsx.results.stored_state import StoredState, about, of_folder, of_run
 from dea_fenicsx.scene.amounts import carried

@@ -123,7 +123,9 @@ class GeneralisedPlaneStrain(PlaneStrain):
 class Axisymmetric(Kinematics):
     """Rotationally symmetric about the second axis: mesh coordinates are (r, z).
 
-    Components are ordered (r, hoop, z); forces, charges and volumes are for the full circle.
+    Components of F and of stresses are ordered (r, hoop, z) in energies and failures.  Files of
+    fields order them (r, z, hoop) instead, the axes of the picture first, and name them so.
+    Forces, charges and volumes are for the full circle.
     """
 
     dim = 2

@@ -31,7 +31,7 @@ class Scene:
     Parameters
     ----------
     device
-        The mesh with its names, from `read_gmsh`.
+        The mesh with its names, from `device`.
     materials
         Material of each region; every region must have one.
     electrodes

@@ -98,7 +98,7 @@ _LEFT = 31_998
 def install_hook() -> None:
     """Make an uncaught error end all ranks, with one message.
 
-    Called by the first collective calls of the package (`read_gmsh`, `solve`, `design.optimise`),
+    Called by the first collective calls of the package (`device`, `solve`, `design.optimise`),
     by `Parser` and by the commands; importing the package does not call it.  A second call changes
     nothing.
 

@@ -142,6 +142,25 @@ def _is_of_the_compiler(error: Exception) -> bool:
 # ------------------------------------------------------------------------- damaged libraries
 
 
+def _nothing() -> None:
+    """Nobody is to be told."""
+
+
+on_compiling: Callable[[], None] = _nothing
+"""Called on the rank that compiles, before each form that is not in the cache."""
+
+
+@contextmanager
+def telling(tell: Callable[[], None]) -> Iterator[None]:
+    """Let somebody be told before each form that is compiled."""
+    global on_compiling
+    before, on_compiling = on_compiling, tell
+    try:
+        yield
+    finally:
+        on_compiling = before
+
+
 _loaded: dict[tuple[str, str], Any] = {}
 """What this process has loaded, by folder and name of the module."""
 
@@ -163,6 +182,8 @@ def _only_sound(get: Callable[..., Any]) -> Callable[..., Any]:
         found = get(module_name, object_names, folder, timeout)
         if found[0] is not None:
             _loaded[key] = found
+        else:
+            on_compiling()  # FFCx compiles a form that it does not find
         return found
 
     return get_sound

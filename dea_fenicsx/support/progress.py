@@ -19,6 +19,11 @@ from dea_fenicsx.support.files import append_line
 _LAUNCHERS = ("hydra_pmi_proxy", "mpiexec", "mpirun", "prterun", "prted", "orterun", "orted")
 _RENEW_S = 0.1
 
+COMPILING = "compiling forms (once; kept in the cache)"
+
+LONG_COUNT_S = 1.0
+"""Least time in s of a count of negative eigenvalues that a step's line tells."""
+
 verbose_by_default = False
 """Set by ``--verbose`` on a script's command line."""
 
@@ -43,6 +48,7 @@ class Progress:
         self.renews = speaks and not quiet and on_terminal()
         self._line, self._left, self._renewed, self._when = "", "", "", 0.0
         self._begun, self._share = time.monotonic(), 0.0
+        self._compiles = False
 
     def begin(self, share: float) -> None:
         """The path begins, or is carried on from a share of it."""
@@ -61,6 +67,16 @@ class Progress:
         self._record(line)
         if self.speaks and not self.quiet:
             self._put(line + "\n")
+
+    def compiling(self) -> None:
+        """Tell once that forms are compiled, which takes a while and is needed once."""
+        if self._compiles or not self.speaks or self.quiet:
+            return
+        self._compiles, self._when = True, 0.0
+        if self.renews:
+            self.stage(COMPILING)
+        else:  # apart from the lines of the steps, which programs may read
+            print(COMPILING, file=sys.stderr, flush=True)
 
     def step(self, line: str, share: float) -> None:
         """Tell of an accepted step: on a terminal it takes the place of the one before."""
@@ -113,8 +129,12 @@ def step_line(
     before: Mapping[str, float],
     seen: Sequence[str],
     seconds: float,
+    counting: float = 0.0,
 ) -> str:
-    """An accepted step in words: its loads and their change, some columns, the work it took."""
+    """An accepted step in words: its loads and their change, some columns, the work it took.
+
+    `counting` is the time in s that the count of negative eigenvalues took of it.
+    """
     words = [f"step {row['step']:3d}"]
     for key, value in loads.items():
         unit = " V" if key.endswith("_V") else ""
@@ -123,7 +143,8 @@ def step_line(
         words.append(f"{key.removesuffix('_V')} {value:.6g}{unit}{by}")
     words += [f"{name} {row[name]:.6g}" for name in seen]
     words += [f"Newton {row['newton_iterations']}", f"Krylov {row['krylov_iterations']}"]
-    words += [f"{seconds:.1f} s", *([f"({row['event']})"] if row["event"] else [])]
+    why = f" ({counting:.1f} s of it to count negative modes)" if counting > LONG_COUNT_S else ""
+    words += [f"{seconds:.1f} s{why}", *([f"({row['event']})"] if row["event"] else [])]
     return "  ".join(words)
 
 

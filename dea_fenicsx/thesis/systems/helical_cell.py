@@ -11,7 +11,7 @@ from dea_fenicsx.geometry import HelicalCell
 from dea_fenicsx.materials import EPSILON_0, Conductor, IdealDielectric, Material, NeoHookean, get
 from dea_fenicsx.materials.material import bulk_modulus_of
 from dea_fenicsx.measure.axial import OverallContraction
-from dea_fenicsx.mesh.device import read_gmsh
+from dea_fenicsx.mesh.device import device as device_of
 from dea_fenicsx.path.items import Ramp, Trace
 from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.conditions import DeadPressure, Electrode, FreeBody, Ground
@@ -34,7 +34,7 @@ def strains(nu: float) -> list[float]:
     than 0.4 %.
     """
     cell = HelicalCell(radial=12, rim=3, grading_rim=3, grading_through=3)
-    device = read_gmsh(cell, MPI.COMM_SELF)
+    device = device_of(cell, MPI.COMM_SELF)
     mu = 1e5
     pressure = STRAIN * 2 * mu * (1 + nu)
     found = []
@@ -61,7 +61,7 @@ def voltage_for(goal: float) -> float:
     cell = HelicalCell(radial=12, rim=3, grading_rim=3, grading_through=3)
     metal = Material(NeoHookean(MU), Conductor())
     scene = Scene(
-        read_gmsh(cell, MPI.COMM_SELF),
+        device_of(cell, MPI.COMM_SELF),
         {"elastomer": Material(NeoHookean(MU), IdealDielectric(EPS_R)), "electrode_a": metal,
          "electrode_b": metal},
         electrodes=[Electrode("electrode_a", 10e3), Ground("electrode_b")],

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from dea_fenicsx.geometry import KreslingCell
 from dea_fenicsx.materials import Material, NeoHookean, bulk_modulus_of
 from dea_fenicsx.measure.observables import Reaction
-from dea_fenicsx.mesh.device import read_gmsh
+from dea_fenicsx.mesh.device import device as device_of
 from dea_fenicsx.origami import INCH
 from dea_fenicsx.path.items import Ramp
 from dea_fenicsx.run.session import solve
@@ -30,7 +30,7 @@ def stiffness(young: float, panel: float) -> float:
     mu = panel / (2 * (1 + POISSON))
     rubber = Material(NeoHookean(young / 3))
     scene = Scene(
-        read_gmsh(cell, MPI.COMM_SELF),
+        device_of(cell, MPI.COMM_SELF),
         {"panel": Material(NeoHookean(mu), bulk_modulus=bulk_modulus_of(mu, POISSON)),
          "side": rubber, "edge": rubber, "diagonal": rubber},
         supports=[Clamp("bottom")],
