@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.cavities import Cavities
 from dea_fenicsx.model.circuits import Circuits
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
@@ -37,6 +38,8 @@ class Conditions:
     ----------
     scene, scales, space
         The scene, its units, and its unknowns.
+    cavities
+        Its cavities.
 
     Attributes
     ----------
@@ -74,7 +77,9 @@ class Conditions:
         If two conditions contradict each other, or a part of the device can move freely.
     """
 
-    def __init__(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
+    def __init__(
+        self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities
+    ) -> None:
         device, kinematics, declared = scene.device, scene.kinematics, scene.declared
         motion, overall, rows = space.of(Role.MOTION), space.parts.get("global", {}), space.rows
 
@@ -85,6 +90,7 @@ class Conditions:
             values.fix(motion[item.axis].dofs[item.local], item.values, item.ramp)
         values.fix_globals(declared.fixed_globals, overall, scales.length)
         values.fix_outside(space.fields, space.parts, device)
+        cavities.fix(values, space.parts)
         self.electrode_dofs: dict[str, np.ndarray] = {}
         if (potential := space.single(Role.POTENTIAL)) is not None:
             self.electrode_dofs = values.fix_electrodes(
@@ -115,6 +121,7 @@ class Conditions:
             *floating_groups(declared.floating, scales.charge, self.electrode_dofs, rows),
             *global_groups(unknowns, forces, scene.period, scales, overall, values.fixed, rows),
             *self.rigid.groups(values.fixed, declared.rigid_moments, scales.force * scales.length),
+            *cavities.groups(space.parts, rows),
         ]
         fixed = values.fixed[: space.owned]
         follower = followers(self.groups, self.pairs, fixed) | self.rigid.followers(space.owned)
