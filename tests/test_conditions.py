@@ -203,6 +203,7 @@ EXAMPLES = {
     "ChargedElectrode": ("top", 1e-9),
     "Source": ("top", 100.0),
     "Rigid": ("x_max",), "Turn": ("x_max", 1.0), "Moment": ("x_max", 1.0),
+    "Cavity": ("top", None, 1e-9, None, 1e5, 1.0, None, 0.0, "", "z"),
 }  # fmt: skip
 
 

@@ -116,13 +116,7 @@ class Conditions:
             self.pairs.share_fixed(values, space.W)
             for label, dofs in self.electrode_dofs.items():
                 self.electrode_dofs[label] = self.pairs.widen(dofs)
-        unknowns, forces = kinematics.global_unknowns, declared.global_forces
-        self.groups: list[Group] = [
-            *floating_groups(declared.floating, scales.charge, self.electrode_dofs, rows),
-            *global_groups(unknowns, forces, scene.period, scales, overall, values.fixed, rows),
-            *self.rigid.groups(values.fixed, declared.rigid_moments, scales.force * scales.length),
-            *cavities.groups(space.parts, rows),
-        ]
+        self.groups = self._groups(scene, scales, space, cavities)
         fixed = values.fixed[: space.owned]
         follower = followers(self.groups, self.pairs, fixed) | self.rigid.followers(space.owned)
         self.free = np.flatnonzero(~fixed & ~follower).astype(np.int32)
@@ -141,3 +135,18 @@ class Conditions:
         self.turning = Turning(self.body, device, motion, self.free)
         self.roles = Roles(space, self.free, device.comm)
         self.unknowns: int = device.comm.allreduce(len(self.free), op=MPI.SUM)
+
+    def _groups(
+        self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities
+    ) -> list[Group]:
+        """Degrees of freedom that share a value; those of electrodes come first.  Collective."""
+        kinematics, declared, rows = scene.kinematics, scene.declared, space.rows
+        overall, fixed = space.parts.get("global", {}), self.fixed_values.fixed
+        unknowns, forces = kinematics.global_unknowns, declared.global_forces
+        moment = scales.force * scales.length
+        return [
+            *floating_groups(declared.floating, scales.charge, self.electrode_dofs, rows),
+            *global_groups(unknowns, forces, scene.period, scales, overall, fixed, rows),
+            *self.rigid.groups(fixed, declared.rigid_moments, moment),
+            *cavities.groups(space.parts, rows),
+        ]
