@@ -42,12 +42,15 @@ def parse():
     parser.number("--ratio", 1.2, "A", "outer radius of the undeformed wall")
     parser.number("--radius", 10e-3, "m", "undeformed inner radius A")
     parser.number("--mu", 50e3, "Pa", "shear modulus")
-    parser.add_argument("--part", choices=("half", "whole", "octant"), default="half",
-                        help="section with an equator, whole section, or an eighth in space")  # fmt: skip
+    parser.add_argument(
+        "--part", choices=("half", "whole", "octant"), default="half",
+        help="section with an equator, whole section, or an eighth in space",
+    )  # fmt: skip
     parser.count("--mesh", 2, "refinement of the mesh")
-    parser.add_argument("--limits", action="store_true",
-                        help="limit points of the voltage: with the gas closed, and at a given "
-                             "pressure")  # fmt: skip
+    parser.add_argument(
+        "--limits", action="store_true",
+        help="limit points of the voltage: with the gas closed, and at a given pressure",
+    )  # fmt: skip
     return parser, parser.parse_args()
 
 
@@ -95,12 +98,13 @@ def scene(args, **content):
         "whole": [dea.Fix("axis", "r"), dea.FreeBody()],
         "octant": [dea.Fix(f"{axis}_min", axis) for axis in "xyz"],
     }
+    outside = args.outside_pressure * args.mu
     return dea.Scene(
         device,
         {"wall": dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(EPS_R))},
         electrodes=[dea.Electrode("inner", unit_volts(args)), dea.Ground("outer")],
         supports=supports[args.part],
-        loads=[dea.Cavity("inner", outside=args.outside_pressure * args.mu, ramp="fill", **content)],
+        loads=[dea.Cavity("inner", outside=outside, ramp="fill", **content)],
         kinematics=dea.ThreeD() if args.part == "octant" else dea.Axisymmetric(),
     )
 
@@ -169,8 +173,8 @@ def limit(args, content):
         )  # fmt: skip
     except dea.NotReached as end:
         run = end.run
-    found = [row["voltage_V"] / unit_volts(args) for row in run.history if row["event"] == "maximum"]
-    return found[0] if found else None
+    found = [row["voltage_V"] for row in run.history if row["event"] == "maximum"]
+    return found[0] / unit_volts(args) if found else None
 
 
 def report(run):
@@ -182,8 +186,9 @@ def report(run):
               f"{s['pressure_over_mu']:.8f} mu")  # fmt: skip
         print(f"closed form:  {s['closed_form_ratio']:.8f} A")
         print(f"negative eigenvalues: {s['negative_eigenvalues']}")
-    for key, words in (("limit_voltage_of_gas", "with the gas closed"),
-                       ("limit_voltage_at_pressure", "at the pressure of the filling")):  # fmt: skip
+    told = {"limit_voltage_of_gas": "with the gas closed",
+            "limit_voltage_at_pressure": "at the pressure of the filling"}  # fmt: skip
+    for key, words in told.items():
         if s[key]:
             print(f"limit point {words}: {s[key]:.6f}")
     print(f"\nresults: {run.out}/history.csv, fields.xdmf")

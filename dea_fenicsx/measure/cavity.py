@@ -100,7 +100,8 @@ class CavityEnergy:
 def _volume(problem: Problem, number: int) -> Measurement:
     """The dimensionless volume behind the walls of a cavity.  Collective."""
     cavities = problem.cavities
-    form, rest = compat.compile_form(cavities.change(number)), cavities.fillings[number].space.volume
+    form = compat.compile_form(cavities.change(number))
+    rest = cavities.fillings[number].space.volume
 
     def value() -> float:
         mine = float(np.real(dolfinx.fem.assemble_scalar(form)))

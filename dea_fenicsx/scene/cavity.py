@@ -9,6 +9,7 @@ from typing import Any
 from dea_fenicsx.scene.condition import Load, Setting, Told, of_kind
 from dea_fenicsx.scene.declarations import Declaration
 from dea_fenicsx.scene.enclosure import Enclosed, enclosed
+from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, positive
@@ -50,6 +51,23 @@ class Filling(Declaration):
     def amounts(self) -> Mapping[str, tuple[float, ...]]:
         quantity = {"gas": "joules of gas", "liquid": "cubic metres of liquid"}
         return {quantity.get(self.kind, "pascal in a cavity"): (self.amount,)}
+
+    def held_at_rest(self, length: float, kinematics: Kinematics) -> float:
+        """What is in it at ramp factor 0: gas in Pa m^3, or liquid in m^3.
+
+        Parameters
+        ----------
+        length
+            The unit of length in m.
+        kinematics
+            The kinematics, which know the depth of a plane problem.
+        """
+        unit = length**3 * kinematics.depth_factor(length)
+        volume = self.space.volume * unit + self.reservoir
+        if self.kind == "liquid":
+            return volume
+        reference = self.reference_volume or volume
+        return self.outside * volume * (volume / reference) ** (self.exponent - 1)
 
     @property
     def pressure_field(self) -> str:
