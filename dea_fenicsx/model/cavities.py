@@ -19,12 +19,13 @@ fixed at 0.  The unknown of the volume is its change over `Enclosed.unit`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
@@ -37,6 +38,7 @@ from dea_fenicsx.scene.cavity import Filling
 from dea_fenicsx.scene.enclosure import DEGREE
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.compat import dolfinx
+from dea_fenicsx.support.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -147,6 +149,24 @@ class Cavities:
             unit = self._scales.volume * told.space.unit if is_volume else self._scales.stress
             dofs = self._touching(unknowns[told.given_field], cells)
             values.fix(dofs, told.amount / unit, told.ramp)
+
+    def check_walls(self, values: FixedValues, motion: Sequence[Component]) -> None:
+        """Raise InputError if a liquid is between walls none of which can move.  Collective."""
+        device = self._scene.device
+        for told in self.fillings:
+            if told.kind != "liquid":
+                continue
+            moves = False
+            for name in told.space.label.split("+"):
+                for part in motion:
+                    nodes = part.dofs[part.on(device.dim - 1, device.facets_of(name))]
+                    moves = moves or not bool(values.fixed[nodes].all())
+            if not device.comm.allreduce(moves, op=MPI.LOR):
+                raise InputError(
+                    f"The liquid in the cavity behind {told.space.label!r} has no room, since its "
+                    "walls cannot move: each of their nodes is held or prescribed; release one of "
+                    "the walls, or take gas= or pressure=."
+                )
 
     def groups(
         self, parts: Mapping[str, Mapping[str, Component]], rows: Rows

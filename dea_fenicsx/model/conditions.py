@@ -91,6 +91,7 @@ class Conditions:
         values.fix_globals(declared.fixed_globals, overall, scales.length)
         values.fix_outside(space.fields, space.parts, device)
         cavities.fix(values, space.parts)
+        cavities.check_walls(values, motion)
         self.electrode_dofs: dict[str, np.ndarray] = {}
         if (potential := space.single(Role.POTENTIAL)) is not None:
             self.electrode_dofs = values.fix_electrodes(
