@@ -19,6 +19,8 @@ off; then pressure times volume stays, (p0 + P) V = n.
     python demos/pump.py --content gas --voltage 4000
 """
 
+from itertools import pairwise
+
 import numpy as np
 from mpi4py import MPI
 from scipy.integrate import simpson
@@ -116,8 +118,7 @@ def corners(args, run, legs):
 
 def integral(y, x, at):
     """int y dx over the legs, each by Simpson's rule."""
-    ends = zip(at[:-1], at[1:], strict=True)
-    return sum(float(simpson(y[i : j + 1], x=x[i : j + 1])) for i, j in ends)
+    return sum(float(simpson(y[i : j + 1], x=x[i : j + 1])) for i, j in pairwise(at))
 
 
 def findings(args, run, legs):
