@@ -50,6 +50,7 @@ if TYPE_CHECKING:
         OverallTorque,
         OverallTwist,
     )
+    from dea_fenicsx.measure.cavity import CavityEnergy, CavityPressure, CavityVolume
     from dea_fenicsx.measure.currents import ChargeLoss, Current
     from dea_fenicsx.measure.energy import Dissipation, Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
@@ -80,6 +81,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
     from dea_fenicsx.run.parser import Parser
     from dea_fenicsx.run.session import solve
+    from dea_fenicsx.scene.cavity import Cavity
     from dea_fenicsx.scene.electrodes import (
         ChargedElectrode,
         Electrode,
@@ -126,6 +128,8 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
+    "scene.cavity": ("Cavity",),
+    "measure.cavity": ("CavityEnergy", "CavityPressure", "CavityVolume"),
     "scene.electrodes": ("ChargedElectrode", "Electrode", "Ground", "ThinFilm"),
     "scene.taper": ("Taper",),
     "scene.elements": ("Discretisation",),

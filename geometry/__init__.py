@@ -19,13 +19,14 @@ if TYPE_CHECKING:
     from .disk_stack import DiskStack
     from .hdea import HDEA
     from .helical_cell import HelicalCell
+    from .hollow_sphere import HollowSphere
     from .kresling_cell import KreslingCell
     from .membrane_disc import MembraneDisc
     from .stiffened_film import StiffenedFilm, StiffenedSection
 
 __all__ = [
-    "BoxStack", "DEAHinge", "DiskStack", "Geometry", "HDEA", "HelicalCell", "KreslingCell", "Layer",
-    "MembraneDisc", "StiffenedFilm", "StiffenedSection", "graded",
+    "BoxStack", "DEAHinge", "DiskStack", "Geometry", "HDEA", "HelicalCell", "HollowSphere",
+    "KreslingCell", "Layer", "MembraneDisc", "StiffenedFilm", "StiffenedSection", "graded",
 ]  # fmt: skip
 
 _HOME = {
@@ -34,6 +35,7 @@ _HOME = {
     "DiskStack": "disk_stack",
     "HDEA": "hdea",
     "HelicalCell": "helical_cell",
+    "HollowSphere": "hollow_sphere",
     "KreslingCell": "kresling_cell",
     "MembraneDisc": "membrane_disc",
     "StiffenedFilm": "stiffened_film",

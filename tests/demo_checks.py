@@ -283,3 +283,22 @@ def check_minimum_energy(out, printed):
     assert s["released_bend_deg"] == pytest.approx(turned, rel=5e-3)
     assert s["released_energy_J"] < s["flat_energy_J"]
     assert "released it bends by" in printed
+
+
+def check_balloon(out, printed):
+    """The closed form of an isothermal gas in a thick sphere with a vacuum outside."""
+    s = summary(out)
+    assert s["closed_form_ratio"] == pytest.approx(1.47705704, rel=1e-8)
+    assert s["inner_radius_ratio"] == pytest.approx(1.47705704, rel=1e-6)
+    assert s["negative_eigenvalues"] == 0 and s["ended_with"] is None
+    assert s["limit_voltage_of_gas"] is None
+
+
+def check_pump(out, printed):
+    """What the liquid gains is what the voltage gives; the stroke is the liquid that is moved."""
+    s = summary(out)
+    assert s["stroke_volume_m3"] == pytest.approx(0.2e-6, rel=1e-8)
+    assert s["pressure_low_Pa"] < s["pressure_before_cycle_Pa"] < s["pressure_high_Pa"]
+    assert s["work_on_liquid_J"] > 1e-5 and s["energy_error"] < 1e-4
+    assert s["closed_within"] < 1e-6 and s["gas_law_error"] is None
+    assert (out / "pressure_chamber.png").exists()

@@ -173,6 +173,11 @@ FIELDS = {
     dea.Rigid: (in_scene(dea.Rigid, "supports"), dict(where="top")),
     dea.Turn: (in_scene(dea.Turn, "prescribed"), dict(where="top", radians=1.0)),
     dea.Moment: (in_scene(dea.Moment, "loads"), dict(where="top", newton_metres=1.0)),
+    dea.Cavity: (
+        in_scene(dea.Cavity, "loads"), dict(where="top", liquid=1e-9, openings="y")),
+    dea.CavityPressure: (recorded(dea.CavityPressure), dict(where="top")),
+    dea.CavityVolume: (recorded(dea.CavityVolume), dict(where="top")),
+    dea.CavityEnergy: (recorded(dea.CavityEnergy), dict(where="top")),
     dea.Energy: (recorded(dea.Energy), dict(what="elastic")),
     dea.AtPoint: (recorded(dea.AtPoint),
                   dict(point=(5e-4, 5e-4), what="displacement", axis="y")),
@@ -203,6 +208,7 @@ FIELDS = {
     geometry.DiskStack: (geometry.DiskStack, dict(radius=1e-2, layers=[Layer("film", 1e-3)])),
     geometry.MembraneDisc: (
         geometry.MembraneDisc, dict(radius=3e-2, electrode_radius=1e-2, thickness=1e-3)),
+    geometry.HollowSphere: (geometry.HollowSphere, dict(inner=1e-2, outer=1.2e-2)),
     geometry.HDEA: (geometry.HDEA, {}),
     geometry.HelicalCell: (geometry.HelicalCell, {}),
     exact.Film: (exact.Film, dict(material=RUBBER, thickness=1e-3)),

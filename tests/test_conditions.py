@@ -204,6 +204,7 @@ EXAMPLES = {
     "Source": ("top", 100.0),
     "Periodic": ("x_min", "x_max"), "MeanStrain": (("x_min", "x_max"), "x", 0.1),
     "Rigid": ("x_max",), "Turn": ("x_max", 1.0), "Moment": ("x_max", 1.0),
+    "Cavity": ("top", None, 1e-9, None, 1e5, 1.0, None, 0.0, "", "z"),
 }  # fmt: skip
 
 

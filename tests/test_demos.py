@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 from demo_checks import (
+    check_balloon,
     check_blister,
     check_buckling,
     check_crease,
@@ -25,6 +26,7 @@ from demo_checks import (
     check_own_material,
     check_prestretch,
     check_pull_in,
+    check_pump,
     check_single_layer,
     check_sldea,
     check_stiffened,
@@ -299,6 +301,7 @@ def check_read_results(out, printed):
 
 
 CHECKS = {
+    "balloon_gas.py": (check_balloon, ["--outside-pressure", 0, "--voltage", 0.1]),
     "blister.py": (check_blister, ["--mesh", "coarse", "--to", 0.06, "--early-steps", 40]),
     "buckling_strip.py": (check_buckling, []),
     "crease.py": (check_crease, ["--field", 1.1, "--tolerance", 1e-3]),
@@ -328,6 +331,7 @@ CHECKS = {
     "own_material.py": (check_own_material, []),
     "prestretch.py": (check_prestretch, []),
     "pull_in.py": (check_pull_in, []),
+    "pump.py": (check_pump, ["--steps", 4]),
     "read_results.py": (check_read_results, []),
     "sldea.py": (check_sldea, []),
     "smooth_fold.py": (check_smooth_fold, []),

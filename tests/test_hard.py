@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hard import devices, films, marches, runs  # noqa: F401  (each enters its cases)
+from hard import cavities, devices, films, marches, runs  # noqa: F401  (each enters its cases)
 from hard.table import CASES, passed, verdict
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
@@ -33,6 +33,9 @@ PART = [
     "rigid motion: a film on a table in space",
     "resuming after pull-in",
     "resuming from a broken checkpoint",
+    "cavity: gas that leaks to zero",
+    "cavity: outside pressure of a million moduli",
+    "cavity: liquid between walls that cannot move",
     "march: a relaxation time that is infinite",
     "march: a branch 1000 times stiffer than the equilibrium",
     "march: a square wave, which jumps",

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.cavities import Cavities
 from dea_fenicsx.model.circuits import Circuits
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
@@ -38,6 +39,8 @@ class Conditions:
     ----------
     scene, scales, space
         The scene, its units, and its unknowns.
+    cavities
+        Its cavities.
 
     Attributes
     ----------
@@ -77,12 +80,16 @@ class Conditions:
         If two conditions contradict each other, or a part of the device can move freely.
     """
 
-    def __init__(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
+    def __init__(
+        self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities
+    ) -> None:
         device, kinematics, declared = scene.device, scene.kinematics, scene.declared
         motion, overall, rows = space.of(Role.MOTION), space.parts.get("global", {}), space.rows
 
         values = self.fixed_values = FixedValues(space.size, scene.ramps)
         self.electrode_dofs = self._fix(scene, scales, space)
+        cavities.fix(values, space.parts)
+        cavities.check_walls(values, motion)
 
         self.ties = PeriodicTies(
             declared.periodic_faces, device, kinematics.axes, space.continuous, space.parts, rows
@@ -112,13 +119,7 @@ class Conditions:
         self.ties.form_classes(values, space.numbers)
         for label, dofs in self.electrode_dofs.items():
             self.electrode_dofs[label] = self.ties.widen(dofs)
-        unknowns, forces = kinematics.global_unknowns, declared.global_forces
-        self.groups: list[Group] = [
-            *floating_groups(declared.floating, scales.charge, self.electrode_dofs, rows),
-            *global_groups(unknowns, forces, scene.period, scales, overall, values.fixed, rows),
-            *self.rigid.groups(values.fixed, declared.rigid_moments, scales.force * scales.length),
-        ]
-        self.groups += self.ties.groups(values.fixed)
+        self.groups = self._groups(scene, scales, space, cavities)
         fixed = values.fixed[: space.owned]
         self.ties.refuse_shared(self.rigid.followers(space.owned))
         self.ties.leave_out(self._grouped(space.owned))
@@ -169,3 +170,19 @@ class Conditions:
             if group.master >= 0:
                 found[group.master] = True
         return found
+
+    def _groups(
+        self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities
+    ) -> list[Group]:
+        """Degrees of freedom that share a value; those of electrodes come first.  Collective."""
+        kinematics, declared, rows = scene.kinematics, scene.declared, space.rows
+        overall, fixed = space.parts.get("global", {}), self.fixed_values.fixed
+        unknowns, forces = kinematics.global_unknowns, declared.global_forces
+        moment = scales.force * scales.length
+        return [
+            *floating_groups(declared.floating, scales.charge, self.electrode_dofs, rows),
+            *global_groups(unknowns, forces, scene.period, scales, overall, fixed, rows),
+            *self.rigid.groups(fixed, declared.rigid_moments, moment),
+            *cavities.groups(space.parts, rows),
+            *self.ties.groups(fixed),
+        ]

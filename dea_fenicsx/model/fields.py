@@ -68,6 +68,8 @@ class Field:
         freedom are fixed at 0.
     at_rest
         Its value in the undeformed body without loads, dimensionless.
+    unit
+        SI value of 1, for a field that is neither a displacement, a pressure nor a potential.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Field:
     mass: Callable[[Material, Scales], float] | None = None
     regions: tuple[str, ...] | None = None
     at_rest: float = 0.0
+    unit: float = 1.0
 
     def lives_in(self, region: str) -> bool:
         """Whether the field lives in a region."""
@@ -132,8 +135,39 @@ def declared_fields(scene: Scene) -> list[Field]:
     for pair in scene.declared.periodic_faces:
         element = basix.ufl.element("DG", cell, 0, shape=(len(axes),))
         found.append(Field(pair.field, element, Role.GLOBAL, axes))
+    found += _cavity_fields(scene, cell)
     found += [field for added in scene.declared.added for field in added.fields]
     _check_names(found)
+    return found
+
+
+GAS_ROUNDING = 1e-3
+"""Residual of a gas pressure that counts as 1, as a share of the pressure outside, or more.
+
+The pressure in a cavity is a difference to that outside.  So it is known to about 1e-16 of the
+latter, and this share keeps the test reachable at 1e6 moduli.
+"""
+
+
+def _cavity_fields(scene: Scene, cell: str) -> list[Field]:
+    """The pressure of each cavity, and the change of its volume."""
+    fillings = scene.declared.fillings
+    if not fillings:
+        return []
+    scales, found = Scales.of(scene), []
+    for told in fillings:
+        size = told.space.unit
+        element = basix.ufl.element("DG", cell, 0)
+        found.append(Field(
+            told.pressure_field, element, Role.INTERNAL, negative=True, residual_scale=size,
+            mass=_softness, unit=scales.stress,
+        ))  # fmt: skip
+        if told.knows_volume:
+            found.append(Field(
+                told.volume_field, element, Role.INTERNAL,
+                residual_scale=size * max(1.0, GAS_ROUNDING * told.outside / scales.stress),
+                unit=scales.volume * size,
+            ))  # fmt: skip
     return found
 
 

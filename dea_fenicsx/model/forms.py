@@ -12,6 +12,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import one_sided
+from dea_fenicsx.model.cavities import Cavities
 from dea_fenicsx.model.charge_memory import LeakMemory
 from dea_fenicsx.model.kernels import Kernel, kernels, measure
 from dea_fenicsx.model.loads import Loads, Surface, loaded_sides
@@ -35,6 +36,8 @@ class Forms:
     ----------
     scene, scales, space
         The scene, its units, and its unknowns.
+    cavities
+        Its cavities.
 
     Attributes
     ----------
@@ -65,7 +68,9 @@ class Forms:
     cell_volumes: np.ndarray
     volume: float
 
-    def __init__(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
+    def __init__(
+        self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities
+    ) -> None:
         device, kinematics, elements = scene.device, scene.kinematics, scene.elements
         mesh, degree, works = device.mesh, elements.quadrature_degree, scene.declared.surface_works
         self._mesh, self._owned, self._space = mesh, space.owned, space
@@ -87,7 +92,7 @@ class Forms:
         along = [
             np.concatenate([one_sided(device, n) for n in names]) for names in self.sheets.names
         ]
-        ds = measure(device, [*sides, *along], degree, "ds")
+        ds = measure(device, [*sides, *along, *cavities.facets], degree, "ds")
         self.points = [
             MaterialPoint(mesh, kinematics, k, scales.stress, space.present, self.motion)
             for k in self.kernels
@@ -103,6 +108,9 @@ class Forms:
         self.residual = ufl.derivative(energy, space.w, space.test) - self.loads.work + beside
         if self.sheets:
             self.residual += self.sheets.work(at.weight, ds, len(sides))
+        if cavities:
+            first = len(sides) + len(along)
+            self.residual += cavities.work(space, self.motion, at, self.loads, ds, first)
         for k, point in enumerate(self.points):
             for ramp, rate in point.rates.items():
                 work = -ufl.derivative(self._integral(k, rate), space.w, space.test)

@@ -39,6 +39,8 @@ class Loads:
         Ramps that drive loads on surfaces.
     factors
         For each ramp the constant that holds its factor.
+    further
+        More constants that hold the factor of a ramp.
     unit_work
         For each ramp the virtual work at factor 1.
     work
@@ -55,6 +57,7 @@ class Loads:
         # We keep the order of the loads: a set would have a different order on each rank.
         self.on_surfaces = tuple(dict.fromkeys(work.ramp for work in works))
         self.factors = {ramp: at.number(0.0) for ramp in self.on_surfaces}
+        self.further: list[tuple[str, Any]] = []
         self.unit_work: dict[str, Any] = {}
         self.following: set[str] = set()
         self.changing: set[str] = set()
@@ -71,11 +74,13 @@ class Loads:
             self.work += self.factors[load.ramp] * unit_work
 
     def add_strain(self, ramp: str, factor: Any, work: Any) -> None:
-        """Add a pre-stretch, whose factor is part of the energy.
+        """Add a pre-stretch, or an amount of gas, whose factor is part of the energy.
 
         `work` is minus the derivative of the residual by this factor.
         """
-        self.factors[ramp] = factor
+        self.factors.setdefault(ramp, factor)
+        if self.factors[ramp] is not factor:
+            self.further.append((ramp, factor))
         self.unit_work[ramp] = self.unit_work.get(ramp, 0) + work
         self.changing.add(ramp)
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.cavities import Cavities
 from dea_fenicsx.model.charge_memory import ChargeMemory
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.conditions import Conditions
@@ -68,6 +69,8 @@ class Problem:
         Whether a script may hold it, so that no other run may use it.
     rigid
         The rigid parts.
+    cavities
+        The cavities.
     charges, circuits
         The charges that depend on the past, and the wires of electrodes that sources feed.
     rest
@@ -82,8 +85,9 @@ class Problem:
         self.scales = Scales.of(scene)
         fields = declared_fields(scene)
         self.space = Unknowns(self.mesh, fields, scene.kinematics.global_unknowns)
-        self.conditions = Conditions(scene, self.scales, self.space)
-        self.forms = Forms(scene, self.scales, self.space)
+        self.cavities = Cavities(scene, self.scales)
+        self.conditions = Conditions(scene, self.scales, self.space, self.cavities)
+        self.forms = Forms(scene, self.scales, self.space, self.cavities)
         self.parameters = Parameters(scene, self.scales, self.forms.kernels)
         self._name_parts()
         self._check_balance()
@@ -211,7 +215,7 @@ class Problem:
         for memory in self.memories:
             memory.show(histories[memory.NAME])
         self.springs = self.turning.springs_of(state)
-        for ramp, constant in self.loads.factors.items():
+        for ramp, constant in (*self.loads.factors.items(), *self.loads.further):
             constant.value = state.factors[ramp]
         if history := self.history:
             self.forms.memory.let_flow(history, self.parameters.materials)

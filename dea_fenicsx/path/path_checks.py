@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from dea_fenicsx.drives.waves import ROUNDING, Wave
+from dea_fenicsx.path.cavity_amounts import check_amounts
 from dea_fenicsx.path.items import (
     RESPONSES,
     Close,
@@ -62,6 +63,7 @@ def check_path(
             known(name, scene.ramps, "ramp in the scene")
         if isinstance(item, March):
             _check_march(item)
+            check_amounts(scene, item)
             reached |= {name: wave(item.seconds) for name, wave in item.waves.items()}
             continue
         if isinstance(item, Switch):
@@ -75,6 +77,7 @@ def check_path(
             reached[item.what] = None  # where a trace ends is not known before
         else:
             _check_ramp(item, scene, reached)
+            check_amounts(scene, item)
             reached |= dict.fromkeys(item.names(scene), float(item.to))
 
 

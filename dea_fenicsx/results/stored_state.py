@@ -83,7 +83,7 @@ def about(problem: Problem) -> dict[str, Any]:
             ]
             for field in problem.space.fields
         },
-        "units": {f.name: float(units.get(f.role, 1.0)) for f in problem.space.fields},
+        "units": {f.name: float(units.get(f.role, f.unit)) for f in problem.space.fields},
         "amounts": amounts_of(problem.scene),
     }  # fmt: skip
 

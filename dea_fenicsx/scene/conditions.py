@@ -5,6 +5,7 @@ ramp (``"voltage"``, ``"stretch"``, ``"load"`` unless told otherwise); its value
 factor 1.  All of them are gathered here from the modules of their kinds.
 """
 
+from dea_fenicsx.scene.cavity import Cavity
 from dea_fenicsx.scene.condition import Condition, Load, Prescribed, Support
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode, Ground, ThinFilm
 from dea_fenicsx.scene.elements import Discretisation
@@ -17,7 +18,7 @@ from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
 from dea_fenicsx.scene.taper import Taper
 
 __all__ = [
-    "AxialForce", "AxialStretch", "ChargedElectrode", "Clamp", "Condition", "DeadLoad",
+    "AxialForce", "AxialStretch", "Cavity", "ChargedElectrode", "Clamp", "Condition", "DeadLoad",
     "DeadPressure", "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure",
     "FreeBody", "Ground", "Load", "MeanStrain", "Moment", "Periodic", "PreStretch", "Prescribed",
     "Rigid", "Source", "Stretch", "Support", "Taper", "ThinFilm", "Torque", "Turn", "Twist",

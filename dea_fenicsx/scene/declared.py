@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dea_fenicsx.scene.cavity import Filling
 from dea_fenicsx.scene.condition import Condition, Setting, Told, of_kind
 from dea_fenicsx.scene.declarations import (
     AddedPhysics,
@@ -56,6 +57,8 @@ class Declared:
         Electrodes of given and of unknown potential, each with its declaration.
     added
         Fields and terms beyond those that every problem has.
+    fillings
+        Cavities and what they hold.
     sheets
         Electrodes with a resistance along their surface, each with its declaration.
     """
@@ -75,6 +78,7 @@ class Declared:
     potentials: list[tuple[Conducting, FixedPotential]]
     floating: list[tuple[Conducting, FloatingPotential]]
     added: list[AddedPhysics]
+    fillings: list[Filling]
     sheets: list[tuple[Conducting, SheetResistance]]
 
 
@@ -103,5 +107,6 @@ def gathered(scene: Setting) -> Declared:
         potentials=[(e, one) for e, one in electric if isinstance(one, FixedPotential)],
         floating=[(e, one) for e, one in electric if isinstance(one, FloatingPotential)],
         added=of(AddedPhysics),
+        fillings=of(Filling),
         sheets=[(e, one) for e, one in electric if isinstance(one, SheetResistance)],
     )

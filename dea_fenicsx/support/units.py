@@ -26,6 +26,8 @@ DIMENSIONS = {
     "N*m": "a torque in N m",
     "N/m": "a stiffness in N/m",
     "Pa": "a pressure or stress in Pa",
+    "Pa*m**3": "an amount of gas in Pa m^3",
+    "m**3": "a volume in m^3",
     "V/m": "an electric field in V/m",
     "s": "a time in s",
     "Pa*s": "a viscosity in Pa s",
