@@ -193,6 +193,7 @@ def kinds(base: type) -> Iterator[type]:
             yield kind
 
 
+PLANE = dea.Plane((2e-3, 0.0, 0.0), (-1.0, 0.0, 0.0))
 EXAMPLES = {
     "Fix": ("x_min", "xy"), "Clamp": ("x_min",), "FreeBody": (),
     "Stretch": ("x_max", "x", 1.5), "Displacement": ("x_max", "x", 1e-4),
@@ -202,6 +203,7 @@ EXAMPLES = {
     "Electrode": ("top", 5.0), "ThinFilm": ("film", 5.0, "voltage", (), 0.0, EDGE),
     "ChargedElectrode": ("top", 1e-9),
     "Source": ("top", 100.0),
+    "Obstacle": ("x_max", PLANE),
     "Rigid": ("x_max",), "Turn": ("x_max", 1.0), "Moment": ("x_max", 1.0),
 }  # fmt: skip
 

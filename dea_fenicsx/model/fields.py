@@ -68,6 +68,9 @@ class Field:
         freedom are fixed at 0.
     at_rest
         Its value in the undeformed body without loads, dimensionless.
+    surface
+        Name of the facet group on which the field lives, or None.  Elsewhere its degrees of freedom
+        are fixed at 0.
     """
 
     name: str
@@ -80,6 +83,7 @@ class Field:
     mass: Callable[[Material, Scales], float] | None = None
     regions: tuple[str, ...] | None = None
     at_rest: float = 0.0
+    surface: str | None = None
 
     def lives_in(self, region: str) -> bool:
         """Whether the field lives in a region."""
@@ -107,7 +111,7 @@ def declared_fields(scene: Scene) -> list[Field]:
         Field("u", vector, Role.MOTION, axes),
         Field(
             "p", _pressure_element(scene.elements, cell), Role.MULTIPLIER, negative=True,
-            mass=_softness,
+            mass=softness,
         ),
     ]  # fmt: skip
     if scene.has_potential:
@@ -147,7 +151,8 @@ def _pressure_element(elements: Discretisation, cell: str) -> Any:
     return basix.ufl.element("Lagrange", cell, 1)
 
 
-def _softness(material: Material, scales: Scales) -> float:
+def softness(material: Material, scales: Scales) -> float:
+    """One over the shear modulus, dimensionless: the mass of a pressure."""
     return scales.stress / material.elastic.shear_modulus()
 
 

@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import one_sided
 from dea_fenicsx.model.charge_memory import LeakMemory
+from dea_fenicsx.model.contact import Contacts
 from dea_fenicsx.model.kernels import Kernel, kernels, measure
 from dea_fenicsx.model.loads import Loads, Surface, loaded_sides
 from dea_fenicsx.model.material_point import MaterialPoint
@@ -46,6 +47,8 @@ class Forms:
         What the deformation has beside its fields, symbolic, or None.
     loads
         The loads on surfaces and the pre-stretches.
+    contacts
+        The surfaces that may touch an obstacle.
     residual
         The residual, symbolic.
     quadrature
@@ -87,7 +90,12 @@ class Forms:
         along = [
             np.concatenate([one_sided(device, n) for n in names]) for names in self.sheets.names
         ]
-        ds = measure(device, [*sides, *along], degree, "ds")
+        self.contacts = Contacts(scene, scales, space)
+        touching = [contact.facets for contact in self.contacts]
+        # A form may hold one list of subdomains for all of its surfaces.
+        ds = measure(device, [*sides, *along, *touching], degree, "ds")
+        for number, contact in enumerate(self.contacts, len(sides) + len(along)):
+            contact.integrate_by(ds, number)
         self.points = [
             MaterialPoint(mesh, kinematics, k, scales.stress, space.present, self.motion)
             for k in self.kernels
@@ -103,6 +111,10 @@ class Forms:
         self.residual = ufl.derivative(energy, space.w, space.test) - self.loads.work + beside
         if self.sheets:
             self.residual += self.sheets.work(at.weight, ds, len(sides))
+        for contact in self.contacts:
+            self.residual += contact.virtual_work(space)
+            if ramp := contact.told.ramp:
+                self.loads.add_travel(ramp, contact.factor, contact.work_of_travel(space))
         for k, point in enumerate(self.points):
             for ramp, rate in point.rates.items():
                 work = -ufl.derivative(self._integral(k, rate), space.w, space.test)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dea_fenicsx.scene.condition import Condition, Setting, Told, of_kind
+from dea_fenicsx.scene.contact_declarations import UnilateralContact
 from dea_fenicsx.scene.declarations import (
     AddedPhysics,
     Declaration,
@@ -55,6 +56,8 @@ class Declared:
         Fields and terms beyond those that every problem has.
     sheets
         Electrodes with a resistance along their surface, each with its declaration.
+    contacts
+        Surfaces that may touch an obstacle, each with its condition.
     """
 
     told: Told
@@ -71,6 +74,7 @@ class Declared:
     floating: list[tuple[Conducting, FloatingPotential]]
     added: list[AddedPhysics]
     sheets: list[tuple[Conducting, SheetResistance]]
+    contacts: list[tuple[Condition, UnilateralContact]]
 
 
 def gathered(scene: Setting) -> Declared:
@@ -97,4 +101,5 @@ def gathered(scene: Setting) -> Declared:
         floating=[(e, one) for e, one in electric if isinstance(one, FloatingPotential)],
         added=of(AddedPhysics),
         sheets=[(e, one) for e, one in electric if isinstance(one, SheetResistance)],
+        contacts=of_kind(told, UnilateralContact),
     )
