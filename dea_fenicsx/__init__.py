@@ -51,6 +51,12 @@ if TYPE_CHECKING:
         OverallTwist,
     )
     from dea_fenicsx.measure.cavity import CavityEnergy, CavityPressure, CavityVolume
+    from dea_fenicsx.measure.contact import (
+        ContactArea,
+        ContactForce,
+        ContactGap,
+        ContactPressure,
+    )
     from dea_fenicsx.measure.currents import ChargeLoss, Current
     from dea_fenicsx.measure.energy import Dissipation, Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
@@ -103,6 +109,7 @@ if TYPE_CHECKING:
         FollowerPressure,
         Torque,
     )
+    from dea_fenicsx.scene.obstacles import Obstacle
     from dea_fenicsx.scene.periodic import MeanStrain, Periodic
     from dea_fenicsx.scene.prescribed import (
         AxialStretch,
@@ -113,6 +120,7 @@ if TYPE_CHECKING:
     )
     from dea_fenicsx.scene.rigid import Moment, Rigid, Turn
     from dea_fenicsx.scene.scene import Scene
+    from dea_fenicsx.scene.shapes import Cylinder, Plane, Sphere
     from dea_fenicsx.scene.sources import Source
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
     from dea_fenicsx.scene.taper import Taper
@@ -136,6 +144,8 @@ _HOME = {
     "scene.loads": ("AxialForce", "DeadLoad", "DeadPressure", "FollowerPressure", "Torque"),
     "scene.periodic": ("MeanStrain", "Periodic"),
     "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),
+    "scene.obstacles": ("Obstacle",),
+    "scene.shapes": ("Cylinder", "Plane", "Sphere"),
     "scene.rigid": ("Moment", "Rigid", "Turn"),
     "scene.sources": ("Source",),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
@@ -164,6 +174,7 @@ _HOME = {
         "OverallContraction", "OverallForce", "OverallStretch", "OverallTorque", "OverallTwist",
     ),
     "results.reading": ("read_history", "read_summary"),
+    "measure.contact": ("ContactArea", "ContactForce", "ContactGap", "ContactPressure"),
     "measure.currents": ("ChargeLoss", "Current"),
     "measure.energy": ("Dissipation", "Energy"),
     "measure.line": ("AlongLine", "Curvature"),

@@ -40,6 +40,21 @@ def in_scene(kind, place):
     return lambda **given: scene(**{place: [kind(**given)]})
 
 
+PLANE = dea.Plane((0.0, 2e-3), (0.0, -1.0))
+
+
+def touched(kind, kinematics=None):
+    """Make an object of a class the shape of an obstacle."""
+    more = {} if kinematics is None else {"kinematics": kinematics}
+    return lambda **given: scene(supports=[dea.Obstacle("top", kind(**given))], **more)
+
+
+def pressing(kind):
+    """Record an observable of a scene with an obstacle."""
+    supports = [dea.Clamp("bottom"), dea.Obstacle("top", PLANE)]
+    return lambda **given: solve(record={"x": kind(**given)}, changes={"supports": supports})
+
+
 SOURCE = [dea.Source("top", 100.0), dea.Ground("bottom")]
 
 
@@ -170,6 +185,14 @@ FIELDS = {
     dea.Twist: (in_scene(dea.Twist, "prescribed"), dict(radians_per_metre=1.0)),
     dea.AxialForce: (in_scene(dea.AxialForce, "loads"), dict(newtons=1.0)),
     dea.Torque: (in_scene(dea.Torque, "loads"), dict(newton_metres=1.0)),
+    dea.Obstacle: (in_scene(dea.Obstacle, "supports"), dict(where="top", shape=PLANE)),
+    dea.Plane: (touched(dea.Plane), dict(point=(0.0, 2e-3), normal=(0.0, -1.0))),
+    dea.Sphere: (touched(dea.Sphere, dea.Axisymmetric()), dict(centre=(0.0, 3e-3), radius=1e-3)),
+    dea.Cylinder: (touched(dea.Cylinder), dict(point=(0.0, 3e-3), axis=None, radius=1e-3)),
+    dea.ContactForce: (pressing(dea.ContactForce), dict(where="top", axis="y")),
+    dea.ContactArea: (pressing(dea.ContactArea), dict(where="top")),
+    dea.ContactPressure: (pressing(dea.ContactPressure), dict(where="top")),
+    dea.ContactGap: (pressing(dea.ContactGap), dict(where="top")),
     dea.Rigid: (in_scene(dea.Rigid, "supports"), dict(where="top")),
     dea.Turn: (in_scene(dea.Turn, "prescribed"), dict(where="top", radians=1.0)),
     dea.Moment: (in_scene(dea.Moment, "loads"), dict(where="top", newton_metres=1.0)),

@@ -193,6 +193,7 @@ def kinds(base: type) -> Iterator[type]:
             yield kind
 
 
+PLANE = dea.Plane((2e-3, 0.0, 0.0), (-1.0, 0.0, 0.0))
 EXAMPLES = {
     "Fix": ("x_min", "xy"), "Clamp": ("x_min",), "FreeBody": (),
     "Stretch": ("x_max", "x", 1.5), "Displacement": ("x_max", "x", 1e-4),
@@ -203,6 +204,7 @@ EXAMPLES = {
     "ChargedElectrode": ("top", 1e-9),
     "Source": ("top", 100.0),
     "Periodic": ("x_min", "x_max"), "MeanStrain": (("x_min", "x_max"), "x", 0.1),
+    "Obstacle": ("x_max", PLANE),
     "Rigid": ("x_max",), "Turn": ("x_max", 1.0), "Moment": ("x_max", 1.0),
     "Cavity": ("top", None, 1e-9, None, 1e5, 1.0, None, 0.0, "", "z"),
 }  # fmt: skip

@@ -70,6 +70,9 @@ class Field:
         Its value in the undeformed body without loads, dimensionless.
     unit
         SI value of 1, for a field that is neither a displacement, a pressure nor a potential.
+    surface
+        Name of the facet group on which the field lives, or None.  Elsewhere its degrees of freedom
+        are fixed at 0.
     """
 
     name: str
@@ -83,6 +86,7 @@ class Field:
     regions: tuple[str, ...] | None = None
     at_rest: float = 0.0
     unit: float = 1.0
+    surface: str | None = None
 
     def lives_in(self, region: str) -> bool:
         """Whether the field lives in a region."""
@@ -110,7 +114,7 @@ def declared_fields(scene: Scene) -> list[Field]:
         Field("u", vector, Role.MOTION, axes),
         Field(
             "p", _pressure_element(scene.elements, cell), Role.MULTIPLIER, negative=True,
-            mass=_softness,
+            mass=softness,
         ),
     ]  # fmt: skip
     if scene.has_potential:
@@ -184,7 +188,8 @@ def _pressure_element(elements: Discretisation, cell: str) -> Any:
     return basix.ufl.element("Lagrange", cell, 1)
 
 
-def _softness(material: Material, scales: Scales) -> float:
+def softness(material: Material, scales: Scales) -> float:
+    """One over the shear modulus, dimensionless: the mass of a pressure."""
     return scales.stress / material.elastic.shear_modulus()
 
 

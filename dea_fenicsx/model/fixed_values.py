@@ -78,15 +78,19 @@ class FixedValues:
         self, fields: Iterable[Field], parts: Mapping[str, Mapping[str, Component]],
         device: Device,
     ) -> None:  # fmt: skip
-        """Fix each field at 0 outside of the regions in which it lives.  Collective."""
+        """Fix each field at 0 outside of the regions or the surface of its own.  Collective."""
         for field in fields:
-            if field.regions is None:
-                continue
-            cells = [np.empty(0, np.int32), *(device.cells_of(name) for name in field.regions)]
-            for part in parts[field.name].values():
-                alive = np.zeros(len(part.dofs), dtype=bool)
-                alive[part.on(device.dim, np.concatenate(cells))] = True
-                self.fix(part.dofs[~alive])
+            where: list[tuple[int, np.ndarray]] = []
+            if field.regions is not None:
+                cells = [np.empty(0, np.int32), *(device.cells_of(name) for name in field.regions)]
+                where.append((device.dim, np.concatenate(cells)))
+            if field.surface is not None:
+                where.append((device.dim - 1, device.facets_of(field.surface)))
+            for dim, entities in where:
+                for part in parts[field.name].values():
+                    alive = np.zeros(len(part.dofs), dtype=bool)
+                    alive[part.on(dim, entities)] = True
+                    self.fix(part.dofs[~alive])
 
     def fix_electrodes(
         self, electrodes: Sequence[Conducting],

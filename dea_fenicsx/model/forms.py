@@ -14,6 +14,7 @@ from mpi4py import MPI
 from dea_fenicsx.mesh.device import one_sided
 from dea_fenicsx.model.cavities import Cavities
 from dea_fenicsx.model.charge_memory import LeakMemory
+from dea_fenicsx.model.contact import Contacts
 from dea_fenicsx.model.kernels import Kernel, kernels, measure
 from dea_fenicsx.model.loads import Loads, Surface, loaded_sides
 from dea_fenicsx.model.material_point import MaterialPoint
@@ -49,6 +50,8 @@ class Forms:
         What the deformation has beside its fields, symbolic, or None.
     loads
         The loads on surfaces and the pre-stretches.
+    contacts
+        The surfaces that may touch an obstacle.
     residual
         The residual, symbolic.
     quadrature
@@ -92,7 +95,13 @@ class Forms:
         along = [
             np.concatenate([one_sided(device, n) for n in names]) for names in self.sheets.names
         ]
-        ds = measure(device, [*sides, *along, *cavities.facets], degree, "ds")
+        self.contacts = Contacts(scene, scales, space)
+        touching = [contact.facets for contact in self.contacts]
+        # A form may hold one list of subdomains for all of its surfaces.
+        ds = measure(device, [*sides, *along, *cavities.facets, *touching], degree, "ds")
+        after = len(sides) + len(along) + len(cavities.facets)
+        for number, contact in enumerate(self.contacts, after):
+            contact.integrate_by(ds, number)
         self.points = [
             MaterialPoint(mesh, kinematics, k, scales.stress, space.present, self.motion)
             for k in self.kernels
@@ -111,6 +120,10 @@ class Forms:
         if cavities:
             first = len(sides) + len(along)
             self.residual += cavities.work(space, self.motion, at, self.loads, ds, first)
+        for contact in self.contacts:
+            self.residual += contact.virtual_work(space)
+            if ramp := contact.told.ramp:
+                self.loads.add_travel(ramp, contact.factor, contact.work_of_travel(space))
         for k, point in enumerate(self.points):
             for ramp, rate in point.rates.items():
                 work = -ufl.derivative(self._integral(k, rate), space.w, space.test)

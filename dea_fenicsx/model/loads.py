@@ -48,7 +48,9 @@ class Loads:
     following
         Ramps of loads whose direction follows the deformation.
     changing
-        Ramps whose unit work depends on the state: those, and pre-stretches.
+        Ramps whose unit work depends on the state: those, pre-stretches, and moving obstacles.
+    travels
+        The ramps that move obstacles, each with the constant that holds its factor.
     unsymmetric
         What loads whose tangent is not symmetric are called.
     """
@@ -61,6 +63,7 @@ class Loads:
         self.unit_work: dict[str, Any] = {}
         self.following: set[str] = set()
         self.changing: set[str] = set()
+        self.travels: list[tuple[str, Any]] = []
         self.unsymmetric: list[str] = []
         self.work: Any = 0
         for k, load in enumerate(works):
@@ -83,6 +86,17 @@ class Loads:
             self.further.append((ramp, factor))
         self.unit_work[ramp] = self.unit_work.get(ramp, 0) + work
         self.changing.add(ramp)
+
+    def add_travel(self, ramp: str, factor: Any, work: Any) -> None:
+        """Add an obstacle that a ramp moves, as `add_strain` adds a pre-stretch."""
+        self.travels.append((ramp, factor))
+        self.unit_work[ramp] = self.unit_work.get(ramp, 0) + work
+        self.changing.add(ramp)
+
+    @property
+    def constants(self) -> list[tuple[str, Any]]:
+        """Each constant that holds the factor of a ramp, with the ramp."""
+        return [*self.factors.items(), *self.further, *self.travels]
 
 
 class Surface:

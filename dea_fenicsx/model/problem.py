@@ -18,6 +18,8 @@ from dea_fenicsx.model.cavities import Cavities
 from dea_fenicsx.model.charge_memory import ChargeMemory
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.conditions import Conditions
+from dea_fenicsx.model.contact import contact_fields
+from dea_fenicsx.model.contact_start import depths
 from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.forms import Forms, assembled
 from dea_fenicsx.model.load_balance import check_cell, check_free_body
@@ -75,6 +77,8 @@ class Problem:
         The charges that depend on the past, and the wires of electrodes that sources feed.
     rest
         The undeformed state without loads, in which it begins.
+    depths
+        How deep the undeformed device lies in each obstacle, dimensionless.
     shown
         Grows whenever the problem goes to another state.
     """
@@ -83,7 +87,7 @@ class Problem:
         self.scene, self.mesh = scene, scene.device.mesh
         self.comm: MPI.Comm = scene.device.comm
         self.scales = Scales.of(scene)
-        fields = declared_fields(scene)
+        fields = [*declared_fields(scene), *contact_fields(scene)]
         self.space = Unknowns(self.mesh, fields, scene.kinematics.global_unknowns)
         self.cavities = Cavities(scene, self.scales)
         self.conditions = Conditions(scene, self.scales, self.space, self.cavities)
@@ -102,6 +106,7 @@ class Problem:
         unloaded = Factors(dict.fromkeys(scene.ramps, 0.0), scene.unit_volts)
         self.rest = self.anchored(State(at_rest, unloaded))
         self.commit(self.rest)
+        self.depths = depths(scene, self.forms.contacts)
 
     def _weigh(self) -> None:
         """Tell the memories the constants by which they work.  Collective."""
@@ -215,7 +220,7 @@ class Problem:
         for memory in self.memories:
             memory.show(histories[memory.NAME])
         self.springs = self.turning.springs_of(state)
-        for ramp, constant in (*self.loads.factors.items(), *self.loads.further):
+        for ramp, constant in self.loads.constants:
             constant.value = state.factors[ramp]
         if history := self.history:
             self.forms.memory.let_flow(history, self.parameters.materials)

@@ -17,12 +17,17 @@ step length decides which branch it is.  So a step is accepted only with evidenc
     states on its two sides are neighbours, the branch itself becomes unstable (a bifurcation of a
     symmetric device).  If they are far apart, the step has changed branches.
 
+Where a surface closes on an obstacle, or opens, the path has a bend, see `bends`.
+
 The caller halves a step without evidence.
 """
 
 from __future__ import annotations
 
+import math
+
 from dea_fenicsx.model.state import State
+from dea_fenicsx.path.bends import Bend, contact_changes
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.stability import path_slope
@@ -108,12 +113,16 @@ class Evidence:
     count
         Negative eigenvalues, beyond those of a stable state, of the solution judged last; None
         where they were not counted.
+    bent
+        Whether the step to the solution judged last has a bend, beyond which no earlier state may
+        be extrapolated.
     """
 
     def __init__(self, solver: NewtonSolver, predictor: Predictor, sentinel: Sentinel) -> None:
         self.solver, self.problem = solver, solver.problem
         self.predictor, self.sentinel = predictor, sentinel
         self.count: int | None = None
+        self.bent = False
 
     def judge(self, attempt: Attempt, guess: State | None) -> Attempt:
         """Refuse a converged state that does not continue the path.  Collective.
@@ -130,7 +139,7 @@ class Evidence:
         Attempt
             The attempt, with the outcome `Outcome.JUMPED` if the state is refused.
         """
-        self.count = None
+        self.count, self.bent = None, False
         if not attempt.converged:
             return attempt
         found = attempt.found
@@ -154,7 +163,19 @@ class Evidence:
             limit = MOST_SPEED_GROWTH_WITHOUT_PROOF * usual
             doubtful = doubtful or predictor.speed(known[-1], found) > limit > 0
             doubtful = doubtful or self._is_astray(guess, found)
+        if doubtful and contact_changes(self.solver, known[-1], found):
+            self.bent = self._bends(found)
+            if self.bent:
+                return True
         return not doubtful or self.leads_to(found)
+
+    def _bends(self, found: State) -> bool:
+        """Whether the step has one bend, where a surface closes on an obstacle or opens."""
+        predictor, known = self.predictor, self.predictor.known
+        usual = predictor.speed(known[-2], known[-1]) if len(known) > 1 else 0.0
+        limit = MOST_SPEED_GROWTH_WITHOUT_PROOF * usual if usual else math.inf
+        bend = Bend.between(self.solver, predictor, known[-1], found)
+        return bend is not None and bend.is_followed(self.solver, limit)
 
     def _is_astray(self, guess: State, found: State) -> bool:
         """Whether a state lies far from its prediction, compared with the motion of the step."""

@@ -177,7 +177,10 @@ class RampWalk:
         """Accept a state, and choose the size of the next step."""
         found = attempt.found
         self.problem.commit(found)
-        self.predictor.add(found)
+        if self.evidence.bent:
+            self._start_from(found)
+        else:
+            self.predictor.add(found)
         cut = lands and target - position < self.size
         grown = STEP_GROWTH if attempt.iterations <= MOST_NEWTON_FOR_GROWTH else 1.0
         self.size = min(self.size * (1.0 if cut else grown), 1.0)

@@ -31,6 +31,7 @@ from dea_fenicsx.run.arguments import DEFAULTS, Arguments, SolveOptions, check_a
 from dea_fenicsx.run.closing import Closing
 from dea_fenicsx.run.enclosed_volume import check_volume
 from dea_fenicsx.run.journal import Journal
+from dea_fenicsx.run.pushing_out import pushed_out
 from dea_fenicsx.run.resuming import carry_on
 from dea_fenicsx.run.reuse import keep, solver_for
 from dea_fenicsx.run.starting import Beginning, balanced, beginning
@@ -254,6 +255,8 @@ class _Session:
             solver.notify = notify
             with interruption:
                 origin = balanced(solver, begin) if begin else None
+                if begin is None and cursor is None:
+                    origin = pushed_out(solver, self.progress.say)
                 walk = Walk(solver, self.path, sentinel, self.progress.say, self._gap, origin)
                 for step in walk.follow(cursor):
                     journal.accept(step)

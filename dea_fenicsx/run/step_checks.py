@@ -75,6 +75,7 @@ def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -
         faults.append("the electric field is not finite")
     if not bounded <= bound:
         faults.append(f"its volume error {bounded:.3g} is above {bound:.3g}")
+    faults += _open_gaps(problem)
     faults += [f"{name} is {value}" for name, value in measured.items() if not np.isfinite(value)]
     if faults:
         raise SolverError(
@@ -82,6 +83,20 @@ def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -
         )
     solver.references.remember(residual)
     return Checked(norm, probe, worst)
+
+
+def _open_gaps(problem: Problem) -> list[str]:
+    """The contacts whose gap is not closed to its tolerance, in words.  Collective."""
+    found, length = [], problem.scales.length
+    for contact in problem.forms.contacts:
+        gap, allowed = contact.excess()
+        if gap > 0:
+            found.append(
+                f"a pressed point of {contact.told.surface!r} is {gap * length:.3g} m away from "
+                f"the surface of its obstacle, more than the tolerance of {allowed * length:.3g} m "
+                "(the mesh is too coarse for this contact, or the tolerance too small)"
+            )
+    return found
 
 
 def volume(problem: Problem, tolerance: float) -> tuple[float, float, float]:

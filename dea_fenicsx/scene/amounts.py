@@ -37,9 +37,9 @@ def amounts_of(scene: Scene) -> dict[str, dict[str, list[float]]]:
         elif electrode.given_volts:
             add(electrode.ramp, "volts", [electrode.given_volts])
     for item, told in scene.declared.told:
-        if isinstance(item, Driven):
-            for quantity, values in told.amounts().items():
-                add(item.ramp, quantity, values)
+        ramp = item.ramp if isinstance(item, Driven) else getattr(item, "moved_by", None)
+        for quantity, values in told.amounts().items() if ramp else ():
+            add(ramp, quantity, values)
     return found
 
 

@@ -88,6 +88,11 @@ class Condition(ABC):
 class Support(Condition):
     """What holds a device at every load."""
 
+    @property
+    def moved_by(self) -> str | None:
+        """The ramp that moves it; None for a support that stays in its place."""
+        return None
+
 
 class Extension(Support):
     """Fields and terms of one's own, which it declares as `AddedPhysics`.

@@ -10,6 +10,7 @@ from dea_fenicsx.scene.condition import Condition, Load, Prescribed, Support
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode, Ground, ThinFilm
 from dea_fenicsx.scene.elements import Discretisation
 from dea_fenicsx.scene.loads import AxialForce, DeadLoad, DeadPressure, FollowerPressure, Torque
+from dea_fenicsx.scene.obstacles import Obstacle
 from dea_fenicsx.scene.periodic import MeanStrain, Periodic
 from dea_fenicsx.scene.prescribed import AxialStretch, Displacement, PreStretch, Stretch, Twist
 from dea_fenicsx.scene.rigid import Moment, Rigid, Turn
@@ -20,6 +21,7 @@ from dea_fenicsx.scene.taper import Taper
 __all__ = [
     "AxialForce", "AxialStretch", "Cavity", "ChargedElectrode", "Clamp", "Condition", "DeadLoad",
     "DeadPressure", "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure",
-    "FreeBody", "Ground", "Load", "MeanStrain", "Moment", "Periodic", "PreStretch", "Prescribed",
-    "Rigid", "Source", "Stretch", "Support", "Taper", "ThinFilm", "Torque", "Turn", "Twist",
+    "FreeBody", "Ground", "Load", "MeanStrain", "Moment", "Obstacle", "Periodic", "PreStretch",
+    "Prescribed", "Rigid", "Source", "Stretch", "Support", "Taper", "ThinFilm", "Torque", "Turn",
+    "Twist",
 ]  # fmt: skip

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from dea_fenicsx.scene.cavity import Filling
 from dea_fenicsx.scene.condition import Condition, Setting, Told, of_kind
+from dea_fenicsx.scene.contact_declarations import UnilateralContact
 from dea_fenicsx.scene.declarations import (
     AddedPhysics,
     Declaration,
@@ -61,6 +62,8 @@ class Declared:
         Cavities and what they hold.
     sheets
         Electrodes with a resistance along their surface, each with its declaration.
+    contacts
+        Surfaces that may touch an obstacle, each with its condition.
     """
 
     told: Told
@@ -80,6 +83,7 @@ class Declared:
     added: list[AddedPhysics]
     fillings: list[Filling]
     sheets: list[tuple[Conducting, SheetResistance]]
+    contacts: list[tuple[Condition, UnilateralContact]]
 
 
 def gathered(scene: Setting) -> Declared:
@@ -109,4 +113,5 @@ def gathered(scene: Setting) -> Declared:
         added=of(AddedPhysics),
         fillings=of(Filling),
         sheets=[(e, one) for e, one in electric if isinstance(one, SheetResistance)],
+        contacts=of_kind(told, UnilateralContact),
     )

@@ -111,7 +111,12 @@ class Scene:
         """Names of everything that can be ramped, in the order of appearance."""
         live = [e for e in self.electrodes if e.is_driven]
         driven: list[Driven] = [*self.prescribed, *self.loads, *live]
-        return tuple(dict.fromkeys(item.ramp for item in driven))
+        return tuple(dict.fromkeys([*(item.ramp for item in driven), *self._moving]))
+
+    @property
+    def _moving(self) -> list[str]:
+        """The ramps that move supports."""
+        return [item.moved_by for item in self.supports if item.moved_by is not None]
 
     @property
     def period(self) -> float:
@@ -156,7 +161,7 @@ class Scene:
 
     def is_electric(self, ramp: str) -> bool:
         """Whether a ramp drives potentials or charges and nothing else."""
-        others = {item.ramp for item in (*self.prescribed, *self.loads)}
+        others = {*(item.ramp for item in (*self.prescribed, *self.loads)), *self._moving}
         return ramp not in others and ramp in {e.ramp for e in self.electrodes}
 
 

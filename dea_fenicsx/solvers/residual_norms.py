@@ -201,7 +201,9 @@ class References:
         a follower pressure depend on the state as well.
         """
         problem = self.problem
-        now = {ramp: problem.factors[ramp] for ramp in problem.loads.factors}
+        # Without its factor an obstacle would lie elsewhere, and its force would be no load.
+        moving = {ramp for ramp, _ in problem.loads.travels}
+        now = {r: problem.factors[r] for r in problem.loads.factors if r not in moving}
         if not any(now.values()):
             return 0.0
         if anew or self._loads[0] != now:
@@ -212,11 +214,13 @@ class References:
         return self._loads[1]
 
     def _pressing(self, residual: np.ndarray) -> float:
-        """Forces of pressure and field in the present state."""
+        """Forces of pressure, field and contact in the present state."""
         problem = self.problem
         here = problem.state
         values = here.values.copy()
-        for part in (problem.pressure, problem.potential):
+        parts = [problem.space.parts[contact.name] for contact in problem.forms.contacts]
+        pressing = [part for found in parts for part in found.values()]
+        for part in (problem.pressure, problem.potential, *pressing):
             if part is not None:
                 values[part.dofs] = 0.0
         with problem.at(here.with_values(values)):

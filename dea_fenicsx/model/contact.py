@@ -1,0 +1,270 @@
+"""Contact of surfaces with rigid obstacles, without friction.
+
+The contact pressure p, nominal, is a continuous field on the surface, linear in each facet.  With
+the gap g to the obstacle it makes the augmented Lagrangian
+
+    int [ max(0, p - r g)^2 - p^2 ] / (2 r) dA,    r > 0,
+
+stationary.  The force on the surface is f = max(0, p - r g) along the growing gap, and p is the
+projection of f on the field.  So the weighted gap is 0 wherever f > 0 around a vertex, whatever the
+value of r: nothing of the size of a penalty is left.  At a single point the gap is (p - f)/r.
+
+The pressure is an unknown as all others are.  So an equilibrium does not depend on how it was
+reached, it can be traced by arc length, and its negative eigenvalues can be counted: each unknown
+of the pressure gives one, whether the surface touches there or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import basix.ufl
+import numpy as np
+import ufl
+
+from dea_fenicsx.mesh.device import Device, one_sided
+from dea_fenicsx.model.contact_points import QUADRATURE_DEGREE, ContactPoints
+from dea_fenicsx.model.fields import Field, Role, softness
+from dea_fenicsx.model.kernels import measure
+from dea_fenicsx.model.scales import Scales
+from dea_fenicsx.model.unknowns import Unknowns
+from dea_fenicsx.scene.contact_declarations import UnilateralContact
+from dea_fenicsx.scene.kinematics import Kinematics, cofactor
+from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.compat import dolfinx
+
+TOLERANCE_BY_HEIGHT = 0.1
+"""Default tolerance of a gap, as a share of the height of the cells at the surface."""
+
+MODULI_AT_TOLERANCE = 5.0
+"""Deviation of f from p, in shear moduli, at which a gap reaches its tolerance.
+
+Such a deviation only belongs to a pressure that the mesh does not resolve.  A larger value would
+leave larger rounding errors in the forces, which are those of the places times r.
+"""
+
+
+def contact_fields(scene: Scene) -> Iterator[Field]:
+    """The pressures on the surfaces that may touch an obstacle.  Collective."""
+    device = scene.device
+    cell = device.mesh.topology.cell_name()
+    for name, told in zip(names(scene), contacts(scene), strict=True):
+        facets = one_sided(device, told.surface)
+        heights, areas = facet_sizes(device, facets)
+        # A row of p is a gap times the area of a vertex.  The median is that of the small facets
+        # near a contact where the mesh is graded towards it.
+        mine = heights[facets[:, 0]] * areas[facets[:, 0]]
+        every = np.concatenate(device.comm.allgather(mine))
+        scale = float(np.median(every) * np.sqrt(len(every)))
+        yield Field(
+            name, basix.ufl.element("Lagrange", cell, 1), Role.INTERNAL, negative=True,
+            residual_scale=scale, mass=softness, surface=told.surface,
+        )  # fmt: skip
+
+
+def contacts(scene: Scene) -> list[UnilateralContact]:
+    """What the obstacles of a scene declare."""
+    return [told for _, told in scene.declared.contacts]
+
+
+def names(scene: Scene) -> list[str]:
+    """The name of the pressure's field of each contact."""
+    found: list[str] = []
+    for told in contacts(scene):
+        name, number = f"contact {told.surface}", 2
+        while name in found:
+            name, number = f"contact {told.surface} {number}", number + 1
+        found.append(name)
+    return found
+
+
+def facet_sizes(device: Device, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The size h of each owned cell at its facets, and the mean area of these.  Collective.
+
+    h is the height of the cell above its facets, but at most the width of the facets.  Both are 0
+    for a cell without facets.
+    """
+    mesh, dim = device.mesh, device.dim
+    each = ufl.TestFunction(dolfinx.fem.functionspace(mesh, ("DG", 0)))
+    ds, dx = measure(device, [facets], 2, "ds")(0), ufl.dx(mesh, metadata={"quadrature_degree": 2})
+    owned = device.owned_cells()
+    areas, volumes = (
+        dolfinx.fem.assemble_vector(compat.compile_form(form)).array[:owned]
+        for form in (each * ds, each * dx)
+    )
+    sizes = np.zeros(owned)
+    cells, counts = np.unique(facets[:, 0], return_counts=True)
+    width = (areas[cells] / counts) ** (1 / (dim - 1))
+    sizes[cells] = np.minimum(volumes[cells] / areas[cells] * counts, width)
+    areas[cells] /= counts
+    return sizes, areas
+
+
+def _place(kinematics: Kinematics, u: Any, x: Any) -> Any:
+    """The deformed place of a point, a 3-vector of the frame in which u has its components."""
+    known = tuple(kinematics.coordinates)
+    parts = [
+        u[a] + x[known.index(axis)] if axis in known else u[a]
+        for a, axis in enumerate(kinematics.axes)
+    ]
+    return kinematics.embed(ufl.as_vector(parts))
+
+
+class Contact:
+    """One surface and one obstacle, symbolic and dimensionless.
+
+    Parameters
+    ----------
+    scene, scales, space
+        The scene, its units, and its unknowns.
+    name
+        Name of the pressure's field.
+    told
+        What the obstacle declares.
+
+    Attributes
+    ----------
+    told, name
+        As given.
+    facets
+        Its facets, each with the cell from which it is seen, see `one_sided`.
+    factor
+        The ramp's factor, as a constant of the form.
+    touches
+        The condition f > 0.
+    stiffness
+        r.
+    offset
+        Length that is added to the gap, as a constant of the form.  It is 0, except while a device
+        is pushed out of an obstacle.
+    gap
+        The gap g.
+    direction
+        The derivative of g by the place, a 3-vector.
+    pressure, pushed, force
+        p, p - r g and f, per undeformed area.
+    points
+        What evaluates them at the points of integration.
+    """
+
+    def __init__(
+        self, scene: Scene, scales: Scales, space: Unknowns, name: str, told: UnilateralContact
+    ) -> None:
+        self._scene, self._scales = scene, scales
+        mesh = self._mesh = scene.device.mesh
+        self.told, self.name = told, name
+        self.facets = one_sided(scene.device, told.surface)
+        x, u = ufl.SpatialCoordinate(mesh), space.present["u"]
+        self.factor = dolfinx.fem.Constant(mesh, 0.0)
+        self.offset = dolfinx.fem.Constant(mesh, 0.0)
+        self._share = ufl.variable(self.factor)
+        unit = dolfinx.fem.Constant(mesh, scales.length)
+        place = _place(scene.kinematics, u, x)
+        self._place = ufl.variable(ufl.as_vector([
+            unit * place[i] - (self._share * self._number(moved) if moved else 0)
+            for i, moved in enumerate(told.travel)
+        ]))  # fmt: skip
+        metres = told.gap(self._place, self._number)
+        self.direction = ufl.diff(metres, self._place)
+        self.gap = metres / unit + self.offset
+        self.pressure = space.present[name]
+        self.stiffness = self._stiffness()
+        self.pushed = self.pressure - self.stiffness * self.gap
+        self.touches = ufl.gt(self.pushed, 0)
+        self.force = ufl.conditional(self.touches, self.pushed, 0)
+        kinematics = scene.kinematics
+        motion = kinematics.global_motion(
+            space.present.get("global"), self._number(kinematics.lead(scales.length))
+        )
+        F = ufl.Identity(3) + kinematics.displacement_gradient(u, x, motion)
+        self._cofactor = cofactor(F)[0]
+        self.points = ContactPoints(mesh, self)
+
+    def _number(self, value: float) -> Any:
+        """A number as a constant of the form, so that another value needs no compilation."""
+        return dolfinx.fem.Constant(self._mesh, float(value))
+
+    def _stiffness(self) -> Any:
+        """r: moduli over the tolerance of the gap, constant in each cell.  Collective."""
+        scene, device, scales = self._scene, self._scene.device, self._scales
+        found = dolfinx.fem.Function(dolfinx.fem.functionspace(self._mesh, ("DG", 0)))
+        heights, _ = facet_sizes(device, self.facets)
+        self._tolerances = np.zeros(len(heights))
+        given = self.told.tolerance
+        for name, material in scene.materials.items():
+            cells = np.intersect1d(device.cells_of(name), self.facets[:, 0])
+            modulus = material.elastic.shear_modulus() / scales.stress
+            self._tolerances[cells] = (
+                TOLERANCE_BY_HEIGHT * heights[cells] if given is None else given / scales.length
+            )
+            found.x.array[cells] = MODULI_AT_TOLERANCE * modulus / self._tolerances[cells]
+        found.x.scatter_forward()
+        return found
+
+    @property
+    def energy(self) -> Any:
+        """The augmented Lagrangian per undeformed area."""
+        return (self.force**2 - self.pressure**2) / (2 * self.stiffness)
+
+    def excess(self) -> tuple[float, float]:
+        """The gap of a pressed point that exceeds its tolerance most, with this tolerance.
+
+        In units of the device's length, for the present state; both are 0 where none does.
+        Collective.
+        """
+        values = self.points.values()
+        allowed = np.broadcast_to(self._tolerances[self.facets[:, 0]][:, None], values.gap.shape)
+        gaps = np.where(values.pushed > 0, np.abs(values.gap), 0.0)
+        over = gaps / allowed
+        mine = (0.0, 0.0, 0.0)
+        if over.size:
+            k = int(np.argmax(over))
+            mine = float(over.flat[k]), float(gaps.flat[k]), float(allowed.flat[k])
+        worst = max(self._mesh.comm.allgather(mine))
+        return worst[1:] if worst[0] > 1 else (0.0, 0.0)
+
+    def virtual_work(self, space: Unknowns) -> Any:
+        """The variation of the augmented Lagrangian."""
+        return ufl.derivative(self.integral(self.energy), space.w, space.test)
+
+    def work_of_travel(self, space: Unknowns) -> Any:
+        """Minus the derivative of the virtual work by the factor of the obstacle's ramp."""
+        rate = ufl.diff(self.energy, self._share)
+        return -ufl.derivative(self.integral(rate), space.w, space.test)
+
+    def area(self, normal: Any) -> Any:
+        """Deformed area per undeformed area of a surface with a normal, in components of x."""
+        vector = ufl.dot(self._cofactor, self._scene.kinematics.embed(normal))
+        return ufl.sqrt(ufl.dot(vector, vector))
+
+    def integral(self, density: Any) -> Any:
+        """The integral of a density over the undeformed surface."""
+        x = ufl.SpatialCoordinate(self._mesh)
+        return density * self._scene.kinematics.weight(x) * self._ds
+
+    def integrate_by(self, ds: Any, number: int) -> None:
+        """Take the measure of the surface: a subdomain of that of a whole form."""
+        self._ds = ds(number, metadata={"quadrature_degree": QUADRATURE_DEGREE})
+
+
+class Contacts(list[Contact]):
+    """All surfaces of a problem that may touch an obstacle.
+
+    Parameters
+    ----------
+    scene, scales, space
+        The scene, its units, and its unknowns.
+    """
+
+    def __init__(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
+        super().__init__(
+            Contact(scene, scales, space, name, told)
+            for name, told in zip(names(scene), contacts(scene), strict=True)
+        )
+
+    def touching(self) -> np.ndarray:
+        """Whether each point of integration of this rank is pressed in the present state."""
+        found = [contact.points.values().pushed.ravel() > 0 for contact in self]
+        return np.concatenate([np.empty(0, dtype=bool), *found])
