@@ -67,12 +67,14 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.point import AtPoint
     from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
+    from dea_fenicsx.measure.vibration import Frequency
     from dea_fenicsx.mesh.device import Device, read_gmsh
     from dea_fenicsx.path.items import Close, March, Open, Ramp, Trace
     from dea_fenicsx.results.folder import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
+    from dea_fenicsx.run.modes import Modes, modes
     from dea_fenicsx.run.parser import Parser
     from dea_fenicsx.run.session import solve
     from dea_fenicsx.scene.electrodes import (
@@ -156,8 +158,10 @@ _HOME = {
     "measure.point": ("AtPoint",),
     "measure.rigid_part": ("PartRotation",),
     "measure.rotation": ("BendingAngle", "Rotation"),
+    "measure.vibration": ("Frequency",),
     "results.folder": ("Run",),
     "run.session": ("solve",),
+    "run.modes": ("Modes", "modes"),
     "scene.scene": ("Scene",),
     "run.parser": ("Parser",),
     "solvers.options": ("NewtonOptions",),

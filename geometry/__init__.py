@@ -22,10 +22,12 @@ if TYPE_CHECKING:
     from .kresling_cell import KreslingCell
     from .membrane_disc import MembraneDisc
     from .stiffened_film import StiffenedFilm, StiffenedSection
+    from .thick_sphere import ThickSphere
 
 __all__ = [
     "BoxStack", "DEAHinge", "DiskStack", "Geometry", "HDEA", "HelicalCell", "KreslingCell", "Layer",
-    "MembraneDisc", "StiffenedFilm", "StiffenedSection", "graded",
+    "MembraneDisc", "StiffenedFilm", "StiffenedSection",
+    "ThickSphere", "graded",
 ]  # fmt: skip
 
 _HOME = {
@@ -38,6 +40,7 @@ _HOME = {
     "MembraneDisc": "membrane_disc",
     "StiffenedFilm": "stiffened_film",
     "StiffenedSection": "stiffened_film",
+    "ThickSphere": "thick_sphere",
 }
 
 

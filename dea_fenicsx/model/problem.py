@@ -20,6 +20,7 @@ from dea_fenicsx.model.conditions import Conditions
 from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.forms import Forms, assembled
 from dea_fenicsx.model.load_balance import check_cell, check_free_body
+from dea_fenicsx.model.mass import Mass
 from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.parameters import Parameters
 from dea_fenicsx.model.probe import Probe
@@ -74,7 +75,11 @@ class Problem:
         The undeformed state without loads, in which it begins.
     shown
         Grows whenever the problem goes to another state.
+    mass
+        The mass, whose inertia acts where something has set it; None where nothing moves in time.
     """
+
+    mass: Mass | None = None
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.mesh = scene, scene.device.mesh
@@ -255,7 +260,7 @@ class Problem:
     def reuse(self, scene: Scene) -> None:
         """Take the constants of a scene that differs by them alone, and go back to the start."""
         self.parameters.take(scene.materials)
-        self.scene = scene
+        self.scene, self.mass = scene, None
         self._weigh()
         self.commit(self.rest)
 
@@ -281,10 +286,28 @@ class Problem:
         into.x.scatter_forward()
 
     def residual(self) -> np.ndarray:
-        """Internal minus external forces at all owned degrees of freedom, fixed ones included."""
+        """Internal minus external forces at all owned degrees of freedom, fixed ones included.
+
+        Where the body moves, its inertial forces are among the internal ones.
+        """
         if self._b is None:
             self._b = self._petsc.keep("b", compat.create_vector(self.forms.compiled))
-        return assembled(self._b, self.forms.compiled).copy()
+        found = assembled(self._b, self.forms.compiled).copy()
+        if self.mass is not None and self.mass.acts:
+            found += self.mass.forces(self.w.x.array[: self.owned])
+        return found
+
+    def massive(self) -> Mass:
+        """The mass, which is made where there is none yet.  Collective.
+
+        Raises
+        ------
+        InputError
+            As of `Mass`.
+        """
+        if self.mass is None:
+            self.mass = Mass(self)
+        return self.mass
 
     def restrict(self, residual: np.ndarray) -> np.ndarray:
         """A vector over all owned degrees of freedom in the rows of the free unknowns (owned).

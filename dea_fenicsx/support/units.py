@@ -28,6 +28,7 @@ DIMENSIONS = {
     "Pa": "a pressure or stress in Pa",
     "V/m": "an electric field in V/m",
     "s": "a time in s",
+    "kg/m**3": "a density in kg/m^3",
     "Pa*s": "a viscosity in Pa s",
     "1/Pa**2": "a number in 1/Pa^2",
 }

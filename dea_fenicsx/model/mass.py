@@ -1,0 +1,142 @@
+"""The mass of a body: what its inertia adds to the residual and to the tangent.
+
+The displacement has the consistent mass matrix M of int rho u . v dX; pressure and potential have
+no mass.  With lengths in L and stresses in mu, a density is in units of mu/L^2, so that M is in s^2
+and an acceleration in 1/s^2.  A scheme of time integration makes the acceleration at the end of a
+step a linear function of the displacement there,
+
+    a = c (u - s),
+
+with a number c in 1/s^2 and values s that are known.  So the residual has M a in addition, and the
+tangent c M.  A body at rest has c = 0 and a = 0.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import ufl
+
+from dea_fenicsx.model.fields import Role
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.compat import PETSc, dolfinx
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.petsc_objects import PetscObjects
+
+if TYPE_CHECKING:
+    from dea_fenicsx.model.problem import Problem
+
+QUADRATURE_DEGREE = 6
+"""Degree of the quadrature of int rho u . v dX.
+
+It is exact for quadratic displacements in straight cells, axisymmetric ones included.
+"""
+
+
+class Mass:
+    """The mass matrix of a problem, and the inertial forces of its present state.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+
+    Attributes
+    ----------
+    matrix
+        PETSc matrix M in all owned degrees of freedom of the mixed function, in s^2.
+    stiffness
+        c in 1/s^2.
+    constant
+        The part -c s of the acceleration in 1/s^2 at all owned degrees of freedom, or None for 0.
+        With c = 0 it is the acceleration itself.
+
+    Raises
+    ------
+    InputError
+        If a region has no density, or the device has global unknowns that are free.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        check_density(problem)
+        self._petsc = PetscObjects(problem.comm)
+        self.matrix = self._petsc.keep("mass", _assembled(problem))
+        self._x, self._y = self.matrix.createVecs()
+        self._petsc.keep("x", self._x)
+        self._petsc.keep("y", self._y)
+        self.stiffness = 0.0
+        self.constant: np.ndarray | None = None
+
+    def times(self, values: np.ndarray) -> np.ndarray:
+        """M times owned values of the mixed function.  Collective."""
+        self._x.array[:] = values
+        self.matrix.mult(self._x, self._y)
+        return np.asarray(self._y.array_r.copy())
+
+    def rest(self) -> None:
+        """Let the body be without inertia."""
+        self.stiffness, self.constant = 0.0, None
+
+    @property
+    def acts(self) -> bool:
+        """Whether the present state has inertial forces."""
+        return self.stiffness != 0 or self.constant is not None
+
+    def acceleration(self, values: np.ndarray) -> np.ndarray:
+        """The acceleration in 1/s^2 that belongs to owned values of the mixed function."""
+        found = self.stiffness * values
+        return found if self.constant is None else found + self.constant
+
+    def forces(self, values: np.ndarray) -> np.ndarray:
+        """M a at owned values of the mixed function.  Collective."""
+        return self.times(self.acceleration(values))
+
+    def reduced(self, problem: Problem) -> Any:
+        """M in the free unknowns as a PETSc matrix, which the caller destroys.  Collective."""
+        if problem.expansion is not None:
+            return self.matrix.ptap(problem.expansion)
+        rows = PETSc.IS().createGeneral(
+            problem.free + problem.space.rows.start, comm=problem.comm
+        )
+        found = self.matrix.createSubMatrix(rows, rows)
+        rows.destroy()
+        return found
+
+
+def check_density(problem: Problem) -> None:
+    """Raise InputError unless a problem has all that vibration and motion need."""
+    materials = problem.parameters.materials
+    without = sorted(name for name, m in materials.items() if m.density is None)
+    if without:
+        names = ", ".join(repr(name) for name in without)
+        many = len(without) > 1
+        raise InputError(
+            f"The region{'s' * many} {names} {'have' if many else 'has'} no density, without which "
+            "there is no inertia; give Material(..., density=1000) in kg/m^3."
+        )
+    if problem.overall and any(not group.electric for group in problem.conditions.groups):
+        raise InputError(
+            "Vibration and motion are not available where the stretch or the twist of "
+            f"{problem.scene.kinematics.title} is free; hold it by AxialStretch and Twist, or "
+            "take a device in three dimensions."
+        )
+
+
+def _assembled(problem: Problem) -> Any:
+    """The mass matrix.  Collective."""
+    mesh, space, scene = problem.mesh, problem.space, problem.scene
+    scales = problem.scales
+    density = dolfinx.fem.Function(dolfinx.fem.functionspace(mesh, ("DG", 0)))
+    for name, material in problem.parameters.materials.items():
+        assert material.density is not None
+        unit = scales.stress / scales.length**2
+        density.x.array[scene.device.cells_of(name)] = material.density / unit
+    u = space.symbolic(Role.MOTION, ufl.TrialFunction(problem.W))
+    v = space.symbolic(Role.MOTION, ufl.TestFunction(problem.W))
+    weight = scene.kinematics.weight(ufl.SpatialCoordinate(mesh))
+    dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
+    form = compat.compile_form(density * ufl.inner(u, v) * weight * dx)
+    matrix = dolfinx.fem.petsc.assemble_matrix(form)
+    matrix.assemble()
+    return matrix
