@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
+    from dea_fenicsx.run.frequency_response import FrequencyResponse, frequency_response
     from dea_fenicsx.run.modes import Modes, modes
     from dea_fenicsx.run.parser import Parser
     from dea_fenicsx.run.session import solve
@@ -162,6 +163,7 @@ _HOME = {
     "results.folder": ("Run",),
     "run.session": ("solve",),
     "run.modes": ("Modes", "modes"),
+    "run.frequency_response": ("FrequencyResponse", "frequency_response"),
     "scene.scene": ("Scene",),
     "run.parser": ("Parser",),
     "solvers.options": ("NewtonOptions",),

@@ -91,11 +91,11 @@ def vibrations(
         )
     mass = problem.massive()
     with _responding(problem, response):
-        _check_rest(solver)
+        check_rest(solver)
         rigid = rigid_shapes(problem)
         reduced = mass.reduced(problem)
         try:
-            pairs = _lowest(solver, count, reduced, _carried(problem, rigid))
+            pairs = _lowest(solver, count, reduced, carried_by_rigid(problem, rigid))
             found = [
                 Vibration(p.value, _shape(problem, p.vector, rigid), p.residual) for p in pairs
             ]
@@ -126,7 +126,7 @@ def _responding(problem: Problem, response: Response) -> Iterator[None]:
         yield
 
 
-def _check_rest(solver: NewtonSolver) -> None:
+def check_rest(solver: NewtonSolver) -> None:
     """Raise SolverError unless the present state is an equilibrium.  Collective."""
     problem = solver.problem
     problem.massive().rest()
@@ -135,7 +135,7 @@ def _check_rest(solver: NewtonSolver) -> None:
     size = solver.residual_of(residual, anew=True)
     if not size <= 100 * solver.options.tolerance:
         raise SolverError(
-            f"Modes are vibrations about an equilibrium, but the present state has a residual of "
+            f"Small vibrations are about an equilibrium, but the present state has a residual of "
             f"{size:.2g}; let the path end in equilibrium, or name the response in which the "
             "viscous branches are."
         )
@@ -165,7 +165,7 @@ def _lowest(
     return pairs[:count]
 
 
-def _carried(problem: Problem, rigid: np.ndarray) -> np.ndarray | None:
+def carried_by_rigid(problem: Problem, rigid: np.ndarray) -> np.ndarray | None:
     """Rows U in the free unknowns, with U U^T what rigid motions take of the mass.  Collective."""
     if not rigid.shape[1]:
         return None
