@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.measure.vibration import Frequency
     from dea_fenicsx.mesh.device import Device, read_gmsh
-    from dea_fenicsx.path.items import Close, March, Open, Ramp, Trace
+    from dea_fenicsx.path.items import Close, Inertia, March, Open, Ramp, Trace
     from dea_fenicsx.results.folder import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
@@ -170,7 +170,7 @@ _HOME = {
     "drives.waves": (
         "Chirp", "Constant", "Function", "Rise", "Sine", "Square", "Step", "Table", "Triangle",
     ),
-    "path.items": ("Close", "March", "Open", "Ramp", "Trace"),
+    "path.items": ("Close", "Inertia", "March", "Open", "Ramp", "Trace"),
     "results.per_turn": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}

@@ -92,10 +92,9 @@ class Harmonic:
             with self.configured(k):
                 self.stiff.append(solver.tangent.matrix(COMPRESSIBILITY).copy())
                 self.pushes.append(solver.tangent.by_load(ramp))
-        self.mass.stiffness = 1.0
         with self.configured(0):
+            self.mass.stiffness = 1.0
             self.dragged = solver.tangent.by_load(ramp) - self.pushes[0]
-        self.mass.rest()
 
     def destroy(self) -> None:
         """Let the matrices go.  Collective."""
@@ -202,15 +201,9 @@ class Harmonic:
 
     def derivative(self, measure: Measurement, answer: Answer) -> complex:
         """Complex amplitude of what is measured, for a factor of amplitude 1.  Collective."""
-        found = 0j
-        self.mass.stiffness = -(answer.omega**2)
-        try:
-            for k, weight in enumerate(answer.weights):
-                if weight:
-                    found += weight * self._slope(measure, answer, k)
-        finally:
-            self.mass.rest()
-        return found
+        return sum(
+            (w * self._slope(measure, answer, k) for k, w in enumerate(answer.weights) if w), 0j
+        )
 
     def _slope(self, measure: Measurement, answer: Answer, number: int) -> complex:
         """The same in one configuration, by differences along the real and imaginary parts."""
@@ -227,6 +220,7 @@ class Harmonic:
                     self.state, values=self.state.values + step * part, factors=factors
                 )
                 with self.configured(number, near):
+                    self.mass.stiffness = -(answer.omega**2)
                     ends.append(measure())
             total += unit * (ends[0] - ends[1]) * largest / (2 * STEP)
         return total

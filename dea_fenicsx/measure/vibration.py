@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -151,16 +151,19 @@ def _lowest(
         solver.refresh_inertia()
         growing = max(solver.inertia.excess or 0, 0)
     wanted = min(count + growing, problem.roles.count(Role.MOTION))
-    mass = problem.massive()
-    try:
+    pairs: list[Eigenpair] = []
+    with suppress(SolverError):
         pairs = eigenpairs(solver, wanted, reduced, carried)
-    except SolverError:
-        # The tangent is singular, as at a bifurcation: the search is made about a shift below 0.
+    if len(pairs) < wanted:
+        # A tangent that is nearly singular, as at a bifurcation, has an eigenvalue that is lost in
+        # rounding; then the search is made about a shift below 0.
+        mass = problem.massive()
         densities = [m.density for m in problem.parameters.materials.values()]
         unit = problem.scales.stress / problem.scales.length**2
         mass.stiffness = SHIFT_SHARE * unit / max(d for d in densities if d is not None)
-        pairs = eigenpairs(solver, wanted, reduced, carried)
-        pairs = [replace(pair, value=pair.value - mass.stiffness) for pair in pairs]
+        shifted = eigenpairs(solver, wanted, reduced, carried)
+        if len(shifted) >= len(pairs):
+            pairs = [replace(pair, value=pair.value - mass.stiffness) for pair in shifted]
     pairs.sort(key=lambda pair: pair.value)
     return pairs[:count]
 

@@ -19,6 +19,7 @@ import numpy as np
 import ufl
 
 from dea_fenicsx.model.fields import Role
+from dea_fenicsx.model.motion import Motion
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import InputError
@@ -50,7 +51,7 @@ class Mass:
         c in 1/s^2.
     constant
         The part -c s of the acceleration in 1/s^2 at all owned degrees of freedom, or None for 0.
-        With c = 0 it is the acceleration itself.
+        With c = 0 it is the acceleration itself.  Drag counts as an acceleration.
 
     Raises
     ------
@@ -77,6 +78,14 @@ class Mass:
     def rest(self) -> None:
         """Let the body be without inertia."""
         self.stiffness, self.constant = 0.0, None
+
+    def show(self, motion: Motion | None) -> None:
+        """Take the inertia of a state's motion; none if it has none."""
+        self.rest()
+        if motion is not None:
+            self.stiffness = motion.stiffness
+            if motion.constant is not None:
+                self.constant = motion.constant[: self.matrix.getLocalSize()[0]]
 
     @property
     def acts(self) -> bool:

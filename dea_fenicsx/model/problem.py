@@ -22,6 +22,7 @@ from dea_fenicsx.model.forms import Forms, assembled
 from dea_fenicsx.model.load_balance import check_cell, check_free_body
 from dea_fenicsx.model.mass import Mass
 from dea_fenicsx.model.memory import Memory
+from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.parameters import Parameters
 from dea_fenicsx.model.probe import Probe
 from dea_fenicsx.model.scales import Scales
@@ -192,6 +193,11 @@ class Problem:
         """The viscous strains that belong to the present state; None without viscous branches."""
         return self.histories.get(self.forms.memory.NAME)
 
+    @property
+    def motion(self) -> Motion | None:
+        """The motion of the present state; None on a path without inertia."""
+        return self._history.get(MOTION)
+
     @contextmanager
     def at(self, state: State) -> Iterator[None]:
         """Try a state: within the block the problem is there, and then where it was before."""
@@ -218,6 +224,8 @@ class Problem:
         self.springs = self.turning.springs_of(state)
         for ramp, constant in self.loads.factors.items():
             constant.value = state.factors[ramp]
+        if self.mass is not None or self.motion is not None:
+            self.massive().show(self.motion)
         if history := self.history:
             self.forms.memory.let_flow(history, self.parameters.materials)
 

@@ -22,6 +22,7 @@ from dea_fenicsx.path.items import (
 )
 from dea_fenicsx.path.load_orientation import turn_to_loads
 from dea_fenicsx.path.marching import MarchWalk
+from dea_fenicsx.path.moving import MotionWalk
 from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.path.ramping import RampWalk
 from dea_fenicsx.path.relaxing import respond, settle
@@ -124,6 +125,8 @@ class Walk:
             return iter(())
         if isinstance(item, Trace):
             return self._trace(item, cursor, is_last, sentinel)
+        if isinstance(item, March) and item.moving:
+            return MotionWalk(self.solver, item, cursor, is_last, sentinel, self.log).follow()
         if isinstance(item, March):
             march = MarchWalk(self.solver, item, cursor, is_last, sentinel, self.log)
             return march.follow()

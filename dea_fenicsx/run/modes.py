@@ -25,6 +25,7 @@ from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import replace_file
 from dea_fenicsx.support.type_checks import shown
+from dea_fenicsx.support.validation import is_whole, one_of
 
 STEP = 1e-5
 """Largest displacement by which an observable is differentiated along a shape, over L."""
@@ -105,16 +106,41 @@ class Modes:
         InputError
             If there is no mode of this number.
         """
-        if not 0 <= number < len(self):
-            raise InputError(
-                f"There is no mode of the number {number}; there are {len(self)}, counted from 0."
-            )
+        self._check(number)
         problem = self._problem
         measure, state, found = observable.bind(problem), problem.state, []
         for step in (STEP, -STEP):
             with problem.at(state.with_values(state.values + step * self.shapes[number])):
                 found.append(measure())
         return (found[0] - found[1]) / (2 * STEP * problem.scales.length)
+
+    def share(self, axis: str, number: int) -> float:
+        """Share of a mode's kinetic energy that is due to the motion along an axis.  Collective.
+
+        Raises
+        ------
+        InputError
+            If there is no such axis, or no mode of this number.
+        """
+        problem = self._problem
+        axes = tuple(problem.scene.kinematics.axes)
+        one_of(axis, axes, "The axis")
+        self._check(number)
+        shape, mass = self.shapes[number], problem.massive()
+        along = np.zeros_like(shape)
+        part = problem.displacement[axes.index(axis)]
+        along[part.dofs] = shape[part.dofs]
+        mine = [values[: problem.owned] for values in (along, shape)]
+        works = np.array([values @ mass.times(values) for values in mine])
+        total = problem.comm.allreduce(works, op=MPI.SUM)
+        return float(total[0] / total[1])
+
+    def _check(self, number: int) -> None:
+        """Raise InputError if there is no mode of a number."""
+        if not is_whole(number, 0) or number >= len(self):
+            raise InputError(
+                f"There is no mode of the number {number!r}; there are {len(self)}, counted from 0."
+            )
 
     def write(self, folder: str | Path) -> Path:
         """Write the shapes for ParaView into a folder: modes.xdmf and modes.h5.  Collective.
