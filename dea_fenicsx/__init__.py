@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.currents import ChargeLoss, Current
     from dea_fenicsx.measure.energy import Dissipation, Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
+    from dea_fenicsx.measure.in_motion import KineticEnergy, Momentum
     from dea_fenicsx.measure.observables import (
         Area,
         Capacitance,
@@ -160,6 +161,7 @@ _HOME = {
     "measure.rigid_part": ("PartRotation",),
     "measure.rotation": ("BendingAngle", "Rotation"),
     "measure.vibration": ("Frequency",),
+    "measure.in_motion": ("KineticEnergy", "Momentum"),
     "results.folder": ("Run",),
     "run.session": ("solve",),
     "run.modes": ("Modes", "modes"),

@@ -90,8 +90,9 @@ def main():
     if MPI.COMM_WORLD.rank == 0:
         dea.pictures.curve(args.out, x="voltage_V", y="first_Hz")
         if not args.quiet:
-            print(f"\nthe first frequency vanishes at {zero:.6f} V, the strip buckles at "
-                  f"{buckling[0] if buckling else float('nan'):.6f} V, Euler {euler:.6f} V")  # fmt: skip
+            found = f"{buckling[0]:.6f} V" if buckling else "no voltage of this ramp"
+            print(f"\nthe first frequency vanishes at {zero:.6f} V, the strip buckles at {found}, "
+                  f"Euler {euler:.6f} V")  # fmt: skip
             print(f"results: {run.out}/history.csv, frequency over voltage in first_Hz")
 
 

@@ -28,6 +28,7 @@ from dea_fenicsx.geometry import (
     MembraneDisc,
     StiffenedFilm,
     StiffenedSection,
+    ThickSphere,
     graded,
 )
 from dea_fenicsx.geometry import _gmsh as to_gmsh
@@ -52,6 +53,9 @@ DEVICES = {
     "hinge": DEAHinge(width=3e-3, across=2),
     "hinge section": DEAHinge(through=2),
     "hinge thin only": DEAHinge(thick=0.0, films=1),
+    "sphere": ThickSphere(1e-2, 1.3e-2, around=8),
+    "sphere half": ThickSphere(1e-2, 1.3e-2, "half", radial=3, around=8),
+    "sphere octant": ThickSphere(1e-2, 1.3e-2, "octant", around=8),
     "hdea": HDEA(),
     "hdea one turn": HDEA(turns=1),
     "hdea three turns": HDEA(turns=3, angular=8, through=2, through_electrode=2, rim=2),

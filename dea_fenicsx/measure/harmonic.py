@@ -85,7 +85,7 @@ class Harmonic:
             check_rest(solver)
             rigid = rigid_shapes(self.problem)
             self.rigid, self.carried = rigid, carried_by_rigid(self.problem, rigid)
-        self.heavy = self.mass.reduced(self.problem)
+        self.heavy = self.mass.reduced(self.problem.free, self.problem.expansion)
         self.stiff: list[Any] = []
         self.pushes: list[np.ndarray] = []
         for k in range(1 + len(self.times)):

@@ -83,17 +83,12 @@ def vibrations(
     problem = solver.problem
     whole(count, "The number of modes", 1)
     one_of(response, RESPONSES, "The response of viscous branches in modes")
-    most = problem.roles.count(Role.MOTION)
-    if count > most:
-        raise InputError(
-            f"{count} modes are wanted, but the displacement has {most} free unknowns only; ask "
-            "for fewer, or take a finer mesh."
-        )
+    _check_number(problem, count)
     mass = problem.massive()
     with _responding(problem, response):
         check_rest(solver)
         rigid = rigid_shapes(problem)
-        reduced = mass.reduced(problem)
+        reduced = mass.reduced(problem.free, problem.expansion)
         try:
             pairs = _lowest(solver, count, reduced, carried_by_rigid(problem, rigid))
             found = [
@@ -109,6 +104,18 @@ def vibrations(
             "its cells is kept; ask for fewer, or take a finer mesh."
         )
     return found
+
+
+def _check_number(problem: Problem, count: int) -> None:
+    """Raise InputError if a device has fewer modes than are wanted."""
+    most = problem.roles.count(Role.MOTION)
+    if all(m.bulk_modulus is None for m in problem.parameters.materials.values()):
+        most -= problem.roles.count(Role.MULTIPLIER)
+    if count > most:
+        raise InputError(
+            f"{count} modes are wanted, but with the volume kept the displacement has "
+            f"{max(most, 0)} free unknowns only; ask for fewer, or take a finer mesh."
+        )
 
 
 @contextmanager

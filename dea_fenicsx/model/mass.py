@@ -13,20 +13,22 @@ tangent c M.  A body at rest has c = 0 and a = 0.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import ufl
 
+from dea_fenicsx.materials import Material
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.motion import Motion
+from dea_fenicsx.model.scales import Scales
+from dea_fenicsx.model.unknowns import Unknowns
+from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.petsc_objects import PetscObjects
-
-if TYPE_CHECKING:
-    from dea_fenicsx.model.problem import Problem
 
 QUADRATURE_DEGREE = 6
 """Degree of the quadrature of int rho u . v dX.
@@ -40,8 +42,10 @@ class Mass:
 
     Parameters
     ----------
-    problem
-        The problem.
+    scene, scales, space
+        The scene, its units, and its unknowns.
+    materials
+        Material of each region, with its present constants.
 
     Attributes
     ----------
@@ -59,10 +63,12 @@ class Mass:
         If a region has no density, or the device has global unknowns that are free.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        check_density(problem)
-        self._petsc = PetscObjects(problem.comm)
-        self.matrix = self._petsc.keep("mass", _assembled(problem))
+    def __init__(
+        self, scene: Scene, scales: Scales, space: Unknowns, materials: Mapping[str, Material]
+    ) -> None:
+        check_mass(materials, scene)
+        self._petsc = PetscObjects(scene.device.comm)
+        self.matrix = self._petsc.keep("mass", _assembled(scene, scales, space, materials))
         self._x, self._y = self.matrix.createVecs()
         self._petsc.keep("x", self._x)
         self._petsc.keep("y", self._y)
@@ -74,6 +80,15 @@ class Mass:
         self._x.array[:] = values
         self.matrix.mult(self._x, self._y)
         return np.asarray(self._y.array_r.copy())
+
+    def moving(self, free: np.ndarray, expansion: Any | None) -> np.ndarray:
+        """Places among the free unknowns (owned) of those that have a mass.  Collective."""
+        matrix = self.reduced(free, expansion)
+        diagonal = matrix.getDiagonal()
+        found = np.flatnonzero(diagonal.array_r > 0)
+        diagonal.destroy()
+        matrix.destroy()
+        return found
 
     def rest(self) -> None:
         """Let the body be without inertia."""
@@ -101,21 +116,24 @@ class Mass:
         """M a at owned values of the mixed function.  Collective."""
         return self.times(self.acceleration(values))
 
-    def reduced(self, problem: Problem) -> Any:
-        """M in the free unknowns as a PETSc matrix, which the caller destroys.  Collective."""
-        if problem.expansion is not None:
-            return self.matrix.ptap(problem.expansion)
+    def reduced(self, free: np.ndarray, expansion: Any | None) -> Any:
+        """M in the free unknowns as a PETSc matrix, which the caller destroys.  Collective.
+
+        `free` and `expansion` are those of the problem.
+        """
+        if expansion is not None:
+            return self.matrix.ptap(expansion)
+        start = self.matrix.getOwnershipRange()[0]
         rows = PETSc.IS().createGeneral(
-            problem.free + problem.space.rows.start, comm=problem.comm
+            (free + start).astype(PETSc.IntType), comm=self.matrix.comm
         )
         found = self.matrix.createSubMatrix(rows, rows)
         rows.destroy()
         return found
 
 
-def check_density(problem: Problem) -> None:
-    """Raise InputError unless a problem has all that vibration and motion need."""
-    materials = problem.parameters.materials
+def check_mass(materials: Mapping[str, Material], scene: Scene) -> None:
+    """Raise InputError unless a scene has all that vibration and motion need."""
     without = sorted(name for name, m in materials.items() if m.density is None)
     if without:
         names = ", ".join(repr(name) for name in without)
@@ -124,25 +142,27 @@ def check_density(problem: Problem) -> None:
             f"The region{'s' * many} {names} {'have' if many else 'has'} no density, without which "
             "there is no inertia; give Material(..., density=1000) in kg/m^3."
         )
-    if problem.overall and any(not group.electric for group in problem.conditions.groups):
+    held = {told.unknown.name for _, told in scene.declared.fixed_globals}
+    if any(unknown.name not in held for unknown in scene.kinematics.global_unknowns):
         raise InputError(
             "Vibration and motion are not available where the stretch or the twist of "
-            f"{problem.scene.kinematics.title} is free; hold it by AxialStretch and Twist, or "
-            "take a device in three dimensions."
+            f"{scene.kinematics.title} is free; hold it by AxialStretch and Twist, or take a "
+            "device in three dimensions."
         )
 
 
-def _assembled(problem: Problem) -> Any:
+def _assembled(
+    scene: Scene, scales: Scales, space: Unknowns, materials: Mapping[str, Material]
+) -> Any:
     """The mass matrix.  Collective."""
-    mesh, space, scene = problem.mesh, problem.space, problem.scene
-    scales = problem.scales
+    mesh = scene.device.mesh
     density = dolfinx.fem.Function(dolfinx.fem.functionspace(mesh, ("DG", 0)))
-    for name, material in problem.parameters.materials.items():
+    for name, material in materials.items():
         assert material.density is not None
         unit = scales.stress / scales.length**2
         density.x.array[scene.device.cells_of(name)] = material.density / unit
-    u = space.symbolic(Role.MOTION, ufl.TrialFunction(problem.W))
-    v = space.symbolic(Role.MOTION, ufl.TestFunction(problem.W))
+    u = space.symbolic(Role.MOTION, ufl.TrialFunction(space.W))
+    v = space.symbolic(Role.MOTION, ufl.TestFunction(space.W))
     weight = scene.kinematics.weight(ufl.SpatialCoordinate(mesh))
     dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
     form = compat.compile_form(density * ufl.inner(u, v) * weight * dx)

@@ -76,19 +76,22 @@ class Problem:
         The undeformed state without loads, in which it begins.
     shown
         Grows whenever the problem goes to another state.
+    released
+        Whether a free body is held by its inertia alone, and not by the pins of `FreeBody`.
     mass
         The mass, whose inertia acts where something has set it; None where nothing moves in time.
     """
 
     mass: Mass | None = None
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, released: bool = False) -> None:
         self.scene, self.mesh = scene, scene.device.mesh
         self.comm: MPI.Comm = scene.device.comm
         self.scales = Scales.of(scene)
         fields = declared_fields(scene)
         self.space = Unknowns(self.mesh, fields, scene.kinematics.global_unknowns)
-        self.conditions = Conditions(scene, self.scales, self.space)
+        self.conditions = Conditions(scene, self.scales, self.space, released)
+        self.released = released
         self.forms = Forms(scene, self.scales, self.space)
         self.parameters = Parameters(scene, self.scales, self.forms.kernels)
         self._name_parts()
@@ -142,7 +145,7 @@ class Problem:
         forms, body = self.forms, self.conditions.body
         if self.conditions.pairs is not None:
             check_cell(self.displacement, forms.loads.on_surfaces, forms.load_vector)
-        elif body is not None:
+        elif body is not None and not self.released:
             ramps = forms.loads.on_surfaces
             check_free_body(body, self.displacement, ramps, forms.load_vector, self.scales)
 
@@ -314,7 +317,7 @@ class Problem:
             As of `Mass`.
         """
         if self.mass is None:
-            self.mass = Mass(self)
+            self.mass = Mass(self.scene, self.scales, self.space, self.parameters.materials)
         return self.mass
 
     def restrict(self, residual: np.ndarray) -> np.ndarray:

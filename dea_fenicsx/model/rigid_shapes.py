@@ -18,7 +18,7 @@ def rigid_shapes(problem: Problem) -> np.ndarray:
         Empty without a free body.
     """
     body = problem.conditions.body
-    if body is None:
+    if body is None or problem.released:
         return np.zeros((problem.size, 0))
     part, parts = body.part, problem.displacement
     oriented = bool(body.turns) and not problem.turning.holds(problem.factors)

@@ -133,6 +133,10 @@ class MotionWalk:
         motion = state.history.get(MOTION)
         if self.inertia.velocity is not None:
             velocity = initial_velocity(self.problem, self.inertia)
+        elif motion is not None and not self._due():
+            self.fresh = not motion.length
+            self.rung = self.ladder.at_most(motion.length or self.ladder.longest)
+            return
         else:
             velocity = np.zeros(self.problem.size) if motion is None else motion.velocity
         # A drive that is elsewhere at once jumps at the start, which takes no step of its own.

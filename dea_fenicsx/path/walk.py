@@ -25,7 +25,7 @@ from dea_fenicsx.path.marching import MarchWalk
 from dea_fenicsx.path.moving import MotionWalk
 from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.path.ramping import RampWalk
-from dea_fenicsx.path.relaxing import respond, settle
+from dea_fenicsx.path.relaxing import come_to_rest, respond, settle
 from dea_fenicsx.path.switching import move_switch
 from dea_fenicsx.path.tracing import BranchLost, Tracer
 from dea_fenicsx.path.verdicts import trace_lost, trace_short
@@ -103,6 +103,8 @@ class Walk:
                     cursor = replace(cursor, start=dict(problem.factors))
                 if isinstance(item, Close) and not fed(scene, item.where).ohms:
                     item = item.ramp(scene)
+            if not (isinstance(item, March) and item.moving):
+                come_to_rest(self.solver)
             self._orient(item)
             if isinstance(item, Ramp | Trace):
                 respond(self.solver, item, self.log)

@@ -81,7 +81,9 @@ class FrequencyResponse:
                 f"{name!r} is no charge of an electrode that {self.ramp!r} drives, so it has no "
                 "impedance; record dea.Charge of a driven electrode."
             )
-        return np.asarray(self.volts[name] / (2j * math.pi * self.hertz * self[name]))
+        current = 2j * math.pi * self.hertz * self[name]
+        none = current == 0  # at 0 Hz no current flows
+        return np.where(none, np.inf, self.volts[name] / np.where(none, 1.0, current))
 
     def write(self, file: str | Path) -> None:
         """Write a table: the frequency, and modulus and phase of each observable (one rank)."""
@@ -177,7 +179,9 @@ def _checked(hertz: Sequence[float]) -> list[float]:
     if is_number(hertz):
         hertz = [hertz]  # type: ignore[list-item]
     if not isinstance(hertz, list | tuple | np.ndarray | range):
-        raise InputError(f"The frequencies are {shown(hertz)}, but must be a list of numbers in Hz.")
+        raise InputError(
+            f"The frequencies are {shown(hertz)}, but must be a list of numbers in Hz."
+        )
     found = []
     for f in hertz:
         if not is_number(f) or not 0 <= f < math.inf:

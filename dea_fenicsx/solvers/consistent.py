@@ -20,7 +20,6 @@ from mpi4py import MPI
 
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.motion import MOTION, Motion
-from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.compat import PETSc, dolfinx
@@ -53,7 +52,7 @@ class Start:
     def __init__(self, solver: NewtonSolver, drag: float) -> None:
         self.solver, self.problem, self.drag = solver, solver.problem, drag
         self.mass = self.problem.massive()
-        self.moves = self.problem.roles.free(Role.MOTION)
+        self.moves = self.mass.moving(self.problem.free, self.problem.expansion)
 
     def consistent(
         self, state: State, velocity: np.ndarray, driven: np.ndarray | None = None
@@ -136,7 +135,7 @@ class Start:
         values[moving[columns] & ~holds[row]] = 0.0
         n = (len(problem.free), None)
         matrix = PETSc.Mat().createAIJ((n, n), csr=(offsets, columns, values), comm=problem.comm)
-        heavy = self.mass.reduced(problem)
+        heavy = self.mass.reduced(problem.free, problem.expansion)
         matrix.axpy(1.0, heavy, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         heavy.destroy()
         self.solver.forget_factor()

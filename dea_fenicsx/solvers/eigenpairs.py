@@ -84,8 +84,8 @@ def eigenpairs(
     count
         How many are wanted.
     mass
-        PETSc matrix in the free unknowns, symmetric, positive definite in those of motion and 0
-        elsewhere; None is the identity in those of motion.
+        PETSc matrix in the free unknowns, symmetric, positive definite in those of motion whose
+        diagonal is not 0, and 0 elsewhere; None is the identity in those of motion.
     carried
         With a mass: rows U in the free unknowns (owned), shape (n, k), for M - U U^T in place of M.
         It must be positive semi-definite.
@@ -171,6 +171,10 @@ class _Search:
     ) -> None:
         self.solver, self.problem = solver, solver.problem
         self.motion = self.problem.roles.free(Role.MOTION)
+        if mass is not None:  # a global unknown may have none
+            diagonal = mass.getDiagonal()
+            self.motion = self.motion[diagonal.array_r[self.motion] > 0]
+            diagonal.destroy()
         self.inverse = _Inverse(solver, self.motion)
         self.comm = self.problem.comm
         self.size = self.comm.allreduce(len(self.motion), op=MPI.SUM)
