@@ -60,6 +60,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.currents import ChargeLoss, Current
     from dea_fenicsx.measure.energy import Dissipation, Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
+    from dea_fenicsx.measure.in_motion import KineticEnergy, Momentum
     from dea_fenicsx.measure.line import AlongLine, Curvature
     from dea_fenicsx.measure.observables import (
         Area,
@@ -77,14 +78,17 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.point import AtPoint
     from dea_fenicsx.measure.rigid_part import PartRotation
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
+    from dea_fenicsx.measure.vibration import Frequency
     from dea_fenicsx.mesh.device import Device, device, read_gmsh
     from dea_fenicsx.mesh.from_dolfinx import from_dolfinx
     from dea_fenicsx.mesh.places import InBox, InCylinder, Interior, OnCylinder, OnPlane
-    from dea_fenicsx.path.items import Close, March, Open, Ramp, Trace
+    from dea_fenicsx.path.items import Close, Inertia, March, Open, Ramp, Trace
     from dea_fenicsx.results.finished import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
+    from dea_fenicsx.run.frequency_response import FrequencyResponse, frequency_response
+    from dea_fenicsx.run.modes import Modes, modes
     from dea_fenicsx.run.parser import Parser
     from dea_fenicsx.run.session import solve
     from dea_fenicsx.scene.cavity import Cavity
@@ -183,15 +187,19 @@ _HOME = {
     "measure.point": ("AtPoint",),
     "measure.rigid_part": ("PartRotation",),
     "measure.rotation": ("BendingAngle", "Rotation"),
+    "measure.vibration": ("Frequency",),
+    "measure.in_motion": ("KineticEnergy", "Momentum"),
     "results.finished": ("Run",),
     "run.session": ("solve",),
+    "run.modes": ("Modes", "modes"),
+    "run.frequency_response": ("FrequencyResponse", "frequency_response"),
     "scene.scene": ("Scene",),
     "run.parser": ("Parser",),
     "solvers.options": ("NewtonOptions",),
     "drives.waves": (
         "Chirp", "Constant", "Function", "Rise", "Sine", "Square", "Step", "Table", "Triangle",
     ),
-    "path.items": ("Close", "March", "Open", "Ramp", "Trace"),
+    "path.items": ("Close", "Inertia", "March", "Open", "Ramp", "Trace"),
     "results.per_turn": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}

@@ -58,6 +58,11 @@ def pressing(kind):
 SOURCE = [dea.Source("top", 100.0), dea.Ground("bottom")]
 
 
+HEAVY = {"materials": {"film": materials.Material(
+    dea.NeoHookean(5e4), dea.IdealDielectric(3.0), density=1e3
+)}}  # fmt: skip
+
+
 def switched(kind):
     """Put an item about a switch into a path."""
     return lambda **given: solve(path=kind(**given), changes={"electrodes": SOURCE})
@@ -226,6 +231,11 @@ FIELDS = {
     dea.InCylinder: (placed(dea.InCylinder), dict(radius=5e-3)),
     dea.Interior: (placed(dea.Interior), {}),
     dea.PartRotation: (recorded(dea.PartRotation), dict(where="top")),
+    dea.Inertia: (
+        lambda **g: solve(path=dea.March(1.0, inertia=dea.Inertia(**g)), changes=HEAVY), {}),
+    dea.Frequency: (lambda **g: solve(record={"it": dea.Frequency(**g)}, changes=HEAVY), {}),
+    dea.KineticEnergy: (recorded(dea.KineticEnergy), {}),
+    dea.Momentum: (recorded(dea.Momentum), dict(axis="x")),
     geometry.Layer: (geometry.Layer, dict(name="film", thickness=1e-3)),
     geometry.BoxStack: (BoxStack, dict(length=1e-3, width=1e-3, layers=[Layer("film", 1e-3)])),
     geometry.DiskStack: (geometry.DiskStack, dict(radius=1e-2, layers=[Layer("film", 1e-3)])),
@@ -234,6 +244,7 @@ FIELDS = {
     geometry.HollowSphere: (geometry.HollowSphere, dict(inner=1e-2, outer=1.2e-2)),
     geometry.HDEA: (geometry.HDEA, {}),
     geometry.HelicalCell: (geometry.HelicalCell, {}),
+    exact.Balloon: (exact.Balloon, dict(inner=1e-2, outer=1.2e-2, mu=5e4)),
     exact.Film: (exact.Film, dict(material=RUBBER, thickness=1e-3)),
     exact.Helicoid: (exact.Helicoid, dict(outer_radius=1e-2, inner_radius=5e-3, elastomer=1e-3)),
     origami.Kresling: (origami.Kresling, dict(side=5e-2, edge=7e-2)),

@@ -37,6 +37,12 @@ from demo_checks import (
 )
 
 import dea_fenicsx as dea
+from motion_demo_checks import (
+    check_balloon_motion,
+    check_balloon_response,
+    check_membrane_modes,
+    check_strip_frequency,
+)
 
 DEMOS = ROOT / "demos"
 
@@ -302,6 +308,8 @@ def check_read_results(out, printed):
 
 CHECKS = {
     "balloon_gas.py": (check_balloon, ["--outside-pressure", 0, "--voltage", 0.1]),
+    "balloon_motion.py": (check_balloon_motion, ["--voltage", 0.05, "--steps", 120]),
+    "balloon_response.py": (check_balloon_response, ["--omega", 3.2]),
     "blister.py": (check_blister, ["--mesh", "coarse", "--to", 0.06, "--early-steps", 40]),
     "buckling_strip.py": (check_buckling, []),
     "crease.py": (check_crease, ["--field", 1.1, "--tolerance", 1e-3]),
@@ -325,6 +333,7 @@ CHECKS = {
     "kresling_cell.py": (check_cell, ["--mesh", 1, "--steps", 8, "--stroke", 0.01,
                                       "--held-stroke", 0.0002]),
     "kresling_kinematics.py": (check_kresling, []),
+    "membrane_modes.py": (check_membrane_modes, ["--angular", 16, "--radial", 5]),
     "membrane_disc.py": (check_disc, ["--mesh", 1]),
     "minimum_energy_structure.py": (check_minimum_energy, []),
     "own_geometry.py": (check_own_geometry, []),
@@ -337,6 +346,7 @@ CHECKS = {
     "smooth_fold.py": (check_smooth_fold, []),
     "snap_through.py": (check_snap_through, ["--mesh", "irregular"]),
     "stiffened_membrane.py": (check_stiffened, ["--models", "gent", "--model", "gent"]),
+    "strip_frequency.py": (check_strip_frequency, ["--cells", 12]),
     "viscous_film.py": (check_viscous_film, ["--rate", 1.6, "--tolerance", 1e-5]),
     "wrinkling_film.py": (check_wrinkles, []),
 }

@@ -15,6 +15,7 @@ NumPy and SciPy only; nothing here needs a mesh.
 """
 
 from dea_fenicsx.exact.activation import activation_voltage
+from dea_fenicsx.exact.balloon import Balloon
 from dea_fenicsx.exact.bending import Bent, bend
 from dea_fenicsx.exact.branch import Branch, Event, State, trace
 from dea_fenicsx.exact.circuits import Harvest, charging_voltage, harvesting_cycle, leaked_charge
@@ -93,4 +94,5 @@ __all__ = [
     "harvesting_cycle",
     "Harvest",
     "MODES",
+    "Balloon",
 ]

@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.model.cavities import Cavities
 from dea_fenicsx.model.circuits import Circuits
+from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.free_body import HeldBody, held_body
@@ -41,6 +42,8 @@ class Conditions:
         The scene, its units, and its unknowns.
     cavities
         Its cavities.
+    released
+        Whether a free body is held by its inertia alone.
 
     Attributes
     ----------
@@ -81,7 +84,8 @@ class Conditions:
     """
 
     def __init__(
-        self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities
+        self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities,
+        released: bool = False,
     ) -> None:
         device, kinematics, declared = scene.device, scene.kinematics, scene.declared
         motion, overall, rows = space.of(Role.MOTION), space.parts.get("global", {}), space.rows
@@ -99,15 +103,7 @@ class Conditions:
         # What moves as a whole: rigid parts, and a free body, which is held without force.
         self.rigid = RigidParts(declared.rigid_surfaces, device, motion, space.parts, rows)
         carried = self.rigid.fix(values, declared.rigid_angles)
-        ties = self.ties or None
-        free = free_parts(device, kinematics, motion, values.fixed | carried, ties)
-        # If several parts can move, the largest is the free body, and the others are refused.
-        bodies, others = (free[:1], free[1:]) if declared.holds_rigid_motions else ([], free)
-        refuse_free_parts(others, device, "Fix or Clamp" if bodies else "Fix, Clamp or FreeBody")
-        self.body: HeldBody | None = None
-        for part in bodies:
-            self.body = held_body(part, device, [work for _, work in declared.surface_works])
-            values.hold(self.body.pins, motion)
+        self.body = _held(scene, motion, values, carried, self.ties or None, released)
 
         # What follows other unknowns: the ends of a cell, electrodes of given charge and the like.
         self.pairs: Pairs | None = None
@@ -132,7 +128,7 @@ class Conditions:
         self.sheet_nodes = np.intersect1d(self.free, np.concatenate([[], *resistive]))
         self.sheet_nodes = self.sheet_nodes.astype(np.int32)
         self.circuits = Circuits(scene, scales, self.groups, self.electrode_dofs, self.free)
-        self.turning = Turning(self.body, device, motion, self.free)
+        self.turning = Turning(None if released else self.body, device, motion, self.free)
         self.roles = Roles(space, self.free, device.comm)
         self.unknowns: int = device.comm.allreduce(len(self.free), op=MPI.SUM)
 
@@ -186,3 +182,27 @@ class Conditions:
             *cavities.groups(space.parts, rows),
             *self.ties.groups(fixed),
         ]
+
+
+def _held(
+    scene: Scene, motion: list[Component], values: FixedValues, carried: np.ndarray, ties: Any,
+    released: bool,
+) -> HeldBody | None:
+    """The part that is a free body, which is held unless it is released.  Collective.
+
+    Raises
+    ------
+    InputError
+        If another part can move freely.
+    """
+    device, declared = scene.device, scene.declared
+    free = free_parts(device, scene.kinematics, motion, values.fixed | carried, ties)
+    # If several parts can move, the largest is the free body, and the others are refused.
+    bodies, others = (free[:1], free[1:]) if declared.holds_rigid_motions else ([], free)
+    refuse_free_parts(others, device, "Fix or Clamp" if bodies else "Fix, Clamp or FreeBody")
+    if not bodies:
+        return None
+    body = held_body(bodies[0], device, [work for _, work in declared.surface_works])
+    if not released:
+        values.hold(body.pins, motion)
+    return body

@@ -23,7 +23,9 @@ from dea_fenicsx.model.contact_start import depths
 from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.forms import Forms, assembled
 from dea_fenicsx.model.load_balance import check_cell, check_free_body
+from dea_fenicsx.model.mass import Mass
 from dea_fenicsx.model.memory import Memory
+from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.parameters import Parameters
 from dea_fenicsx.model.probe import Probe
 from dea_fenicsx.model.scales import Scales
@@ -81,16 +83,23 @@ class Problem:
         How deep the undeformed device lies in each obstacle, dimensionless.
     shown
         Grows whenever the problem goes to another state.
+    released
+        Whether a free body is held by its inertia alone, and not by the pins of `FreeBody`.
+    mass
+        The mass, whose inertia acts where something has set it; None where nothing moves in time.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    mass: Mass | None = None
+
+    def __init__(self, scene: Scene, released: bool = False) -> None:
         self.scene, self.mesh = scene, scene.device.mesh
         self.comm: MPI.Comm = scene.device.comm
         self.scales = Scales.of(scene)
         fields = [*declared_fields(scene), *contact_fields(scene)]
         self.space = Unknowns(self.mesh, fields, scene.kinematics.global_unknowns)
         self.cavities = Cavities(scene, self.scales)
-        self.conditions = Conditions(scene, self.scales, self.space, self.cavities)
+        self.conditions = Conditions(scene, self.scales, self.space, self.cavities, released)
+        self.released = released
         self.forms = Forms(scene, self.scales, self.space, self.cavities)
         self.parameters = Parameters(scene, self.scales, self.forms.kernels)
         self._name_parts()
@@ -145,7 +154,7 @@ class Problem:
         forms, body = self.forms, self.conditions.body
         if self.conditions.pairs is not None:
             check_cell(self.displacement, forms.loads.on_surfaces, forms.load_vector)
-        elif body is not None:
+        elif body is not None and not self.released:
             ramps = forms.loads.on_surfaces
             check_free_body(body, self.displacement, ramps, forms.load_vector, self.scales)
 
@@ -196,6 +205,11 @@ class Problem:
         """The viscous strains that belong to the present state; None without viscous branches."""
         return self.histories.get(self.forms.memory.NAME)
 
+    @property
+    def motion(self) -> Motion | None:
+        """The motion of the present state; None on a path without inertia."""
+        return self._history.get(MOTION)
+
     @contextmanager
     def at(self, state: State) -> Iterator[None]:
         """Try a state: within the block the problem is there, and then where it was before."""
@@ -222,6 +236,8 @@ class Problem:
         self.springs = self.turning.springs_of(state)
         for ramp, constant in self.loads.constants:
             constant.value = state.factors[ramp]
+        if self.mass is not None or self.motion is not None:
+            self.massive().show(self.motion)
         if history := self.history:
             self.forms.memory.let_flow(history, self.parameters.materials)
 
@@ -265,7 +281,7 @@ class Problem:
     def reuse(self, scene: Scene) -> None:
         """Take the constants of a scene that differs by them alone, and go back to the start."""
         self.parameters.take(scene.materials)
-        self.scene = scene
+        self.scene, self.mass = scene, None
         self._weigh()
         self.commit(self.rest)
 
@@ -291,10 +307,28 @@ class Problem:
         into.x.scatter_forward()
 
     def residual(self) -> np.ndarray:
-        """Internal minus external forces at all owned degrees of freedom, fixed ones included."""
+        """Internal minus external forces at all owned degrees of freedom, fixed ones included.
+
+        Where the body moves, its inertial forces are among the internal ones.
+        """
         if self._b is None:
             self._b = self._petsc.keep("b", compat.create_vector(self.forms.compiled))
-        return assembled(self._b, self.forms.compiled).copy()
+        found = assembled(self._b, self.forms.compiled).copy()
+        if self.mass is not None and self.mass.acts:
+            found += self.mass.forces(self.w.x.array[: self.owned])
+        return found
+
+    def massive(self) -> Mass:
+        """The mass, which is made where there is none yet.  Collective.
+
+        Raises
+        ------
+        InputError
+            As of `Mass`.
+        """
+        if self.mass is None:
+            self.mass = Mass(self.scene, self.scales, self.space, self.parameters.materials)
+        return self.mass
 
     def restrict(self, residual: np.ndarray) -> np.ndarray:
         """A vector over all owned degrees of freedom in the rows of the free unknowns (owned).

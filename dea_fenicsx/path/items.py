@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from dea_fenicsx.drives.waves import Constant, Function, Wave
 from dea_fenicsx.scene.scene import Scene
@@ -120,11 +120,40 @@ class Trace:
 
 @dataclass(frozen=True)
 @plain_numbers
+class Inertia:
+    """How inertia is taken in a `March`.
+
+    Parameters
+    ----------
+    spectral_radius
+        Share of an infinitely fast oscillation that one step of the generalised-alpha method
+        leaves, from 0 (it is gone at once) to below 1 (nothing is damped).
+    tolerance
+        Largest estimated error of a step in the displacement, root mean square, as a share of the
+        device's largest extent; for steps whose length is adapted.
+    drag
+        Force per mass against the velocity, over the velocity, in 1/s: damping that is
+        proportional to the mass.
+    velocity
+        Velocity in m/s where the march begins: one number for each axis; or a function that takes
+        undeformed positions in m, of shape (3, n), and gives numbers of shape (axes, n).  None goes
+        on with the velocity of the march before, or begins at rest.
+    """
+
+    spectral_radius: float = 0.8
+    tolerance: float = 1e-6
+    drag: float = 0.0
+    velocity: tuple[float, ...] | Callable[[Any], Any] | None = None
+
+
+@dataclass(frozen=True)
+@plain_numbers
 class March:
     """Let time pass, with loads that may change in it.
 
-    Each instant is in equilibrium (there is no inertia), and viscous branches flow.  A jump of a
-    drive meets the instantaneous response; it is a ramp of its own, in no time.
+    Without inertia each instant is in equilibrium, and viscous branches flow.  A jump of a drive
+    meets the instantaneous response; it is a ramp of its own, in no time.  With inertia the body
+    moves, and after a jump of a drive it has another acceleration.
 
     Parameters
     ----------
@@ -144,6 +173,8 @@ class March:
         Times in s since the beginning of the march at which a step ends.
     order
         2 for BDF2, whose first steps are of SDIRK2; 1 for backward Euler.
+    inertia
+        Whether the body has inertia, for which each region needs a density; or an `Inertia`.
     """
 
     seconds: float
@@ -152,6 +183,14 @@ class March:
     tolerance: float = 1e-5
     at: tuple[float, ...] = ()
     order: int = 2
+    inertia: bool | Inertia = False
+
+    @property
+    def moving(self) -> Inertia | None:
+        """How inertia is taken, or None."""
+        if isinstance(self.inertia, Inertia):
+            return self.inertia
+        return Inertia() if self.inertia else None
 
     @property
     def waves(self) -> dict[str, Wave]:

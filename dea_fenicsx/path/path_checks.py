@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from dea_fenicsx.drives.waves import ROUNDING, Wave
+from dea_fenicsx.model.mass import check_mass
 from dea_fenicsx.path.cavity_amounts import check_amounts
 from dea_fenicsx.path.items import (
     RESPONSES,
@@ -64,6 +65,7 @@ def check_path(
         if isinstance(item, March):
             _check_march(item)
             check_amounts(scene, item)
+            _check_inertia(item, scene, path)
             reached |= {name: wave(item.seconds) for name, wave in item.waves.items()}
             continue
         if isinstance(item, Switch):
@@ -180,6 +182,44 @@ def _check_march(march: March) -> None:
             )
         for time in (0.0, march.seconds):
             finite(wave(time), f"The drive of {name!r} at {time:g} s")
+
+
+def _check_inertia(march: March, scene: Scene, path: Sequence[Item]) -> None:
+    """Check what a march with inertia needs of its numbers, its scene and its path."""
+    inertia = march.moving
+    if inertia is None:
+        return
+    check_declared(inertia)
+    finite(inertia.spectral_radius, "The spectral radius of Inertia")
+    if not 0 <= inertia.spectral_radius < 1:
+        raise InputError(
+            f"The spectral radius of Inertia is {inertia.spectral_radius:g}, but must be at least "
+            "0 and below 1: at 1 an oscillation of the pressure would never decay."
+        )
+    positive(inertia.tolerance, "The tolerance of Inertia")
+    finite(inertia.drag, "The drag of Inertia")
+    if inertia.drag < 0:
+        raise InputError(f"The drag of Inertia is {inertia.drag:g} 1/s, but must be at least 0.")
+    check_mass(scene.materials, scene)
+    what = ""
+    if any(isinstance(e, Source) for e in scene.electrodes):
+        what = "sources"
+    elif any(isinstance(e, Electrode) and e.is_resistive for e in scene.electrodes):
+        what = "electrodes with a sheet resistance"
+    elif scene.leaks:
+        what = "dielectrics that conduct or relax"
+    if what:
+        raise InputError(
+            f"A march with inertia is not available with {what}; leave them out, or take the "
+            "inertia out of the march."
+        )
+    still = [item for item in path if not (isinstance(item, March) and item.moving)]
+    if scene.declared.holds_rigid_motions and still:
+        raise InputError(
+            "FreeBody holds a body at rest, but with inertia it moves freely: solve the "
+            f"{type(still[0]).__name__} in a run of its own, and give this run as start= to one "
+            "of the marches with inertia alone."
+        )
 
 
 def _check_trace(trace: Trace) -> None:

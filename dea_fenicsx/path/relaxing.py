@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+from dea_fenicsx.model.motion import MOTION
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.viscous_history import Rule
 from dea_fenicsx.path.items import Ramp, Trace
@@ -101,3 +102,27 @@ def settle(problem: Problem) -> None:
     state = problem.state
     history = memory.settled(state.history[memory.NAME], state.time)
     problem.commit(replace(state, history={**state.history, memory.NAME: history}))
+
+
+def come_to_rest(solver: NewtonSolver) -> None:
+    """Let a body that has moved with inertia go on without; it must be near equilibrium.
+
+    Collective.
+
+    Raises
+    ------
+    SolverError
+        If there is no equilibrium near its present state.
+    """
+    problem = solver.problem
+    if problem.motion is None:
+        return
+    history = {name: h for name, h in problem.state.history.items() if name != MOTION}
+    state = replace(problem.state, history=history)
+    attempt = solver.solve(state)
+    if not attempt.converged:
+        raise SolverError(
+            "The body has not come to rest, and no equilibrium was found from its present state "
+            f"({attempt.outcome.value}); let it move for longer, with viscous branches or drag."
+        )
+    problem.commit(attempt.found)

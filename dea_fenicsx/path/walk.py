@@ -22,9 +22,10 @@ from dea_fenicsx.path.items import (
 )
 from dea_fenicsx.path.load_orientation import turn_to_loads
 from dea_fenicsx.path.marching import MarchWalk
+from dea_fenicsx.path.moving import MotionWalk
 from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.path.ramping import RampWalk
-from dea_fenicsx.path.relaxing import respond, settle
+from dea_fenicsx.path.relaxing import come_to_rest, respond, settle
 from dea_fenicsx.path.switching import move_switch
 from dea_fenicsx.path.tracing import BranchLost, Tracer
 from dea_fenicsx.path.verdicts import trace_lost, trace_short
@@ -104,6 +105,8 @@ class Walk:
                     item = item.ramp(scene)
             if len(self.path) > 1:
                 self.log(f"stage {cursor.ramp + 1} of {len(self.path)}: {item.words(scene)}")
+            if not (isinstance(item, March) and item.moving):
+                come_to_rest(self.solver)
             self._orient(item)
             if isinstance(item, Ramp | Trace):
                 respond(self.solver, item, self.log)
@@ -126,6 +129,8 @@ class Walk:
             return iter(())
         if isinstance(item, Trace):
             return self._trace(item, cursor, is_last, sentinel)
+        if isinstance(item, March) and item.moving:
+            return MotionWalk(self.solver, item, cursor, is_last, sentinel, self.log).follow()
         if isinstance(item, March):
             march = MarchWalk(self.solver, item, cursor, is_last, sentinel, self.log)
             return march.follow()

@@ -12,9 +12,14 @@ import numpy as np
 
 from dea_fenicsx.model.charge_history import ChargeHistory
 from dea_fenicsx.model.memory import LEVELS
+from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.viscous_history import Rule, ViscousHistory
+from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.type_checks import is_number
+
+MOVING = ("velocity", "acceleration", "auxiliary", "constant")
+"""What of a motion stands in the table by cell."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,8 @@ class Moment:
         As of `ViscousHistory`; the rule by its name.
     charge
         The same of charges that depend on the past, None without such.
+    step
+        Length in s of the last step of a body in motion, 0 at a start; None where nothing moves.
     """
 
     now: float = 0.0
@@ -57,6 +64,7 @@ class Moment:
     span: float = 0.0
     rule: str = Rule.BDF2.name
     charge: ChargeMoment | None = None
+    step: float | None = None
 
     @property
     def told(self) -> dict[str, Any]:
@@ -77,9 +85,10 @@ def moment_of(problem: Problem) -> Moment:
         wires = tuple(tuple(float(q) for q in level) for level in found.wires)
         charge = ChargeMoment(found.times, wires, found.closed)
     history = problem.history
+    step = None if problem.motion is None else problem.motion.length
     if history is None:
-        return Moment(problem.time, charge=charge)
-    return Moment(problem.time, history.times, history.span, history.rule.name, charge)
+        return Moment(problem.time, charge=charge, step=step)
+    return Moment(problem.time, history.times, history.span, history.rule.name, charge, step)
 
 
 def moment_told(found: Any) -> Moment | None:
@@ -89,21 +98,23 @@ def moment_told(found: Any) -> Moment | None:
     """
     if found is None:
         return NO_MOMENT
-    if not isinstance(found, Mapping) or {*found, "charge"} != set(NO_MOMENT.told):
+    if not isinstance(found, Mapping) or {*found, "charge", "step"} != set(NO_MOMENT.told):
         return None
     now, times, span, rule = (found[key] for key in ("now", "times", "span", "rule"))
-    charge = found.get("charge")
+    charge, step = found.get("charge"), found.get("step")
     good = (
         is_number(now) and math.isfinite(now) and _are_times(times)
         and is_number(span) and span >= 0 and isinstance(rule, str) and rule in Rule.__members__
         and (charge is None or _tells_charges(charge))
+        and (step is None or (is_number(step) and math.isfinite(step) and step >= 0))
     )  # fmt: skip
     if not good:
         return None
     if charge is not None:
         wires = tuple(tuple(float(q) for q in level) for level in charge["wires"])
         charge = ChargeMoment(tuple(map(float, charge["times"])), wires, tuple(charge["closed"]))
-    return Moment(float(now), tuple(map(float, times)), float(span), rule, charge)
+    step = None if step is None else float(step)
+    return Moment(float(now), tuple(map(float, times)), float(span), rule, charge, step)
 
 
 def _are_times(found: Any) -> bool:
@@ -144,6 +155,8 @@ def width(problem: Problem, moment: Moment) -> int | None:
         if len(charge.closed) != len(problem.scene.electrodes):
             return None
         columns += problem.charges.columns * len(charge.times)
+    if moment.step is not None:
+        columns += len(MOVING) * problem.W.dofmap.list.shape[1]
     return columns
 
 
@@ -157,6 +170,9 @@ def table_of(problem: Problem, cells: int) -> np.ndarray:
         assert isinstance(charge, ChargeHistory)
         wide = problem.charges.columns
         tables += [level[:cells].reshape(cells, wide) for level in charge.leaks]
+    if (motion := problem.motion) is not None:
+        places = problem.W.dofmap.list[:cells]
+        tables += [getattr(motion, name)[places] for name in MOVING]
     return np.hstack(tables)
 
 
@@ -169,14 +185,32 @@ def history_of(problem: Problem, table: np.ndarray, moment: Moment) -> dict[str,
     if charges and moment.charge is not None:
         rest, told = charges.at_rest(), moment.charge
         leaks = []
-        for part in np.split(table[:, strains:], len(told.times), axis=1):
+        end = strains + charges.columns * len(told.times)
+        for part in np.split(table[:, strains:end], len(told.times), axis=1):
             values = rest.leaks[0].copy()
             values[: len(table)] = part.reshape(len(table), *values.shape[1:])
             leaks.append(values)
         found[charges.NAME] = ChargeHistory(
             tuple(leaks), tuple(np.array(q) for q in told.wires), told.times, told.closed
         )  # type: ignore[assignment]
+    if moment.step is not None:
+        found[MOTION] = _motion_of(problem, table, moment.step)  # type: ignore[assignment]
     return found
+
+
+def _motion_of(problem: Problem, table: np.ndarray, step: float) -> Motion:
+    """The motion in the last columns of a table of the owned cells.  Collective."""
+    places = problem.W.dofmap.list[: len(table)]
+    wide, arrays = places.shape[1], []
+    for k in range(len(MOVING)):
+        first = table.shape[1] - (len(MOVING) - k) * wide
+        carry = dolfinx.fem.Function(problem.W)
+        carry.x.array[places.ravel()] = table[:, first : first + wide].ravel()
+        carry.x.scatter_forward()
+        arrays.append(carry.x.array.copy())
+    # What acts is the acceleration with the drag, which are kept in one.
+    velocity, acceleration, auxiliary, acting = arrays
+    return Motion(velocity, acceleration, auxiliary, step, 0.0, acting)
 
 
 def stacked(history: ViscousHistory, cells: int) -> np.ndarray:

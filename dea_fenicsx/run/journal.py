@@ -12,6 +12,7 @@ import numpy as np
 
 from dea_fenicsx.measure.failures import Gauge, Worst
 from dea_fenicsx.measure.observables import Measurement
+from dea_fenicsx.model.motion import MOTION
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.items import Item, Trace
 from dea_fenicsx.path.marching import LOST
@@ -23,6 +24,7 @@ from dea_fenicsx.results.moment import moment_of
 from dea_fenicsx.results.stored_state import about
 from dea_fenicsx.run.step_checks import Checked, check_step
 from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.outcome import Inertia
 from dea_fenicsx.support.errors import MachineError
 from dea_fenicsx.support.progress import Progress, step_line
 
@@ -106,7 +108,10 @@ class Journal:
         known = solver.inertia.is_of(step.state)
         wanted = self.stability == "every" or (self.stability == "last" and step.last)
         counting = time.perf_counter()
-        if wanted and not known:
+        moves = MOTION in step.state.history
+        if moves:  # a count tells nothing of a body in motion
+            solver.inertia = Inertia()
+        elif wanted and not known:
             self.progress.stage("counting negative modes")
             solver.refresh_inertia(last=step.last)
         counting = time.perf_counter() - counting

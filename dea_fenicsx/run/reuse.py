@@ -81,22 +81,25 @@ def keep(run: Run, solver: NewtonSolver, observables: Iterable[Any]) -> None:
     del _kept[:-MOST_KEPT]
 
 
-def solver_for(scene: Scene, options: NewtonOptions | None) -> NewtonSolver:
+def solver_for(
+    scene: Scene, options: NewtonOptions | None, released: bool = False
+) -> NewtonSolver:
     """A solver with the problem of a scene: a kept one with the scene's constants, or a new one.
 
-    Collective.
+    With `released` a free body is held by its inertia alone.  Collective.
     """
     chosen = options or NewtonOptions()
     _kept[:] = [kept for kept in _kept if not kept.solver.problem.handed_out]
     usable = {
         kept.number: kept for kept in _kept
         if kept.is_free() and kept.options == chosen and _is_like(kept.solver.problem.scene, scene)
+        and kept.solver.problem.released == released
     }  # fmt: skip
     # ranks may differ in what a script still holds
     everyone = scene.device.comm.allgather(list(usable))
     common = set(everyone[0]).intersection(*everyone[1:])
     if not common:
-        return NewtonSolver(Problem(scene), options)
+        return NewtonSolver(Problem(scene, released), options)
     kept = usable[min(common)]
     _kept.remove(kept)
     kept.solver.problem.reuse(scene)

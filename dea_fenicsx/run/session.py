@@ -12,7 +12,7 @@ from dea_fenicsx.measure.failures import Failure, Gauge, default_failures
 from dea_fenicsx.measure.observables import Measurement, Observable
 from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.path.events import Alarm, Sentinel
-from dea_fenicsx.path.items import Item
+from dea_fenicsx.path.items import Item, March
 from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.path.walk import Walk
 from dea_fenicsx.results import columns
@@ -120,6 +120,13 @@ class _Session:
     record: dict[str, Observable]
     failures: Sequence[Failure]
 
+    @property
+    def released(self) -> bool:
+        """Whether a free body is held by its inertia alone on all of the path."""
+        return self.scene.declared.holds_rigid_motions and all(
+            isinstance(item, March) and item.moving for item in self.path
+        )
+
     def run(self) -> Run:
         """Lock the results folder while the run lasts."""
         self.started = time.perf_counter()
@@ -170,7 +177,7 @@ class _Session:
 
     def _prepare(self, folder: Folder | None) -> Journal:
         """Build the discrete problem, and all that measures and writes its states.  Collective."""
-        solver = solver_for(self.scene, self.given.options)
+        solver = solver_for(self.scene, self.given.options, self.released)
         problem = solver.problem
         if self.given.start is None:
             check_volume(problem, self.path)
@@ -239,9 +246,11 @@ class _Session:
         sentinel = Sentinel(
             solver,
             [Alarm(gauge.failure.name, gauge.margin) for gauge in journal.gauges],
-            stability=self.given.stability == "every",
+            stability=self.given.stability == "every" and not self.released,
             fired=[row["event"] for row in journal.history],
-            counting=self.given.stability != "never" and solver.counts_cheaply,
+            counting=(
+                self.given.stability != "never" and solver.counts_cheaply and not self.released
+            ),
         )
         journal.begin(cursor)
         interruption = Interruption(self.comm, self.progress.say)

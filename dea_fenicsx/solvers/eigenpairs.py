@@ -70,7 +70,9 @@ class Eigenpair:
     residual: float
 
 
-def eigenpairs(solver: LinearSolver, count: int, mass: Any = None) -> list[Eigenpair]:
+def eigenpairs(
+    solver: LinearSolver, count: int, mass: Any = None, carried: np.ndarray | None = None
+) -> list[Eigenpair]:
     """Eigenpairs of the tangent at the problem's present state, the nearest to zero first.
 
     Collective.
@@ -82,8 +84,11 @@ def eigenpairs(solver: LinearSolver, count: int, mass: Any = None) -> list[Eigen
     count
         How many are wanted.
     mass
-        PETSc matrix in the free unknowns, symmetric, positive definite in those of motion and 0
-        elsewhere; None is the identity in those of motion.
+        PETSc matrix in the free unknowns, symmetric, positive definite in those of motion whose
+        diagonal is not 0, and 0 elsewhere; None is the identity in those of motion.
+    carried
+        With a mass: rows U in the free unknowns (owned), shape (n, k), for M - U U^T in place of M.
+        It must be positive semi-definite.
 
     Returns
     -------
@@ -104,7 +109,7 @@ def eigenpairs(solver: LinearSolver, count: int, mass: Any = None) -> list[Eigen
             "Eigenpairs are found for a symmetric tangent, but that of "
             f"{', '.join(solver.problem.forms.unsymmetric)} is not symmetric."
         )
-    return _Search(solver, mass).nearest(int(count))
+    return _Search(solver, mass, carried).nearest(int(count))
 
 
 class _Inverse:
@@ -127,6 +132,20 @@ class _Inverse:
         y.array[:] = self.full(x.array_r.copy())[self.motion]
 
 
+@dataclass
+class _Lightened:
+    """The matrix M - U U^T, which PETSc multiplies with."""
+
+    mass: Any
+    rows: np.ndarray
+    comm: MPI.Comm
+
+    def mult(self, _: Any, x: Any, y: Any) -> None:
+        self.mass.mult(x, y)
+        shares = self.comm.allreduce(self.rows.T @ x.array_r, op=MPI.SUM)
+        y.array[:] -= self.rows @ shares
+
+
 class _NoProduct:
     """Stands for S^-1, which is never needed where SLEPc inverts around 0.
 
@@ -143,13 +162,19 @@ class _Search:
 
     Parameters
     ----------
-    solver, mass
+    solver, mass, carried
         As of `eigenpairs`.
     """
 
-    def __init__(self, solver: LinearSolver, mass: Any) -> None:
+    def __init__(
+        self, solver: LinearSolver, mass: Any, carried: np.ndarray | None = None
+    ) -> None:
         self.solver, self.problem = solver, solver.problem
         self.motion = self.problem.roles.free(Role.MOTION)
+        if mass is not None:  # a global unknown may have none
+            diagonal = mass.getDiagonal()
+            self.motion = self.motion[diagonal.array_r[self.motion] > 0]
+            diagonal.destroy()
         self.inverse = _Inverse(solver, self.motion)
         self.comm = self.problem.comm
         self.size = self.comm.allreduce(len(self.motion), op=MPI.SUM)
@@ -157,6 +182,7 @@ class _Search:
         self.matrix = PETSc.Mat().createPython((n, n), context=_NoProduct(), comm=self.comm)
         self.matrix.setUp()
         self.mass: Any = None
+        self._made = [self.matrix]
         if mass is not None:
             first = self.comm.exscan(len(self.problem.free)) or 0
             rows = PETSc.IS().createGeneral(
@@ -164,6 +190,12 @@ class _Search:
             )
             self.mass = mass.createSubMatrix(rows, rows)
             rows.destroy()
+            self._made.append(self.mass)
+        if carried is not None:
+            light = _Lightened(self.mass, carried[self.motion], self.comm)
+            self.mass = PETSc.Mat().createPython((n, n), context=light, comm=self.comm)
+            self.mass.setUp()
+            self._made.append(self.mass)
 
     def nearest(self, count: int) -> list[Eigenpair]:
         """The eigenpairs nearest to zero, at most `count`."""
@@ -180,9 +212,8 @@ class _Search:
                 break  # only motions that the constraints exclude are left
             if len(before) >= count and _is_complete(before, pairs, count):
                 break
-        for thing in (self.matrix, self.mass):
-            if thing is not None:
-                thing.destroy()
+        for thing in reversed(self._made):
+            thing.destroy()
         return pairs[:count]
 
     def _search(self, wanted: int, known: Sequence[np.ndarray]) -> list[np.ndarray]:

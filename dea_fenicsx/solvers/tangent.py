@@ -126,7 +126,7 @@ class Tangent:
             self._transposed = form, product
         self.problem.spread(self._unheld(direction), self._along)
         form, product = self._transposed
-        return self._with_springs(assembled(product, form), direction)
+        return self._with_springs(self._with_mass(assembled(product, form)), direction)
 
     @property
     def is_symmetric(self) -> bool:
@@ -222,7 +222,15 @@ class Tangent:
         return found
 
     def _along_times(self) -> np.ndarray:
-        return assembled(self._product, self._action)
+        return self._with_mass(assembled(self._product, self._action))
+
+    def _with_mass(self, product: np.ndarray) -> np.ndarray:
+        """A product with what stands in `_along`, with that of the inertia.  Collective."""
+        mass = self.problem.mass
+        if mass is None or not mass.stiffness:
+            return product
+        along = self._along.x.array[: self.problem.owned]
+        return product + mass.stiffness * mass.times(along)
 
     def matrix(self, mass: float = 0.0, counting: bool = False) -> Any:
         """Assemble the block in the free unknowns.  Collective.
@@ -253,6 +261,9 @@ class Tangent:
         whole.zeroEntries()
         dolfinx.fem.petsc.assemble_matrix(whole, form)
         whole.assemble()
+        if problem.mass is not None and problem.mass.stiffness:
+            subset = PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN
+            whole.axpy(problem.mass.stiffness, problem.mass.matrix, subset)
         if problem.expansion is not None:
             free = self._followed(whole, free)
         else:

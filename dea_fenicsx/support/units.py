@@ -30,6 +30,7 @@ DIMENSIONS = {
     "m**3": "a volume in m^3",
     "V/m": "an electric field in V/m",
     "s": "a time in s",
+    "kg/m**3": "a density in kg/m^3",
     "Pa*s": "a viscosity in Pa s",
     "1/Pa**2": "a number in 1/Pa^2",
 }

@@ -1,0 +1,183 @@
+"""The state in which a motion starts: its acceleration, pressure and potential.
+
+Displacement u and velocity v are given, and the load may have jumped.  What follows them at once is
+
+    M a + f(u, p, phi) + M d v = 0      the equation of motion, with drag d,
+    B a + (d2/ds2) g(u + s v) = 0       the second time derivative of det F = 1,
+    the electric equations at u         and p = kappa (J - 1) in a region with a bulk modulus,
+
+linear in a, p and phi.  Without the second equation, an acceleration that does not keep the volume
+would start an oscillation of the pressure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.model.fields import Role
+from dea_fenicsx.model.motion import MOTION, Motion
+from dea_fenicsx.model.state import State
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.support.compat import PETSc, dolfinx
+from dea_fenicsx.support.errors import SolverError
+
+COMPRESSIBILITY = 1e-12
+"""Compressibility mu/kappa that determines a pressure which nothing else does."""
+
+TRIAL = 0.05
+"""Largest displacement by which the second derivative of the volume is taken, over L."""
+
+NEGLIGIBLE = 1e-12
+"""Change of a pressure or a potential, dimensionless, after which none is corrected any more."""
+
+CORRECTIONS = 3
+"""Most solves: the equations are linear, but for a potential whose dielectric is not."""
+
+
+class Start:
+    """The start of a motion in the present displacement of a problem.
+
+    Parameters
+    ----------
+    solver
+        The solver.
+    drag
+        d in 1/s.
+    """
+
+    def __init__(self, solver: NewtonSolver, drag: float) -> None:
+        self.solver, self.problem, self.drag = solver, solver.problem, drag
+        self.mass = self.problem.massive()
+        self.moves = self.mass.moving(self.problem.free, self.problem.expansion)
+
+    def consistent(
+        self, state: State, velocity: np.ndarray, driven: np.ndarray | None = None
+    ) -> State:
+        """The state with the acceleration, pressure and potential that follow.  Collective.
+
+        Parameters
+        ----------
+        state
+            Displacement, load and history; pressure and potential are a first guess.
+        velocity
+            Rates of all local values in 1/s, 0 but for the displacement.
+        driven
+            Acceleration of all local values in 1/s^2 at fixed displacements, or None for 0.
+        """
+        problem = self.problem
+        still = {k: v for k, v in state.history.items() if k != MOTION}
+        state = replace(problem.imposed(state), history=still)
+        given = np.zeros(problem.size) if driven is None else driven
+        with problem.at(state):
+            matrix, kept = self._matrix()
+            centripetal = self._second_volume(state, velocity)
+        ksp = _factor(matrix, problem.comm)
+        x, b = matrix.createVecs()
+        acceleration = np.zeros(problem.size)
+        for _ in range(CORRECTIONS):
+            with problem.at(state):
+                unbalanced = problem.unbalanced(problem.residual())
+                dragged = self.mass.times((given + self.drag * velocity)[: problem.owned])
+                rows = -unbalanced - problem.restrict(dragged)
+                carried = self.solver.tangent.times_fixed(given[problem.fixed])
+                rows[kept] = -(centripetal + carried)[kept]
+                b.array[:] = rows
+                ksp.solve(b, x)
+                change = x.array_r.copy()
+                acceleration, state = self._parted(state, change, given)
+            if self._others(change) <= NEGLIGIBLE:
+                break
+        for thing in (ksp, x, b, matrix):
+            thing.destroy()
+        finite = bool(np.isfinite(acceleration).all())
+        if not problem.comm.allreduce(finite, op=MPI.LAND):
+            raise SolverError("The acceleration at the start of a motion cannot be found.")
+        motion = Motion(velocity, acceleration, acceleration).settled(self.drag)
+        return replace(state, history={**still, MOTION: motion})
+
+    def _parted(
+        self, state: State, change: np.ndarray, given: np.ndarray
+    ) -> tuple[np.ndarray, State]:
+        """The acceleration, and the state with the changes of the other fields.  Collective."""
+        problem = self.problem
+        moved, others = np.zeros_like(change), change.copy()
+        moved[self.moves] = change[self.moves]
+        others[self.moves] = 0.0
+        found = problem.w.copy()
+        problem.spread(moved, found)
+        return found.x.array + given, problem.moved(state, others)
+
+    def _others(self, change: np.ndarray) -> float:
+        """Largest change of the fields that do not move.  Collective."""
+        largest = float(np.max(np.abs(np.delete(change, self.moves)), initial=0.0))
+        return float(self.problem.comm.allreduce(largest, op=MPI.MAX))
+
+    def _matrix(self) -> tuple[Any, np.ndarray]:
+        """The matrix of the equations, and the rows of the volume's second derivative."""
+        problem = self.problem
+        self.mass.rest()
+        stiff = self.solver.tangent.matrix(COMPRESSIBILITY)
+        start, _ = stiff.getOwnershipRange()
+        offsets, columns, values = stiff.getValuesCSR()
+        values = values.copy()
+        everywhere = problem.comm.allgather(self.moves + start)
+        total = stiff.getSize()[0]
+        moving = np.zeros(total, dtype=bool)
+        moving[np.concatenate(everywhere)] = True
+        row = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+        kept = self._incompressible_rows()
+        holds = np.zeros(len(offsets) - 1, dtype=bool)
+        holds[kept] = True
+        values[moving[columns] & ~holds[row]] = 0.0
+        n = (len(problem.free), None)
+        matrix = PETSc.Mat().createAIJ((n, n), csr=(offsets, columns, values), comm=problem.comm)
+        heavy = self.mass.reduced(problem.free, problem.expansion)
+        matrix.axpy(1.0, heavy, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        heavy.destroy()
+        self.solver.forget_factor()
+        return matrix, kept
+
+    def _incompressible_rows(self) -> np.ndarray:
+        """Places of pressures among the free unknowns that belong to no compressible cell."""
+        problem, device = self.problem, self.problem.scene.device
+        soft = np.zeros(problem.size)
+        part = problem.pressure
+        for name, material in problem.parameters.materials.items():
+            if material.bulk_modulus is not None:
+                dofs = part.dofs[part.space.dofmap.list[device.cells_of(name)]]
+                soft[dofs.ravel()] = 1.0
+        mine = problem.free[problem.roles.free(Role.MULTIPLIER)]
+        rigid = problem.w.copy()
+        rigid.x.array[:] = soft
+        rigid.x.scatter_reverse(dolfinx.la.InsertMode.add)
+        places = problem.roles.free(Role.MULTIPLIER)
+        return np.asarray(places[rigid.x.array[mine] == 0])
+
+    def _second_volume(self, state: State, velocity: np.ndarray) -> np.ndarray:
+        """Second derivative of the rows of the volume along the velocity, in 1/s^2."""
+        if not self.problem.comm.allreduce(bool(np.any(velocity)), op=MPI.LOR):
+            return np.zeros(len(self.problem.free))
+        problem = self.problem
+        # J is a cubic polynomial of the displacement, so that the difference is exact.
+        largest = problem.comm.allreduce(float(np.max(np.abs(velocity), initial=0.0)), op=MPI.MAX)
+        step = TRIAL / largest
+        total = np.zeros(len(problem.free))
+        for place, weight in ((1.0, 1.0), (0.0, -2.0), (-1.0, 1.0)):
+            with problem.at(state.with_values(state.values + place * step * velocity)):
+                total += weight * problem.restrict(problem.residual())
+        return total / step**2
+
+
+def _factor(matrix: Any, comm: MPI.Comm) -> Any:
+    ksp = PETSc.KSP().create(comm)
+    ksp.setOperators(matrix)
+    ksp.setType("gmres")
+    ksp.setTolerances(rtol=1e-13, atol=0.0, max_it=10)
+    pc = ksp.getPC()
+    pc.setType("lu")
+    pc.setFactorSolverType("mumps")
+    return ksp

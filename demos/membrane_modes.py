@@ -1,0 +1,107 @@
+"""A clamped round membrane: its ten lowest frequencies, beside those of a thin membrane.
+
+The film is stretched equal-biaxially, clamped at its rim and put under voltage.  Of a film much
+thinner than wide the frequencies are known:
+
+    f = j_mn/(2 pi a) sqrt((mu (lam^2 - lam^-4) - eps E^2)/rho),   E = lam^2 V/H,
+
+with j_mn the n-th zero of the Bessel function J_m and a the deformed radius.  Voltage lowers them,
+and all of them vanish at loss of tension.  A film of finite thickness lies above this by about its
+thickness over its radius, since the clamp bends it.  All lengths are in units of the undeformed
+radius R, frequencies in units of sqrt(mu/rho)/R.
+"""
+
+import numpy as np
+from mpi4py import MPI
+from scipy.special import jn_zeros
+
+import dea_fenicsx as dea
+from dea_fenicsx.geometry import DiskStack, Layer
+from dea_fenicsx.materials import EPSILON_0
+
+COUNT = 10
+FARTHEST = 8  # zeros of J_0 ... J_7 hold the ten lowest
+
+
+def parse():
+    parser = dea.Parser(__doc__.split("\n")[0], out="results/membrane_modes")
+    parser.number("--stretch", 1.2, "-", "equal-biaxial stretch of the film")
+    parser.number("--field", 0.0, "-", "V/H sqrt(eps/mu): nominal field of the undeformed film, "
+                  "with the modulus mu in Pa")  # fmt: skip
+    parser.number("--thickness", 0.02, "-", "undeformed thickness over undeformed radius")
+    parser.count("--angular", 32, "cells around, a multiple of 4")
+    parser.count("--radial", 8, "cells from the core to the rim, smaller towards the rim")
+    return parser, parser.parse_args()
+
+
+def closed_form(stretch, field):
+    """The ten lowest frequencies of a thin membrane; NaN beyond loss of tension."""
+    zeros = np.concatenate([
+        np.repeat(jn_zeros(m, FARTHEST), 1 if m == 0 else 2) for m in range(FARTHEST)
+    ])  # fmt: skip
+    tension = stretch**2 - stretch**-4 - (stretch**2 * field) ** 2
+    speed = np.sqrt(tension) if tension >= 0 else np.nan
+    return np.sort(zeros)[:COUNT] / (2 * np.pi * stretch) * speed
+
+
+def scene(args):
+    """The stretched film with mu, rho, eps and R all 1; at ramp factor 1 it has its field."""
+    a, h = args.stretch, args.thickness / args.stretch**2
+    # bending by the clamp decays over a few thicknesses from the rim, where cells are small
+    grading = max(1.0, min(0.25 * a / h, 40.0))
+    disc = DiskStack(a, [Layer("film", h)], radial=args.radial, angular=args.angular,
+                     grading=grading)  # fmt: skip
+    device = dea.read_gmsh(disc, MPI.COMM_WORLD)
+    film = dea.Material(
+        dea.NeoHookean(1.0), dea.IdealDielectric(eps_r=1 / EPSILON_0), density=1.0
+    )
+    stretch = [dea.PreStretch("film", x=a, y=a)] if a != 1 else []
+    return dea.Scene(
+        device,
+        {"film": film},
+        electrodes=[dea.Electrode("top", args.field * args.thickness), dea.Ground("bottom")],
+        supports=[dea.Clamp("side")],
+        prescribed=stretch,
+    )
+
+
+def across(run):
+    """Ten modes that move across the film: there are others, which move within its plane."""
+    for wanted in (2 * COUNT, 4 * COUNT, 8 * COUNT):
+        modes = dea.modes(run, wanted)
+        found = [k for k in range(wanted) if modes.share("z", k) > 0.5]
+        if len(found) >= COUNT:
+            break
+    return modes, found[:COUNT]
+
+
+def main():
+    parser, args = parse()
+    made = scene(args)
+    # the film is stretched first, then put under voltage; a ramp that drives nothing is none
+    path = [dea.Ramp(name, steps=1) for name in ("prestretch", "voltage") if name in made.ramps]
+    run = dea.solve(
+        made, path or dea.March(1.0), out=args.out, resume=args.resume, quiet=args.quiet,
+        settings=parser.settings(args),
+    )  # fmt: skip
+    modes, found = across(run)
+    modes.write(run.out)
+    frequencies = modes.frequencies[found]
+    exact = closed_form(args.stretch, args.field)
+    keys = {f"frequency_{k}": f for k, f in enumerate(frequencies)}
+    keys |= {f"closed_form_{k}": f for k, f in enumerate(exact)}
+    run.add(
+        **{k: None if np.isnan(f) else float(f) for k, f in keys.items()},
+        growing_modes=modes.growing,
+    )
+    if MPI.COMM_WORLD.rank == 0 and not args.quiet:
+        print("\nmode  frequency  thin membrane  difference    (units of sqrt(mu/rho)/R)")
+        for k, (f, g) in enumerate(zip(frequencies, exact, strict=True)):
+            print(f"{k:4}  {f:9.6f}  {g:13.6f}  {100 * (f / g - 1):+9.2f} %")
+        if modes.growing:
+            print(f"{modes.growing} of them grow: the film has lost its tension.")
+        print(f"\nresults: {run.out}/modes.xdmf")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,46 @@
+"""What the demos of vibration and motion must print; used by test_demos.py."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import dea_fenicsx as dea
+
+
+def check_balloon_motion(out, printed):
+    """The exact sphere's largest radius, its equilibrium and its breathing."""
+    s = dea.read_summary(out)
+    for key in ("largest_radius", "time_of_largest", "equilibrium_radius", "breathing_omega"):
+        assert s[key] == pytest.approx(s[f"exact_{key}"], rel=1e-4), key
+    assert (out / "radius_time.png").exists()
+
+
+def check_balloon_response(out, printed):
+    """The closed form of a sphere with one Maxwell branch."""
+    s = dea.read_summary(out)
+    assert s["modulus"] == pytest.approx(0.47050731, rel=1e-4)
+    assert s["phase_deg"] == pytest.approx(-32.312, abs=0.01)
+    assert (out / "response.csv").exists()
+
+
+def check_membrane_modes(out, printed):
+    """Zeros of Bessel functions; a film of this thickness lies 0.4 % above, and the mesh more."""
+    s = dea.read_summary(out)
+    found, known = (
+        np.array([s[f"{what}_{k}"] for k in range(10)]) for what in ("frequency", "closed_form")
+    )
+    assert s["closed_form_0"] == pytest.approx(0.312139, abs=1e-6)
+    assert np.all(found > 1.003 * known) and np.all(found < 1.013 * known)
+    assert found[1] == pytest.approx(found[2], rel=1e-6)
+    assert s["growing_modes"] == 0
+    assert (out / "modes.xdmf").exists()
+
+
+def check_strip_frequency(out, printed):
+    """The first frequency vanishes where the static path has its bifurcation."""
+    s = dea.read_summary(out)
+    assert s["frequency_zero_voltage_V"] == pytest.approx(s["buckling_voltage_V"], rel=1e-6)
+    assert s["buckling_voltage_V"] == pytest.approx(s["euler_voltage_V"], rel=0.02)
+    history = dea.read_history(out)
+    assert np.all(np.diff(history["first_Hz"]) < 0) and history["first_Hz"][-1] < 0
