@@ -5,7 +5,7 @@ from __future__ import annotations
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.geometry import BoxStack, Layer, HollowSphere
+from dea_fenicsx.geometry import BoxStack, HollowSphere, Layer
 from dea_fenicsx.materials import EPSILON_0
 
 

@@ -22,9 +22,10 @@ DOCS = ROOT / "docs"
 DEMOS = ROOT / "demos"
 sys.path += [str(DOCS), str(DOCS / "_ext")]
 import assembled_gallery  # noqa: E402
-import build  # noqa: E402
 import check  # noqa: E402
 import public_names  # noqa: E402
+
+import build  # noqa: E402
 
 TOOLS = ("sphinx", "furo", "myst_parser")
 WIDTHS = (1200, 380)
