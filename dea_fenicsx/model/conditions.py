@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.air import fix_shape_of_air, unheld_parts
 from dea_fenicsx.model.circuits import Circuits
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.free_body import HeldBody, held_body
 from dea_fenicsx.model.orientation_springs import Turning
 from dea_fenicsx.model.prescribed_motion import prescriptions
-from dea_fenicsx.model.rigid_motions import free_parts, refuse_free_parts
+from dea_fenicsx.model.rigid_motions import refuse_free_parts
 from dea_fenicsx.model.rigid_parts import RigidParts
 from dea_fenicsx.model.roles import Roles
 from dea_fenicsx.model.scales import Scales
@@ -94,7 +95,7 @@ class Conditions:
         # What moves as a whole: rigid parts, and a free body, which is held without force.
         self.rigid = RigidParts(declared.rigid_surfaces, device, motion, space.parts, rows)
         carried = self.rigid.fix(values, declared.rigid_angles)
-        free = free_parts(device, kinematics, motion, values.fixed | carried)
+        free = unheld_parts(scene, motion, values.fixed | carried)
         # If several parts can move, the largest is the free body, and the others are refused.
         bodies, others = (free[:1], free[1:]) if declared.holds_rigid_motions else ([], free)
         refuse_free_parts(others, device, "Fix or Clamp" if bodies else "Fix, Clamp or FreeBody")
@@ -102,6 +103,7 @@ class Conditions:
         for part in bodies:
             self.body = held_body(part, device, [work for _, work in declared.surface_works])
             values.hold(self.body.pins, motion)
+        fix_shape_of_air(values, scene, space, carried)
 
         # What follows other unknowns: the ends of a cell, electrodes of given charge and the like.
         self.pairs: Pairs | None = None
@@ -126,7 +128,6 @@ class Conditions:
             self.expansion = expansion(column, len(self.free), rows)
             self.rigid.number(column)
             self.rigid.fill(self.expansion, np.zeros(space.size))
-
         resistive = [self.electrode_dofs[e.label] for e, _ in declared.sheets]
         self.sheet_nodes = np.intersect1d(self.free, np.concatenate([[], *resistive]))
         self.sheet_nodes = self.sheet_nodes.astype(np.int32)

@@ -15,6 +15,7 @@ from dea_fenicsx.solvers.linear import LinearSolver
 from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.solvers.outcome import Attempt, Outcome, fault_of
 from dea_fenicsx.solvers.residual_norms import References
+from dea_fenicsx.solvers.squeezing import TOLERATED_SHARE, Squeezing, shortened
 
 LINEARISING = "linearising"
 """The stage with which each Newton iteration begins."""
@@ -55,6 +56,7 @@ class NewtonSolver(LinearSolver):
     def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
         super().__init__(problem, options)
         self.references = References(problem)
+        self._squeezing = Squeezing(problem)
 
     def renew(self) -> None:
         """Begin anew with other constants of the problem; matrices and analyses are kept."""
@@ -64,6 +66,7 @@ class NewtonSolver(LinearSolver):
     def residual_of(self, residual: np.ndarray, anew: bool = False) -> float:
         """Largest scaled residual of a field (inf if it is not finite); `anew` as of `norms`."""
         norms = list(self.references.norms(residual, anew).values())
+        self.tangent.weights = self.references.weights()
         # Python's max would pass over a NaN that is not the first
         return max(norms) if np.all(np.isfinite(norms)) else np.inf
 
@@ -102,6 +105,20 @@ class NewtonSolver(LinearSolver):
                 patient,
             )
 
+    def admits(self, guess: State, last: State) -> bool:
+        """Whether Newton's method may start from a guess that follows the last state.  Collective.
+
+        All energies must be defined there, and air must not be squeezed too much.
+        """
+        problem = self.problem
+        if self._squeezing:
+            with problem.at(last):
+                self._squeezing.begin()
+        with problem.at(guess):
+            if not problem.probe().admissible:
+                return False
+            return not self._squeezing or self._squeezing.share() >= TOLERATED_SHARE
+
     def _iterate(self, tolerance: float, lifted: State | None, patient: bool) -> Attempt:
         """Newton's method from the present state.
 
@@ -125,10 +142,10 @@ class NewtonSolver(LinearSolver):
             )
             if increment is None:
                 return Attempt(self.trouble, iteration, norm)
-            start, lifted = lifted or problem.state, None
+            start, moved, lifted = lifted or problem.state, lifted is not None, None
             iteration += 1
             self.counters.newton += 1
-            residual, norm, outcome = self._advance(start, increment, history)
+            residual, norm, outcome = self._advance(start, increment, history, moved)
             if outcome is not Outcome.CONVERGED:
                 return Attempt(outcome, iteration, norm)
             if norm <= tolerance:
@@ -163,12 +180,13 @@ class NewtonSolver(LinearSolver):
         return Outcome.ROUNDING if near and at_rest else Outcome.SLOW
 
     def _advance(
-        self, start: State, increment: np.ndarray, history: list[float]
+        self, start: State, increment: np.ndarray, history: list[float], lifted: bool = False
     ) -> tuple[np.ndarray, float, Outcome]:
         """Add an increment, halved until the state is admissible and the residual acceptable.
 
         A trial state is refused if det F <= 0, if a polymer chain is beyond its lock-up, or if the
-        residual grows by more than a factor of 1000.  Energies are never clamped, because this
+        residual grows by more than a factor of 1000.  A step that squeezes air too much is
+        shortened, see `Squeezing`.  Energies are never clamped, because this
         would change the material.
         """
         problem = self.problem
@@ -177,8 +195,15 @@ class NewtonSolver(LinearSolver):
         if len(history) > 1:
             limit = 1e3 * max(history[-1], self.options.tolerance)
         outcome = Outcome.CONVERGED
+        self._squeezing.begin()
         for _ in range(8):
             problem.show(problem.moved(start, size * increment))
+            if self._squeezing and (share := self._squeezing.share()) < TOLERATED_SHARE:
+                outcome = Outcome.INVERTED
+                if lifted:  # a part of the step would leave the body where its surface was
+                    break
+                size *= shortened(share)
+                continue
             outcome = fault_of(problem.probe())
             if outcome is Outcome.CONVERGED:
                 residual = self._timed_residual()
