@@ -32,7 +32,8 @@ class DiscCapacitor(Geometry):
     box
         Radius of the box in metres; above and below the discs it ends at the same distance.
     divisions
-        Cells along the radius of the discs, through the gap, and from the discs to the box.
+        Cells along the radius of the discs, through the gap, and from the discs to the box.  A gap
+        that is wider than the radius gets more, by 2 log10(gap/radius) times their number.
     grading
         Largest over smallest cell along the radius of the discs, and through the gap if that is
         wider than the radius; the air outside begins with cells as small as those.
@@ -62,8 +63,8 @@ class DiscCapacitor(Geometry):
             _check.length("DiscCapacitor", name, getattr(self, name))
         if not isinstance(self.divisions, tuple | list) or len(self.divisions) != 3:
             raise InputError(
-                f"DiscCapacitor: divisions is {shown(self.divisions)}; it must hold 3 numbers of cells: "
-                "along the discs, through the gap, and outside."
+                f"DiscCapacitor: divisions is {shown(self.divisions)}; it must hold 3 numbers of "
+                "cells: along the discs, through the gap, and outside."
             )
         for n in self.divisions:
             _check.count("DiscCapacitor", "divisions", n)
@@ -98,6 +99,7 @@ class DiscCapacitor(Geometry):
     def mesh(self) -> StructuredMesh:
         """Nodes, cells and named parts as plain arrays."""
         along, through, outside = self.divisions
+        through = int(np.ceil(through * (1 + 2 * np.log10(max(self.gap / self.radius, 1.0)))))
         disc = self.radius * graded(along, self.grading, "end")
         least = disc[-1] - disc[-2]
         wide = max(self.gap / self.radius, 1e-3)

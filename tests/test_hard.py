@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hard import devices, films, marches, runs  # noqa: F401  (each enters its cases)
+from hard import air, devices, films, marches, runs  # noqa: F401  (each enters its cases)
 from hard.table import CASES, passed, verdict
 
 pytestmark = pytest.mark.usefixtures("quick_compile")

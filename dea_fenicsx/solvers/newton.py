@@ -142,10 +142,16 @@ class NewtonSolver(LinearSolver):
             )
             if increment is None:
                 return Attempt(self.trouble, iteration, norm)
-            start, moved, lifted = lifted or problem.state, lifted is not None, None
+            if lifted is not None and self._squeezing:
+                start, lifted = self._lift(lifted, increment)
+            else:
+                start, lifted = lifted or problem.state, None
             iteration += 1
             self.counters.newton += 1
-            residual, norm, outcome = self._advance(start, increment, history, moved)
+            if lifted is not None:  # only a part of the way: linearise again, and go on
+                residual, norm = self._timed_residual(), np.inf
+                continue
+            residual, norm, outcome = self._advance(start, increment, history)
             if outcome is not Outcome.CONVERGED:
                 return Attempt(outcome, iteration, norm)
             if norm <= tolerance:
@@ -153,7 +159,7 @@ class NewtonSolver(LinearSolver):
                 norm = self.residual_of(residual, anew=True)
             history.append(norm)
             self.notify(f"Newton {iteration}: residual {norm:.1e}")
-            if not np.isfinite(norm) or (iteration > 3 and norm > 1e4 * min(history[1:])):
+            if not np.isfinite(norm) or (iteration > 3 and norm > 1e4 * min(history[1:] or [norm])):
                 return Attempt(Outcome.DIVERGED, iteration, norm)
         fault = fault_of(problem.probe())
         found = problem.state if fault is Outcome.CONVERGED else None
@@ -179,8 +185,33 @@ class NewtonSolver(LinearSolver):
         near = min(history) <= MOST_ROUNDING_OVER_TOLERANCE * self.options.tolerance
         return Outcome.ROUNDING if near and at_rest else Outcome.SLOW
 
+    def _lift(self, lifted: State, increment: np.ndarray) -> tuple[State, State | None]:
+        """Move fixed values and unknowns as far as the air allows.
+
+        Returns
+        -------
+        start : State
+            Where the step starts if all of it can be made.
+        lifted : State or None
+            The state whose fixed values are still aimed at; then a part of the step has been made.
+        """
+        problem, here, size = self.problem, self.problem.state, 1.0
+        self._squeezing.begin()
+        for _ in range(8):
+            mixed = (1 - size) * here.values + size * lifted.values
+            part = lifted.with_values(mixed)
+            problem.show(problem.moved(part, size * increment))
+            share = self._squeezing.share()
+            if share >= TOLERATED_SHARE:
+                break
+            size *= shortened(share)
+        if size == 1.0 or share < TOLERATED_SHARE:
+            problem.show(here)
+            return lifted, None
+        return part, lifted
+
     def _advance(
-        self, start: State, increment: np.ndarray, history: list[float], lifted: bool = False
+        self, start: State, increment: np.ndarray, history: list[float]
     ) -> tuple[np.ndarray, float, Outcome]:
         """Add an increment, halved until the state is admissible and the residual acceptable.
 
@@ -200,8 +231,6 @@ class NewtonSolver(LinearSolver):
             problem.show(problem.moved(start, size * increment))
             if self._squeezing and (share := self._squeezing.share()) < TOLERATED_SHARE:
                 outcome = Outcome.INVERTED
-                if lifted:  # a part of the step would leave the body where its surface was
-                    break
                 size *= shortened(share)
                 continue
             outcome = fault_of(problem.probe())
