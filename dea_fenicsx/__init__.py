@@ -163,7 +163,7 @@ _HOME = {
     ),
     "run.fidelity_ladder": ("speed_vs_error",),
     "materials": (
-        "ArrudaBoyce", "Breakdown", "Conductivity", "Conductor", "Debye", "Gent",
+        "Air", "ArrudaBoyce", "Breakdown", "Conductivity", "Conductor", "Debye", "Gent",
         "IdealDielectric", "KumarLopezPamies", "Material", "Maxwell", "MooneyRivlin", "NeoHookean",
         "Ogden", "ViscousBranch", "Yeoh",
     ),

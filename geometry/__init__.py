@@ -16,6 +16,7 @@ from .grading import graded
 if TYPE_CHECKING:
     from .box_stack import BoxStack
     from .dea_hinge import DEAHinge
+    from .disc_capacitor import DiscCapacitor
     from .disk_stack import DiskStack
     from .hdea import HDEA
     from .helical_cell import HelicalCell
@@ -25,13 +26,15 @@ if TYPE_CHECKING:
     from .stiffened_film import StiffenedFilm, StiffenedSection
 
 __all__ = [
-    "BoxStack", "DEAHinge", "DiskStack", "Geometry", "HDEA", "HelicalCell", "HollowSphere",
+    "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "Geometry", "HDEA", "HelicalCell",
+    "HollowSphere",
     "KreslingCell", "Layer", "MembraneDisc", "StiffenedFilm", "StiffenedSection", "graded",
 ]  # fmt: skip
 
 _HOME = {
     "BoxStack": "box_stack",
     "DEAHinge": "dea_hinge",
+    "DiscCapacitor": "disc_capacitor",
     "DiskStack": "disk_stack",
     "HDEA": "hdea",
     "HelicalCell": "helical_cell",

@@ -56,6 +56,25 @@ def check_stiffened(out, printed):
         assert (out / name).exists()
 
 
+def check_fringe(out, printed):
+    """Love's equation at d/a = 2, and the parallel plates."""
+    s = summary(out)
+    assert s["closed_form"] == pytest.approx(5.55210894, abs=5e-9)
+    assert s["capacitance_over_eps0_a"] == pytest.approx(5.55210894, rel=5e-3)
+    assert s["parallel_plates_over_eps0_a"] == pytest.approx(np.pi / 2, rel=1e-12)
+    assert abs(s["charge_balance"]) < 1e-6
+
+
+def check_zipping(out, printed):
+    """The charge of the zipped film beside a beam's; it lets go far below its pull-in."""
+    s = summary(out)
+    assert s["charge_when_zipped_C"] == pytest.approx(s["beam_charge_C"], rel=0.03)
+    assert 0.98 < s["gap_closed"] < 1
+    assert 0 < s["air_energy_share"] < 0.05
+    assert 35 < s["release_voltage_V"] < 45 < 58 < s["pull_in_voltage_V"] < 62
+    assert s["stable"] is True
+
+
 def check_fit(out, printed):
     """Known of Treloar's data: three-term Ogden fits all three tests, neo-Hookean cannot."""
     s = summary(out)

@@ -124,6 +124,8 @@ FIELDS = {
     dea.Breakdown: (
         lambda **g: scene(materials={"film": dea.Material(dea.Gent(5e4, 9.0), dea.IdealDielectric(
             3.0, dea.Breakdown(**g)))}), dict(field=1e8)),
+    dea.Air: (lambda **g: scene(materials={"film": dea.Air(**g)}, supports=[]),
+              dict(name="air", stiffness=1e-9, smoothing=0.0)),
     dea.Material: (lambda **g: scene(materials={"film": dea.Material(**g)}),
                    dict(elastic=dea.NeoHookean(5e4))),
     dea.Ramp: (lambda **g: solve(path=dea.Ramp(**g)), {}),
@@ -239,6 +241,8 @@ FIELDS = {
     geometry.Layer: (geometry.Layer, dict(name="film", thickness=1e-3)),
     geometry.BoxStack: (BoxStack, dict(length=1e-3, width=1e-3, layers=[Layer("film", 1e-3)])),
     geometry.DiskStack: (geometry.DiskStack, dict(radius=1e-2, layers=[Layer("film", 1e-3)])),
+    geometry.DiscCapacitor: (
+        geometry.DiscCapacitor, dict(radius=1e-2, gap=1e-2, box=1e-1, divisions=(2, 2, 2))),
     geometry.MembraneDisc: (
         geometry.MembraneDisc, dict(radius=3e-2, electrode_radius=1e-2, thickness=1e-3)),
     geometry.HollowSphere: (geometry.HollowSphere, dict(inner=1e-2, outer=1.2e-2)),

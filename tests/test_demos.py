@@ -18,6 +18,7 @@ from demo_checks import (
     check_disc,
     check_first_actuator,
     check_fit,
+    check_fringe,
     check_harvest,
     check_hinge,
     check_hysteresis,
@@ -33,6 +34,7 @@ from demo_checks import (
     check_viscous_film,
     check_viscous_fit,
     check_wrinkles,
+    check_zipping,
     summary,
 )
 from motion_demo_checks import (
@@ -321,6 +323,8 @@ CHECKS = {
     "first_actuator.py": (check_first_actuator, []),
     "speed_vs_error.py": (check_speed_vs_error, []),
     "fit_rubber.py": (check_fit, []),
+    "fringe_capacitor.py": (check_fringe, []),
+    "zipping_or_folding.py": (check_zipping, []),
     "fit_viscous.py": (check_viscous_fit, []),
     "harvesting_cycle.py": (check_harvest, ["--leak", 0.2, "--low", 2, "--high", 2.5]),
     "hdea_bending.py": (check_bending, ["--voltage", 4000, "--steps", 1, "--curvature", 5]),
@@ -369,7 +373,7 @@ def test_demo(name, start, tmp_path):
     check(tmp_path / "run", done.stdout)
     if (tmp_path / "run" / "history.csv").exists():
         history = dea.read_history(tmp_path / "run")
-        drives = ("voltage_V", "load_factor", "stretch_factor", "twist_deg")
+        drives = ("voltage_V", "charge_factor", "load_factor", "stretch_factor", "twist_deg")
         driven_by = next(name for name in drives if name in history)
         assert np.all(np.isfinite(history[driven_by]))
 

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 import pytest
-from hard import cavities, devices, films, marches, runs  # noqa: F401  (each enters its cases)
+from hard import (  # noqa: F401  (each enters its cases)
+    air,
+    cavities,
+    devices,
+    films,
+    marches,
+    runs,
+)
 from hard.table import CASES, passed, verdict
 
 pytestmark = pytest.mark.usefixtures("quick_compile")

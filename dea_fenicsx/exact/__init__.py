@@ -21,6 +21,7 @@ from dea_fenicsx.exact.branch import Branch, Event, State, trace
 from dea_fenicsx.exact.circuits import Harvest, charging_voltage, harvesting_cycle, leaked_charge
 from dea_fenicsx.exact.course import Balance, Course, Moments, PullIn
 from dea_fenicsx.exact.cycles import steady_cycle
+from dea_fenicsx.exact.disc_capacitor import disc_capacitance, plate_capacitance
 from dea_fenicsx.exact.failure import MODES, Failure, FailureMap, failure_map, first_failure, limits
 from dea_fenicsx.exact.film import CONTROLS, FREE, Dead, Film, Held, TrueStress
 from dea_fenicsx.exact.helicoid import Helicoid, elastic_pressure, stable_limit
@@ -95,4 +96,6 @@ __all__ = [
     "Harvest",
     "MODES",
     "Balloon",
+    "disc_capacitance",
+    "plate_capacitance",
 ]

@@ -8,6 +8,7 @@ region does electrically: an ideal dielectric, a conductor, or nothing.
 All constants are in SI units.
 """
 
+from dea_fenicsx.materials.air import Air
 from dea_fenicsx.materials.base import EPSILON_0, Elastic, Strain
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
 from dea_fenicsx.materials.curve_data import TestData, read_data
@@ -48,6 +49,7 @@ __all__ = [
     "Debye",
     "Conductor",
     "Dielectric",
+    "Air",
     "Material",
     "Maxwell",
     "ViscousBranch",

@@ -58,6 +58,11 @@ class Material:
         return bool(self.viscous)
 
     @property
+    def is_air(self) -> bool:
+        """Whether it is no part of the body; see `Air`."""
+        return False
+
+    @property
     def is_dielectric(self) -> bool:
         return self.electric is not None and self.electric.is_dielectric
 

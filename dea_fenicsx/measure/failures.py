@@ -158,12 +158,11 @@ class LossOfTension:
                 f"The membrane's normal is {self.normal!r}, but must be one of the axes "
                 f"{', '.join(scene.kinematics.axes)}."
             )
-        for name in self.regions:
-            known(name, scene.device.regions, "region")
+        _check_solid(self, scene)
 
     def regions_of(self, scene: Scene) -> tuple[str, ...]:
-        active = tuple(n for n, m in scene.materials.items() if m.is_dielectric)
-        return self.regions or active or tuple(scene.materials)
+        active = tuple(n for n, m in scene.solids.items() if m.is_dielectric)
+        return self.regions or active or tuple(scene.solids)
 
     def values(self, problem: Problem, region: str, local: Local) -> tuple[Any, Any]:
         # F's rows and columns are (x, y, z), or (r, hoop, z) in axisymmetry
@@ -206,15 +205,27 @@ class StretchLimit:
     def check(self, scene: Scene) -> None:
         if not (is_finite(self.stretch) and self.stretch > 1):
             raise InputError(f"The stretch limit is {self.stretch!r}, but must be a number > 1.")
-        for name in self.regions:
-            known(name, scene.device.regions, "region")
+        _check_solid(self, scene)
 
     def regions_of(self, scene: Scene) -> tuple[str, ...]:
-        return self.regions or tuple(scene.materials)
+        return self.regions or tuple(scene.solids)
 
     def values(self, problem: Problem, region: str, local: Local) -> tuple[Any, Any]:
         largest = np.linalg.svd(local.F, compute_uv=False)[..., 0]
         return largest, 1 - largest / self.stretch
+
+
+def _check_solid(failure: LossOfTension | StretchLimit, scene: Scene) -> None:
+    """Raise InputError unless the named regions exist and are solid."""
+    for name in failure.regions:
+        known(name, scene.device.regions, "region")
+        if scene.materials[name].is_air:
+            raise InputError(
+                f"{type(failure).__name__} is asked for in {name!r}, but this region is air; name "
+                "solid regions."
+            )
+    if not scene.solids:
+        raise InputError(f"{type(failure).__name__} needs a solid region, but all is air.")
 
 
 class Gauge:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.model.air import fix_shape_of_air, unheld_parts
 from dea_fenicsx.model.cavities import Cavities
 from dea_fenicsx.model.circuits import Circuits
 from dea_fenicsx.model.components import Component
@@ -16,7 +17,7 @@ from dea_fenicsx.model.free_body import HeldBody, held_body
 from dea_fenicsx.model.orientation_springs import Turning
 from dea_fenicsx.model.periodic_faces import PeriodicTies
 from dea_fenicsx.model.prescribed_motion import prescriptions
-from dea_fenicsx.model.rigid_motions import free_parts, refuse_free_parts
+from dea_fenicsx.model.rigid_motions import refuse_free_parts
 from dea_fenicsx.model.rigid_parts import RigidParts
 from dea_fenicsx.model.roles import Roles
 from dea_fenicsx.model.scales import Scales
@@ -88,7 +89,7 @@ class Conditions:
         released: bool = False,
     ) -> None:
         device, kinematics, declared = scene.device, scene.kinematics, scene.declared
-        motion, overall, rows = space.of(Role.MOTION), space.parts.get("global", {}), space.rows
+        motion, rows = space.of(Role.MOTION), space.rows
 
         values = self.fixed_values = FixedValues(space.size, scene.ramps)
         self.electrode_dofs = self._fix(scene, scales, space)
@@ -104,6 +105,7 @@ class Conditions:
         self.rigid = RigidParts(declared.rigid_surfaces, device, motion, space.parts, rows)
         carried = self.rigid.fix(values, declared.rigid_angles)
         self.body = _held(scene, motion, values, carried, self.ties or None, released)
+        fix_shape_of_air(values, scene, space, carried)
 
         # What follows other unknowns: the ends of a cell, electrodes of given charge and the like.
         self.pairs: Pairs | None = None
@@ -196,7 +198,7 @@ def _held(
         If another part can move freely.
     """
     device, declared = scene.device, scene.declared
-    free = free_parts(device, scene.kinematics, motion, values.fixed | carried, ties)
+    free = unheld_parts(scene, motion, values.fixed | carried, ties)
     # If several parts can move, the largest is the free body, and the others are refused.
     bodies, others = (free[:1], free[1:]) if declared.holds_rigid_motions else ([], free)
     refuse_free_parts(others, device, "Fix or Clamp" if bodies else "Fix, Clamp or FreeBody")

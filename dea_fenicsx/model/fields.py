@@ -20,6 +20,12 @@ from dea_fenicsx.scene.elements import Discretisation
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 
+SHAPE_OF_AIR = "shape of air"
+"""Name of the multiplier that lets the cells of the air follow the body."""
+
+SHAPE_RESIDUAL = 1e-2
+"""Residual of the air's shape that counts as 1: that of strains of about 1e-2."""
+
 
 class Role(Enum):
     """The role of a field in a problem."""
@@ -73,6 +79,9 @@ class Field:
     surface
         Name of the facet group on which the field lives, or None.  Elsewhere its degrees of freedom
         are fixed at 0.
+    by_reactions
+        Whether the residual of an internal field is compared with those of its fixed degrees of
+        freedom, too, where they are larger than `residual_scale`.
     """
 
     name: str
@@ -87,6 +96,7 @@ class Field:
     at_rest: float = 0.0
     unit: float = 1.0
     surface: str | None = None
+    by_reactions: bool = False
 
     def lives_in(self, region: str) -> bool:
         """Whether the field lives in a region."""
@@ -110,11 +120,14 @@ def declared_fields(scene: Scene) -> list[Field]:
     kinematics = scene.kinematics
     axes = tuple(kinematics.axes)
     vector = basix.ufl.element("Lagrange", cell, 2, shape=(len(axes),))
+    solids = tuple(scene.solids)
+    has_air = len(solids) < len(scene.materials)
     found = [
-        Field("u", vector, Role.MOTION, axes),
+        # Where all is air, nothing moves.
+        Field("u", vector, Role.MOTION, axes, regions=None if solids else ()),
         Field(
             "p", _pressure_element(scene.elements, cell), Role.MULTIPLIER, negative=True,
-            mass=softness,
+            mass=softness, regions=solids if has_air else None,
         ),
     ]  # fmt: skip
     if scene.has_potential:
@@ -140,6 +153,14 @@ def declared_fields(scene: Scene) -> list[Field]:
         element = basix.ufl.element("DG", cell, 0, shape=(len(axes),))
         found.append(Field(pair.field, element, Role.GLOBAL, axes))
     found += _cavity_fields(scene, cell)
+    if has_air and solids:
+        air = tuple(name for name in scene.materials if name not in solids)
+        found.append(
+            Field(
+                SHAPE_OF_AIR, vector, Role.INTERNAL, axes, negative=True, regions=air,
+                residual_scale=SHAPE_RESIDUAL, by_reactions=True,
+            )
+        )  # fmt: skip
     found += [field for added in scene.declared.added for field in added.fields]
     _check_names(found)
     return found
@@ -164,7 +185,7 @@ def _cavity_fields(scene: Scene, cell: str) -> list[Field]:
         element = basix.ufl.element("DG", cell, 0)
         found.append(Field(
             told.pressure_field, element, Role.INTERNAL, negative=True, residual_scale=size,
-            mass=_softness, unit=scales.stress,
+            mass=softness, unit=scales.stress,
         ))  # fmt: skip
         if told.knows_volume:
             found.append(Field(

@@ -19,6 +19,7 @@ import ufl
 from dea_fenicsx.materials import Elastic, Material, Maxwell
 from dea_fenicsx.materials.base import choices, constants
 from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.model.air import BoundAir, bound_air
 from dea_fenicsx.model.fields import Field, Role
 from dea_fenicsx.model.flowing_branches import (
     FlowingBranches,
@@ -94,6 +95,8 @@ class Kernel:
         or relaxes.
     relaxation
         The polarisations that follow the field with a delay.
+    air
+        What shapes the cells of the air; None in a solid.
     """
 
     elastic: Elastic
@@ -107,6 +110,7 @@ class Kernel:
     flowing: FlowingBranches | None = None
     leak: BoundLeak | None = None
     relaxation: tuple[BoundDebye, ...] = ()
+    air: BoundAir | None = None
 
     @property
     def is_viscous(self) -> bool:
@@ -121,7 +125,7 @@ class Kernel:
     @property
     def is_incompressible(self) -> bool:
         """Whether the regions are exactly incompressible."""
-        return self.kappa is None
+        return self.kappa is None and self.air is None
 
 
 def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) -> list[Kernel]:
@@ -150,7 +154,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
             if item.ramp == ramp and name in item.regions
         )  # fmt: skip
 
-    for (_, alive, incompressible, stretched), names in groups.items():
+    for (_, alive, stiff, stretched), names in groups.items():
         cells = {n: device.cells_of(n) for n in names}
         has_field = bool(charged & set(alive))
 
@@ -166,7 +170,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
             Kernel(
                 elastic=_bind({n: scene.materials[n].elastic for n in names}, cellwise),
                 eps=cellwise(permittivity) if has_field else None,
-                kappa=None if incompressible else cellwise(bulk_modulus),
+                kappa=cellwise(bulk_modulus) if stiff else None,
                 prestretch={
                     ramp: (factors[ramp],
                            [cellwise(partial(log_stretch, ramp, axis)) for axis in range(3)])
@@ -181,6 +185,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 ),
                 leak=leak if has_field else None,
                 relaxation=delayed_polarisations(scene, scales, cellwise, names[0], delayed),
+                air=bound_air(scene, scales, cellwise, names),
             )
         )
     return made
@@ -194,7 +199,7 @@ def _groups(scene: Scene, fields_of_problem: Sequence[Field]) -> dict[tuple, lis
         alive = tuple(field.name for field in fields_of_problem if field.lives_in(name))
         stretched = any(name in item.regions for item in scene.declared.initial_stretches)
         kind = (*_kind(m), len(debye_terms(scene, name)))
-        found.setdefault((kind, alive, m.bulk_modulus is None, stretched), []).append(name)
+        found.setdefault((kind, alive, m.bulk_modulus is not None, stretched), []).append(name)
     return found
 
 

@@ -96,6 +96,17 @@ class MaterialPoint:
         ]  # fmt: skip
         return ufl.dot(F, ufl.diag(ufl.as_vector([ufl.exp(power) for power in powers])))
 
+    def gradient_of_change(self, change: Any) -> Any:
+        """The change of F with that of the displacement, a vector; 3 x 3.
+
+        F is linear in the displacement beside a part that does not depend on it.
+        """
+        there, back = (
+            self._kinematics.displacement_gradient(sign * change, self._x, self._motion)
+            for sign in (1, -1)
+        )
+        return (there - back) / 2
+
     @cached_property
     def cofactor_field(self) -> Any:
         """J F^-T E with E = -Grad phi: J times the true field."""

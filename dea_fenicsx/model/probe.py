@@ -21,8 +21,9 @@ class Probe:
     Attributes
     ----------
     min_J : smallest det F
+    solid_J : smallest det F outside of the air
     min_margin : smallest distance to chain lock-up (1 where there is none)
-    max_field : largest true electric field, dimensionless
+    max_field : largest true electric field, dimensionless; in the solids, if a field lives there
     place : undeformed position of the largest field, dimensionless, shape (3,)
     """
 
@@ -30,6 +31,7 @@ class Probe:
     min_margin: float
     max_field: float
     place: np.ndarray
+    solid_J: float = np.inf
 
     @property
     def admissible(self) -> bool:
@@ -67,6 +69,9 @@ class Prober:
             ))
             for kernel, s in zip(kernels, states, strict=True)
         ]  # fmt: skip
+        solid = [kernel for kernel in kernels if kernel.air is None]
+        self._has_solids = bool(solid)
+        self._in_solids = any(kernel.eps is not None for kernel in solid)
         self._place = compat.expression(ufl.SpatialCoordinate(mesh), points)
 
     def extremes(self, margin: float = np.inf) -> Probe:
@@ -74,13 +79,17 @@ class Prober:
 
         `margin` is the smallest distance to lock-up of other chains on this rank.
         """
-        low = np.array([np.inf, margin])
+        low = np.array([np.inf, margin, np.inf])
         best = (-1.0, -1, -1)
         for kernel, evaluate in self._evaluated:
             if len(kernel.cells) == 0:
                 continue
             values = evaluate(self._mesh, kernel.cells)
-            low = np.minimum(low, values[:, :, :2].min(axis=(0, 1)))
+            low[:2] = np.minimum(low[:2], values[:, :, :2].min(axis=(0, 1)))
+            if kernel.air is None:
+                low[2] = np.minimum(low[2], values[:, :, 0].min())
+            if kernel.air is not None and self._in_solids:
+                continue
             field = values[:, :, 2]
             k, q = np.unravel_index(int(np.argmax(field)), field.shape)
             if field[k, q] > best[0]:
@@ -94,7 +103,17 @@ class Prober:
         everyone = self._mesh.comm.allgather((low, best[0], place))
         low = np.min([e[0] for e in everyone], axis=0)
         winner = max(everyone, key=lambda e: (e[1], *e[2]))
-        return Probe(float(low[0]), float(low[1]), max(winner[1], 0.0), winner[2])
+        solid = float(low[2]) if self._has_solids else float(low[0])
+        return Probe(float(low[0]), float(low[1]), max(winner[1], 0.0), winner[2], solid)
+
+    def smallest_J(self, cells: np.ndarray) -> np.ndarray:
+        """Smallest det F of each of some owned cells over its quadrature points."""
+        found = np.full(len(cells), np.inf)
+        for kernel, evaluate in self._evaluated:
+            inside = np.isin(cells, kernel.cells)
+            if inside.any():
+                found[inside] = evaluate(self._mesh, cells[inside])[:, :, 0].min(axis=1)
+        return found
 
     def place_of(self, cell: int, point: int) -> np.ndarray:
         """Undeformed position of a quadrature point of a local cell, dimensionless."""

@@ -100,6 +100,7 @@ class FreePart:
 def free_parts(
     device: Device, kinematics: Kinematics, motion: Sequence[Component], fixed: np.ndarray,
     ties: Ties | None = None,
+    cells: np.ndarray | None = None,
 ) -> list[FreePart]:  # fmt: skip
     """The parts of the device that can move freely, the largest first.  Collective.
 
@@ -113,15 +114,17 @@ def free_parts(
         Mask of the fixed local degrees of freedom of the mixed space.
     ties
         Periodic faces, which join the parts that they lie on, and prevent some of their rotations.
+    cells
+        Mask of the local cells that belong to the device; None for all.
     """
-    labels, count = joined_parts(device)
+    labels, count = joined_parts(device, cells)
     if kinematics.periodic_ends is not None:
         # The two ends are tied, so two separate parts of one period may be one strand of the helix.
-        labels, count = np.zeros_like(labels), 1
+        labels, count = np.minimum(labels, 0), 1
     if ties:
         ends = ties.joined_parts(_part_of_dofs(motion, labels, len(fixed)))
         count, joined = components(count, *ends)
-        labels = joined[labels]
+        labels = np.where(labels < 0, labels, joined[labels])
     boxes = _boxes(device, labels, count)
     rows = _held(motion, fixed, labels, boxes, kinematics)
     if ties:
@@ -175,10 +178,13 @@ def refuse_free_parts(free: Sequence[FreePart], device: Device, cure: str) -> No
 # -------------------------------------------------------------------------- parts of the mesh
 
 
-def joined_parts(device: Device) -> tuple[np.ndarray, int]:
+def joined_parts(
+    device: Device, cells: np.ndarray | None = None
+) -> tuple[np.ndarray, int]:
     """The part that each local cell belongs to, and how many there are.  Collective.
 
-    Parts are numbered alike on all ranks; a part may span several.
+    Parts are numbered alike on all ranks; a part may span several.  With `cells`, a mask, only
+    these belong to parts; all others have the number -1.
     """
     mesh, comm = device.mesh, device.comm
     mesh.topology.create_connectivity(device.dim, 0)
@@ -186,27 +192,30 @@ def joined_parts(device: Device) -> tuple[np.ndarray, int]:
     imap = mesh.topology.index_map(0)
     owned, n_vertices = imap.size_local, imap.size_local + imap.num_ghosts
     n_cells = link.num_nodes
-    cells = np.repeat(np.arange(n_cells), np.diff(link.offsets))
-    local, of_node = components(n_cells + n_vertices, cells, n_cells + link.array)
+    mine = np.ones(n_cells, dtype=bool) if cells is None else cells
+    start = np.repeat(np.arange(n_cells), np.diff(link.offsets))
+    kept = mine[start]
+    local, of_node = components(n_cells + n_vertices, start[kept], n_cells + link.array[kept])
     offset = comm.exscan(local) or 0
     total = comm.allreduce(local, op=MPI.SUM)
     of_node = of_node + offset
 
     # A vertex that a rank shares with another rank connects the parts on both ranks.
     number = imap.local_to_global(np.arange(n_vertices, dtype=np.int32))
-    mine = of_node[n_cells:]
-    seen = np.vstack(comm.allgather(np.column_stack([number[owned:], mine[owned:]])))
+    of_vertex = of_node[n_cells:]
+    seen = np.vstack(comm.allgather(np.column_stack([number[owned:], of_vertex[owned:]])))
     start = imap.local_range[0]
     here = (seen[:, 0] >= start) & (seen[:, 0] < start + owned)
-    ties = np.column_stack([mine[seen[here, 0] - start], seen[here, 1]])
+    ties = np.column_stack([of_vertex[seen[here, 0] - start], seen[here, 1]])
     ties = np.vstack(comm.allgather(np.unique(ties, axis=0)))
     _, joined = components(total, ties[:, 0], ties[:, 1])
 
     # A rank may have vertices that belong to none of its cells; they are no part.
     used = np.zeros(total, dtype=bool)
-    used[joined[of_node[:n_cells]]] = True
+    used[joined[of_node[:n_cells][mine]]] = True
     comm.Allreduce(MPI.IN_PLACE, used, op=MPI.LOR)
-    return (np.cumsum(used) - 1)[joined[of_node[:n_cells]]], int(used.sum())
+    labels = (np.cumsum(used) - 1)[joined[of_node[:n_cells]]]
+    return np.where(mine, labels, -1), int(used.sum())
 
 
 def components(n: int, a: np.ndarray, b: np.ndarray) -> tuple[int, np.ndarray]:
@@ -222,7 +231,8 @@ def _boxes(device: Device, labels: np.ndarray, count: int) -> list[Box]:
     mesh = device.mesh
     table = compat.geometry_dofmap(mesh)
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    x = mesh.geometry.x[table]
+    inside = labels >= 0
+    x, labels = mesh.geometry.x[table[inside]], labels[inside]
     np.minimum.at(low, labels, x.min(axis=1, initial=np.inf))
     np.maximum.at(high, labels, x.max(axis=1, initial=-np.inf))
     device.comm.Allreduce(MPI.IN_PLACE, low, op=MPI.MIN)
@@ -256,7 +266,8 @@ def _held(
     for a, component in enumerate(parts):
         table = component.space.dofmap.list
         part = np.full(len(component.dofs), -1)
-        part[table.ravel()] = np.repeat(labels, table.shape[1])
+        inside = labels >= 0
+        part[table[inside].ravel()] = np.repeat(labels[inside], table.shape[1])
         held = np.flatnonzero(fixed[component.dofs] & (part >= 0))
         x = component.space.tabulate_dof_coordinates()[held]
         order = np.argsort(part[held], kind="stable")

@@ -72,6 +72,11 @@ class Roles:
         """Owned degrees of freedom of a group, and its places among the free ones."""
         return self._owned[name], self._free[name]
 
+    def by_reactions(self) -> list[np.ndarray]:
+        """Places among the free unknowns of each field whose residual counts by its reactions."""
+        groups = self.groups.items()
+        return [self._free[name] for name, fields in groups if fields[0].by_reactions]
+
     @property
     def has(self) -> set[Role]:
         """Roles of the groups."""

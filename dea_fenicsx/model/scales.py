@@ -16,7 +16,7 @@ class Scales:
     Attributes
     ----------
     length : m
-    stress : Pa, the shear modulus of the softest dielectric
+    stress : Pa, the shear modulus of the softest dielectric; 1 Pa where all is air
     permittivity : F/m
     depth : third dimension of a plane problem in units of `length`, 1 otherwise
     """
@@ -53,9 +53,14 @@ class Scales:
 
     @classmethod
     def of(cls, scene: Scene) -> Scales:
-        """Scales of a scene: its size, its softest dielectric and its largest permittivity."""
-        active = [m for m in scene.materials.values() if m.is_dielectric]
-        moduli = [m.elastic.shear_modulus() for m in active or scene.materials.values()]
+        """Scales of a scene: its size, its softest dielectric and its largest permittivity.
+
+        Air counts only where there is no other dielectric, and then with its permittivity alone.
+        """
+        solids = scene.solids.values()
+        active = [m for m in solids if m.is_dielectric]
+        moduli = [m.elastic.shear_modulus() for m in active or solids] or [1.0]
+        active = active or [m for m in scene.materials.values() if m.is_dielectric]
         return cls(
             length=scene.device.length,
             stress=min(moduli),

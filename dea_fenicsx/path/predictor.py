@@ -134,9 +134,7 @@ class Predictor:
         guess = self.extrapolated(factors)
         if guess is not None:
             start = problem.imposed(guess)
-            with problem.at(start):
-                admissible = problem.probe().admissible
-            if admissible:
+            if self.solver.admits(start, last):
                 attempt = judge(self.solver.solve(start), guess)
                 if attempt.converged:
                     return attempt

@@ -190,7 +190,7 @@ def _closed(problem: Problem) -> list[np.ndarray]:
     n_cells = imap.size_local + imap.num_ghosts
     soft = np.zeros(n_cells, dtype=bool)
     for name, material in problem.parameters.materials.items():
-        if material.bulk_modulus is None:
+        if material.bulk_modulus is None and not material.is_air:
             soft[device.cells_of(name)] = True
     held = _held_facets(problem)
     links = device.mesh.topology.connectivity(tdim - 1, tdim)

@@ -16,7 +16,7 @@ from dea_fenicsx.measure.observables import Charge, Observable, electrode_named
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.path.path_checks import MOST_STEPS
 from dea_fenicsx.results.columns import column_of
-from dea_fenicsx.results.folder import Run
+from dea_fenicsx.results.finished import Run
 from dea_fenicsx.run.modes import checked_problem
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.agreement import bind_alike, check_same

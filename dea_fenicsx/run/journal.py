@@ -178,7 +178,7 @@ class Journal:
         """The errors of a step, and the work that it took."""
         inertia = self.solver.inertia
         return {
-            "min_J": checked.probe.min_J,
+            "min_J": checked.probe.solid_J,
             "volume_error": checked.volume_error,
             "residual": checked.residual,
             "newton_iterations": spent[0],

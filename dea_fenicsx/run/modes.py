@@ -19,7 +19,7 @@ from dea_fenicsx.model.rigid_shapes import rigid_shapes
 from dea_fenicsx.path.items import Response
 from dea_fenicsx.results import hdf5, xdmf
 from dea_fenicsx.results.fields import FieldWriter
-from dea_fenicsx.results.folder import Run
+from dea_fenicsx.results.finished import Run
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError

@@ -116,7 +116,11 @@ def _is_like(old: Scene, new: Scene) -> bool:
         return False
     if any(_kind(old.materials[r]) != _kind(m) for r, m in new.materials.items()):
         return False
-    moduli = [min(m.elastic.shear_modulus() for m in s.materials.values()) for s in (old, new)]
+    moduli = [
+        min((m.elastic.shear_modulus() for m in s.solids.values()), default=1.0) for s in (old, new)
+    ]
+    if len(new.solids) < len(new.materials) and moduli[0] != moduli[1]:
+        return False  # The stiffness of air follows the smallest modulus.
     return bool(abs(np.log(moduli[0] / moduli[1])) < np.log(MOST_CHANGE))
 
 
@@ -126,6 +130,8 @@ def _plain(value: Any) -> Any:
 
 def _kind(material: Material) -> tuple[Any, ...]:
     """What of a material shapes the forms: its models and how many constants they have."""
+    if material.is_air:
+        return (material,)
     elastic, electric = material.elastic, material.electric
     return type(elastic), _shape(elastic), type(electric), material.is_dielectric, (
         material.bulk_modulus is None

@@ -15,6 +15,7 @@ from mpi4py import MPI
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.probe import Probe
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.run.short_circuit import short_circuit
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import SolverError
 
@@ -57,7 +58,8 @@ def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -
     ------
     SolverError
         If the residual is above the tolerance, det F or a chain's margin is not positive, the
-        volume is off by more than the residual's tolerance allows, or an observable is not finite.
+        volume is off by more than the residual's tolerance allows, electrodes of different
+        potentials touch, or an observable is not finite.
     """
     problem = solver.problem
     residual = problem.residual()
@@ -76,6 +78,8 @@ def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -
     if not bounded <= bound:
         faults.append(f"its volume error {bounded:.3g} is above {bound:.3g}")
     faults += _open_gaps(problem)
+    if (short := short_circuit(problem)) is not None:
+        faults.append(short)
     faults += [f"{name} is {value}" for name, value in measured.items() if not np.isfinite(value)]
     if faults:
         raise SolverError(

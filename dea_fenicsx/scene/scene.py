@@ -9,6 +9,7 @@ from functools import cached_property
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.cell_quality import check_cells
 from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.scene.air_checks import check_air
 from dea_fenicsx.scene.condition import Condition, Driven, Load, Prescribed, Support
 from dea_fenicsx.scene.declared import Declared, gathered
 from dea_fenicsx.scene.electrode_checks import check_electrodes
@@ -86,7 +87,8 @@ class Scene:
             condition.check(self)
         for condition in self.mechanics:
             condition.check_beside(self.declared.told)
-        if not self.supports:
+        check_air(self)
+        if not self.supports and self.solids:
             raise InputError(
                 "The scene has no supports, so the device could drift away; add Clamp(...), "
                 "Fix(...) or FreeBody()."
@@ -122,6 +124,11 @@ class Scene:
     def period(self) -> float:
         """Length in m along the global elongation, such as a helical cell's height.  Collective."""
         return self.kinematics.period(self.device)
+
+    @property
+    def solids(self) -> dict[str, Material]:
+        """The materials of all regions but the air."""
+        return {name: m for name, m in self.materials.items() if not m.is_air}
 
     @property
     def has_potential(self) -> bool:

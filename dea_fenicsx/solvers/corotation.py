@@ -52,10 +52,13 @@ class Corotation:
     ----------
     factor
         The preconditioner in the state of the last factorisation, or None.
+    weights
+        What the rows of the operator are multiplied by, as of `Tangent`.
     """
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
+        self.weights: np.ndarray | None = None
         self.factor: Factor | None = None
         parts = problem.displacement
         self._dim = problem.mesh.topology.dim
@@ -101,7 +104,13 @@ class Corotation:
     def apply(self, context: Any, x: Any, y: Any) -> None:
         """Apply the preconditioner; PETSc calls this."""
         assert self.factor
-        self._turned(self.factor.apply, x, y)
+        if self.weights is None:
+            self._turned(self.factor.apply, x, y)
+            return
+        plain = x.duplicate()
+        plain.array[:] = x.array_r / self.weights
+        self._turned(self.factor.apply, plain, y)
+        plain.destroy()
 
     def applyTranspose(self, _: Any, x: Any, y: Any) -> None:
         """What PETSc calls to precondition the transpose of the tangent."""

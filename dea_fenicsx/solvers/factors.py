@@ -8,8 +8,11 @@ signs of its pivots cannot be trusted.  For large problems in space see `split_f
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.tangent import MOST_UNKNOWNS_KEPT
@@ -159,6 +162,7 @@ class WholeFactor:
         self.single = single
         self._keep = problem.unknowns <= MOST_UNKNOWNS_KEPT
         self._factor: Mumps | None = None
+        self._scale: np.ndarray | None = None
         self._petsc = PetscObjects(problem.comm)
 
     def make(self, tangent: Any) -> bool:
@@ -166,6 +170,12 @@ class WholeFactor:
 
         False if MUMPS fails.
         """
+        self._scale = self._scaling(tangent)
+        if self._scale is not None:
+            scale = tangent.createVecLeft()
+            scale.array[:] = self._scale
+            tangent.diagonalScale(scale, scale)
+            scale.destroy()
         if not self._factor or self._factor.matrix != tangent:
             self.release()
             problem = self.problem
@@ -176,6 +186,25 @@ class WholeFactor:
             self._factor = Mumps(tangent, icntl, {}, self.single, self._keep, symmetric)
             self._petsc.keep("factor", self._factor)
         return self._factor.make()
+
+    def _scaling(self, tangent: Any) -> np.ndarray | None:
+        """Scale of each free unknown (owned) that makes the largest entries of rows comparable.
+
+        Rows and columns are multiplied by it, which leaves the inertia as it is.  It is None unless
+        there is a field whose forces may be many times those of the motion.
+        """
+        groups = self.problem.roles.by_reactions()
+        if not groups:
+            return None
+        offsets, _, values = tangent.getValuesCSR()
+        largest = np.ones(len(offsets) - 1)
+        filled = np.flatnonzero(np.diff(offsets))
+        largest[filled] = np.maximum.reduceat(np.abs(values), offsets[filled])
+        scale = np.ones(len(largest))
+        for rows in groups:
+            sizes = largest[rows]
+            scale[rows] = 1 / np.where((sizes > 0) & np.isfinite(sizes), sizes, 1.0)
+        return scale
 
     @property
     def excess(self) -> int | None:
@@ -194,15 +223,24 @@ class WholeFactor:
     def apply(self, _: Any, x: Any, y: Any) -> None:
         """What PETSc calls to precondition."""
         assert self._factor
-        self._factor.pc.apply(x, y)
+        self._scaled(self._factor.pc.apply, x, y)
 
     def apply_transposed(self, _: Any, x: Any, y: Any) -> None:
         """The same for the transpose of the tangent."""
         assert self._factor
-        if self._factor.symmetric:
-            self._factor.pc.apply(x, y)
-        else:
-            self._factor.pc.applyTranspose(x, y)
+        pc = self._factor.pc
+        self._scaled(pc.apply if self._factor.symmetric else pc.applyTranspose, x, y)
+
+    def _scaled(self, action: Callable[[Any, Any], None], x: Any, y: Any) -> None:
+        """The action of the factor, whose rows and columns are scaled."""
+        if self._scale is None:
+            action(x, y)
+            return
+        scaled = x.duplicate()
+        scaled.array[:] = self._scale * x.array_r
+        action(scaled, y)
+        scaled.destroy()
+        y.array[:] *= self._scale
 
     def make_room(self) -> None:
         """Delete a large factor before the matrix of the next one is assembled."""

@@ -131,11 +131,13 @@ class LinearSolver:
         problem, choice = self.problem, self.options.factor
         discontinuous = problem.pressure_kind == "discontinuous"
         symmetric = problem.forms.is_symmetric
-        possible = discontinuous and symmetric and problem.roles.has <= SPLIT_ROLES
+        no_air = all(kernel.air is None for kernel in problem.kernels)
+        possible = discontinuous and symmetric and no_air and problem.roles.has <= SPLIT_ROLES
         if choice == "split" and not possible:
             why = (
                 "a discontinuous pressure, but it is continuous here" if not discontinuous
                 else "a symmetric tangent, but it is not symmetric here" if not symmetric
+                else "a device without air" if not no_air
                 else "displacement, pressure, potential and internal fields, but there are others"
             )
             raise InputError(
@@ -300,9 +302,14 @@ class LinearSolver:
         ksp = self._ksp
         ksp.setTolerances(rtol=rtol, atol=0.0, max_it=2 * self.options.krylov_limit)
         x, b = self.tangent.operator.createVecs()
-        b.array[:] = rhs
+        weights = self.tangent.weights
+        if transposed:
+            self.tangent.weights = None
+        self._corotation.weights = self.tangent.weights
+        b.array[:] = rhs if self.tangent.weights is None else self.tangent.weights * rhs
         (ksp.solveTranspose if transposed else ksp.solve)(b, x)
         iterations = ksp.getIterationNumber()
+        self.tangent.weights = weights
         self.counters.krylov += iterations
         solution = x.array_r.copy() if ksp.getConvergedReason() > 0 else None
         x.destroy()

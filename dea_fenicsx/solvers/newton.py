@@ -15,6 +15,7 @@ from dea_fenicsx.solvers.linear import LinearSolver
 from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.solvers.outcome import Attempt, Outcome, fault_of
 from dea_fenicsx.solvers.residual_norms import References
+from dea_fenicsx.solvers.squeezing import TOLERATED_SHARE, Squeezing, shortened
 
 LINEARISING = "linearising"
 """The stage with which each Newton iteration begins."""
@@ -55,6 +56,7 @@ class NewtonSolver(LinearSolver):
     def __init__(self, problem: Problem, options: NewtonOptions | None = None) -> None:
         super().__init__(problem, options)
         self.references = References(problem)
+        self._squeezing = Squeezing(problem)
 
     def renew(self) -> None:
         """Begin anew with other constants of the problem; matrices and analyses are kept."""
@@ -64,6 +66,7 @@ class NewtonSolver(LinearSolver):
     def residual_of(self, residual: np.ndarray, anew: bool = False) -> float:
         """Largest scaled residual of a field (inf if it is not finite); `anew` as of `norms`."""
         norms = list(self.references.norms(residual, anew).values())
+        self.tangent.weights = self.references.weights()
         # Python's max would pass over a NaN that is not the first
         return max(norms) if np.all(np.isfinite(norms)) else np.inf
 
@@ -102,6 +105,20 @@ class NewtonSolver(LinearSolver):
                 patient,
             )
 
+    def admits(self, guess: State, last: State) -> bool:
+        """Whether Newton's method may start from a guess that follows the last state.  Collective.
+
+        All energies must be defined there, and air must not be squeezed too much.
+        """
+        problem = self.problem
+        if self._squeezing:
+            with problem.at(last):
+                self._squeezing.begin()
+        with problem.at(guess):
+            if not problem.probe().admissible:
+                return False
+            return not self._squeezing or self._squeezing.share() >= TOLERATED_SHARE
+
     def _iterate(self, tolerance: float, lifted: State | None, patient: bool) -> Attempt:
         """Newton's method from the present state.
 
@@ -125,9 +142,15 @@ class NewtonSolver(LinearSolver):
             )
             if increment is None:
                 return Attempt(self.trouble, iteration, norm)
-            start, lifted = lifted or problem.state, None
+            if lifted is not None and self._squeezing:
+                start, lifted = self._lift(lifted, increment)
+            else:
+                start, lifted = lifted or problem.state, None
             iteration += 1
             self.counters.newton += 1
+            if lifted is not None:  # only a part of the way: linearise again, and go on
+                residual, norm = self._timed_residual(), np.inf
+                continue
             residual, norm, outcome = self._advance(start, increment, history)
             if outcome is not Outcome.CONVERGED:
                 return Attempt(outcome, iteration, norm)
@@ -136,7 +159,7 @@ class NewtonSolver(LinearSolver):
                 norm = self.residual_of(residual, anew=True)
             history.append(norm)
             self.notify(f"Newton {iteration}: residual {norm:.1e}")
-            if not np.isfinite(norm) or (iteration > 3 and norm > 1e4 * min(history[1:])):
+            if not np.isfinite(norm) or (iteration > 3 and norm > 1e4 * min(history[1:] or [norm])):
                 return Attempt(Outcome.DIVERGED, iteration, norm)
         fault = fault_of(problem.probe())
         found = problem.state if fault is Outcome.CONVERGED else None
@@ -162,13 +185,39 @@ class NewtonSolver(LinearSolver):
         near = min(history) <= MOST_ROUNDING_OVER_TOLERANCE * self.options.tolerance
         return Outcome.ROUNDING if near and at_rest else Outcome.SLOW
 
+    def _lift(self, lifted: State, increment: np.ndarray) -> tuple[State, State | None]:
+        """Move fixed values and unknowns as far as the air allows.
+
+        Returns
+        -------
+        start : State
+            Where the step starts if all of it can be made.
+        lifted : State or None
+            The state whose fixed values are still aimed at; then a part of the step has been made.
+        """
+        problem, here, size = self.problem, self.problem.state, 1.0
+        self._squeezing.begin()
+        for _ in range(8):
+            mixed = (1 - size) * here.values + size * lifted.values
+            part = lifted.with_values(mixed)
+            problem.show(problem.moved(part, size * increment))
+            share = self._squeezing.share()
+            if share >= TOLERATED_SHARE:
+                break
+            size *= shortened(share)
+        if size == 1.0 or share < TOLERATED_SHARE:
+            problem.show(here)
+            return lifted, None
+        return part, lifted
+
     def _advance(
         self, start: State, increment: np.ndarray, history: list[float]
     ) -> tuple[np.ndarray, float, Outcome]:
         """Add an increment, halved until the state is admissible and the residual acceptable.
 
         A trial state is refused if det F <= 0, if a polymer chain is beyond its lock-up, or if the
-        residual grows by more than a factor of 1000.  Energies are never clamped, because this
+        residual grows by more than a factor of 1000.  A step that squeezes air too much is
+        shortened, see `Squeezing`.  Energies are never clamped, because this
         would change the material.
         """
         problem = self.problem
@@ -177,8 +226,13 @@ class NewtonSolver(LinearSolver):
         if len(history) > 1:
             limit = 1e3 * max(history[-1], self.options.tolerance)
         outcome = Outcome.CONVERGED
+        self._squeezing.begin()
         for _ in range(8):
             problem.show(problem.moved(start, size * increment))
+            if self._squeezing and (share := self._squeezing.share()) < TOLERATED_SHARE:
+                outcome = Outcome.INVERTED
+                size *= shortened(share)
+                continue
             outcome = fault_of(problem.probe())
             if outcome is Outcome.CONVERGED:
                 residual = self._timed_residual()

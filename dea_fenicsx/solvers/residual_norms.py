@@ -72,6 +72,8 @@ class References:
     ----------
     sizes
         For u and phi the largest reference of any accepted state so far, dimensionless.
+    by_reactions
+        References of the latest residual for fields that have them by their reactions.
     volume
         Reference of the rows of p, which hold int q (J - 1) dX.  It is the size of int |q| dX.
     """
@@ -85,6 +87,7 @@ class References:
             for name, fields in problem.roles.groups.items()
         ]
         self.sizes = {g.name: self._moduli() for g in self._groups if g.role is Role.MOTION}
+        self.by_reactions: dict[str, float] = {}
         self._charge_of_sheets = 0.0  # of a disordered potential, per s
         self._along: np.ndarray | None = None  # places of these nodes among the free unknowns
         if problem.forms.sheets:
@@ -99,6 +102,7 @@ class References:
         """
         anew = anew and bool(self.problem.loads.changing)
         out = {}
+        self.by_reactions = {}
         for group, everything, mine in self._rows(residual):
             reference = max(self.sizes.get(group.name, 0.0), everything)
             if group.role is Role.MULTIPLIER:
@@ -112,8 +116,24 @@ class References:
                     reference = self.sizes.get(group.name) or FED_SHARE * everything
             else:
                 reference = group.field.residual_scale
+                if group.field.by_reactions:
+                    reference = max(reference, everything)
+                    self.by_reactions[group.name] = reference
             out[group.name] = mine / reference if reference > 0 else np.inf if mine else 0.0
         return out
+
+    def weights(self) -> np.ndarray | None:
+        """Weights that make the free rows of the tangent comparable (owned); None for all 1.
+
+        Rows of a field whose forces may be many times those of the motion count relative to these.
+        """
+        known = {name: size for name, size in self.by_reactions.items() if 0 < size < np.inf}
+        if not known:
+            return None
+        found = np.ones(len(self.problem.free))
+        for name, size in known.items():
+            found[self.problem.roles.of_group(name)[1]] = max(self.sizes.values()) / size
+        return found
 
     def remember(self, residual: np.ndarray) -> None:
         """Enlarge the references to the forces and charges of the present, accepted state.
@@ -232,7 +252,8 @@ class References:
         problem = self.problem
         scene, part = problem.scene, problem.pressure
         moduli = np.zeros(len(part.dofs))
-        for name, material in problem.parameters.materials.items():
+        for name in scene.solids:
+            material = problem.parameters.materials[name]
             value = material.elastic.shear_modulus() / problem.scales.stress
             on = part.space.dofmap.list[scene.device.cells_of(name)].ravel()
             moduli[on] = np.maximum(moduli[on], value)

@@ -50,11 +50,13 @@ class _Product:
     def mult(self, _: Any, x: Any, y: Any) -> None:
         tangent = self.tangent()
         assert tangent
-        y.array[:] = tangent.times(x.array_r)
+        product = tangent.times(x.array_r)
+        y.array[:] = product if tangent.weights is None else tangent.weights * product
 
     def multTranspose(self, _: Any, x: Any, y: Any) -> None:
         tangent = self.tangent()
         assert tangent
+        assert tangent.weights is None
         y.array[:] = tangent.times_transposed(x.array_r)
 
 
@@ -70,11 +72,14 @@ class Tangent:
     ----------
     operator
         PETSc matrix in the free unknowns that has no entries, but multiplies vectors.
+    weights
+        What the rows of the operator are multiplied by (owned, free rows), or None.
     """
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self._along = dolfinx.fem.Function(problem.W)
+        self.weights: np.ndarray | None = None
         self._petsc = PetscObjects(problem.comm)
         forms = problem.forms
         self._matrix_form = compat.compile_form(forms.tangent(ufl.TrialFunction(problem.W)))
@@ -96,6 +101,7 @@ class Tangent:
 
     def renew(self) -> None:
         """Take other constants of the problem.  Collective."""
+        self.weights = None
         self._masses = scalar_masses(self.problem)
         self._loads = {}
 

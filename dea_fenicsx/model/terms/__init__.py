@@ -7,6 +7,7 @@ on surfaces is in `scene.declarations` and `model.loads`.
 """
 
 from dea_fenicsx.materials import ViscousBranch
+from dea_fenicsx.model.terms.air import AirElasticity, ShapeOfAir
 from dea_fenicsx.model.terms.augmentation import Augmentation
 from dea_fenicsx.model.terms.base import EnergyTerm, Term, WorkTerm
 from dea_fenicsx.model.terms.dielectric import Dielectric
@@ -25,6 +26,8 @@ def terms_of(scene: Scene) -> list[Term]:
     """The terms of a scene, in the order in which they are added up."""
     augmentation = Augmentation(scene.elements.augmentation)
     found: list[Term] = [Elasticity(), Volume(), augmentation, Dielectric(), Viscous()]
+    if scene.solids and len(scene.solids) < len(scene.materials):
+        found += [AirElasticity(), ShapeOfAir()]
     if scene.leaks:
         found.append(AlikeLeak() if scene.leaks_alike else MixedLeak())
         if any(m.is_dielectric and m.dielectric.relaxation_terms() for m in

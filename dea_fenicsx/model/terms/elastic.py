@@ -6,6 +6,7 @@ from typing import Any
 
 import ufl
 
+from dea_fenicsx.model.kernels import Kernel
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.terms.base import EnergyTerm
 
@@ -18,6 +19,9 @@ class Elasticity(EnergyTerm):
 
     name = "elastic"
     stored_as = "elastic"
+
+    def lives_on(self, kernel: Kernel) -> bool:
+        return kernel.air is None
 
     def density(self, at: MaterialPoint) -> Any:
         elastic = at.kernel.elastic

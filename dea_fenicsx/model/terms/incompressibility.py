@@ -12,6 +12,7 @@ class Volume(EnergyTerm):
     """p (J - 1), and - p^2 / (2 kappa) in a region with a bulk modulus kappa."""
 
     name = "volume"
+    fields = ("p",)
     stored_as = "elastic"
 
     def density(self, at: MaterialPoint) -> Any:

@@ -1,0 +1,51 @@
+"""Checks of a scene with air.  They tell each fault in one sentence before anything is solved."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dea_fenicsx.mesh.neighbours import regions_beside
+from dea_fenicsx.scene.declarations import InitialStretch
+from dea_fenicsx.support.errors import InputError
+
+
+def check_air(scene: Any) -> None:
+    """Raise InputError unless the air of a scene makes sense.  Collective."""
+    air = [name for name, material in scene.materials.items() if material.is_air]
+    if not air:
+        return
+    if not scene.solids:
+        _check_air_alone(scene, air)
+        return
+    for item in scene.declared.initial_stretches:
+        _check_stretch(item, air)
+    for load, work in scene.declared.surface_works:
+        beside = regions_beside(scene.device, [work.surface])
+        if beside <= set(air):
+            raise InputError(
+                f"{type(load).__name__} on {work.surface!r} acts on air alone, beside "
+                f"{', '.join(sorted(beside))}; name a surface of a solid."
+            )
+
+
+def _check_stretch(item: InitialStretch, air: list[str]) -> None:
+    for name in item.regions:
+        if name in air:
+            raise InputError(
+                f"The pre-stretch of {name!r} has no effect, since this region is air; name solid "
+                "regions only."
+            )
+
+
+def _check_air_alone(scene: Any, air: list[str]) -> None:
+    """Where all is air, nothing moves: the field is all that can be asked for."""
+    if not scene.electrodes:
+        raise InputError(
+            f"All regions ({', '.join(sorted(air))}) are air and there is no electrode, so there "
+            "is nothing to solve; add electrodes, or give a region Material(...)."
+        )
+    for item in (*scene.prescribed, *scene.loads):
+        raise InputError(
+            f"{type(item).__name__} has no effect, since all regions ({', '.join(sorted(air))}) "
+            "are air and nothing moves; leave it out, or give a region Material(...)."
+        )
