@@ -65,7 +65,12 @@ if TYPE_CHECKING:
         Reaction,
     )
     from dea_fenicsx.measure.point import AtPoint
-    from dea_fenicsx.measure.rigid_part import PartRotation
+    from dea_fenicsx.measure.rigid_part import (
+        PartDisplacement,
+        PartForce,
+        PartMoment,
+        PartRotation,
+    )
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.mesh.device import Device, read_gmsh
     from dea_fenicsx.path.items import Close, March, Open, Ramp, Trace
@@ -103,7 +108,7 @@ if TYPE_CHECKING:
         Stretch,
         Twist,
     )
-    from dea_fenicsx.scene.rigid import Moment, Rigid, Turn
+    from dea_fenicsx.scene.rigid import Force, Moment, Rigid, Turn
     from dea_fenicsx.scene.scene import Scene
     from dea_fenicsx.scene.sources import Source
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
@@ -125,7 +130,7 @@ _HOME = {
     "scene.elements": ("Discretisation",),
     "scene.loads": ("AxialForce", "DeadLoad", "DeadPressure", "FollowerPressure", "Torque"),
     "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),
-    "scene.rigid": ("Moment", "Rigid", "Turn"),
+    "scene.rigid": ("Force", "Moment", "Rigid", "Turn"),
     "scene.sources": ("Source",),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
     "support.errors": (
@@ -154,7 +159,7 @@ _HOME = {
     "measure.currents": ("ChargeLoss", "Current"),
     "measure.energy": ("Dissipation", "Energy"),
     "measure.point": ("AtPoint",),
-    "measure.rigid_part": ("PartRotation",),
+    "measure.rigid_part": ("PartDisplacement", "PartForce", "PartMoment", "PartRotation"),
     "measure.rotation": ("BendingAngle", "Rotation"),
     "results.folder": ("Run",),
     "run.session": ("solve",),

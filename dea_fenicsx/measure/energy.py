@@ -11,6 +11,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Measurement, group_names
+from dea_fenicsx.measure.rigid_part import work_on_parts
 from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.problem import Problem
@@ -50,7 +51,8 @@ class Energy:
             The work of the present loads on the present displacement, int t . u dA for a dead
             traction t: minus the loads' potential energy.  It is the work done so far by loads
             that are there from the beginning.  Of a load that grows with the displacement half of
-            it has been done.  Axial forces and torques are counted, charges and voltages are not.
+            it has been done.  Axial forces and torques, and forces and moments on rigid parts, are
+            counted; charges and voltages are not.
         The name of a term
             The energy of that term of the problem, see `model.terms`.
     regions
@@ -117,6 +119,11 @@ class Energy:
         if problem.loads.work != 0:
             # the virtual work of dead loads is linear, so it gives the work on w itself
             on_surfaces = integral(problem, ufl.action(problem.loads.work, problem.w))
+        if problem.rigid.wandering:
+            raise InputError(
+                "The work of a moment on a part that turns freely in space depends on the path; "
+                'Energy("loads") is for dead loads.'
+            )
         period = scene.period if scene.kinematics.global_unknowns else 0.0
         forces = [force for _, force in scene.declared.global_forces]
         places = [scene.kinematics.global_unknowns.index(told.unknown) for told in forces]
@@ -127,7 +134,7 @@ class Energy:
                 moved = problem.space.global_values(problem.scales.length) * period
                 for told, k in zip(forces, places, strict=True):
                     total += problem.factors[told.ramp] * told.amount * float(moved[k])
-            return total
+            return total + work_on_parts(problem)
 
         return value
 

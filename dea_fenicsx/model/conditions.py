@@ -12,9 +12,9 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.free_body import HeldBody, held_body
 from dea_fenicsx.model.orientation_springs import Turning
+from dea_fenicsx.model.part_supports import rigid_parts
 from dea_fenicsx.model.prescribed_motion import prescriptions
 from dea_fenicsx.model.rigid_motions import free_parts, refuse_free_parts
-from dea_fenicsx.model.rigid_parts import RigidParts
 from dea_fenicsx.model.roles import Roles
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.tied_unknowns import (
@@ -47,7 +47,7 @@ class Conditions:
     body
         The free body and what holds it, or None.
     rigid
-        The rigid parts, whose nodes follow a translation and an angle.
+        The rigid parts, whose nodes follow a displacement and a rotation.
     pairs
         What ties the two ends of a helical cell, or None.
     groups
@@ -92,9 +92,8 @@ class Conditions:
             )
 
         # What moves as a whole: rigid parts, and a free body, which is held without force.
-        self.rigid = RigidParts(declared.rigid_surfaces, device, motion, space.parts, rows)
-        carried = self.rigid.fix(values, declared.rigid_angles)
-        free = free_parts(device, kinematics, motion, values.fixed | carried)
+        self.rigid, joined = rigid_parts(declared, device, kinematics, space, values, given)
+        free = free_parts(device, kinematics, motion, values.fixed, joined)
         # If several parts can move, the largest is the free body, and the others are refused.
         bodies, others = (free[:1], free[1:]) if declared.holds_rigid_motions else ([], free)
         refuse_free_parts(others, device, "Fix or Clamp" if bodies else "Fix, Clamp or FreeBody")
@@ -114,18 +113,20 @@ class Conditions:
         self.groups: list[Group] = [
             *floating_groups(declared.floating, scales.charge, self.electrode_dofs, rows),
             *global_groups(unknowns, forces, scene.period, scales, overall, values.fixed, rows),
-            *self.rigid.groups(values.fixed, declared.rigid_moments, scales.force * scales.length),
+            *self.rigid.groups(values.fixed, scales.force, scales.length),
         ]
         fixed = values.fixed[: space.owned]
-        follower = followers(self.groups, self.pairs, fixed) | self.rigid.followers(space.owned)
+        follower = followers(self.groups, self.pairs, fixed) | self.rigid.followers(
+            space.owned, fixed
+        )
         self.free = np.flatnonzero(~fixed & ~follower).astype(np.int32)
         self.fixed = np.flatnonzero(fixed).astype(np.int32)
         self.expansion: Any = None
         if self.groups or self.pairs is not None or self.rigid:
             column = columns(self.free, self.groups, self.pairs, rows)
-            self.expansion = expansion(column, len(self.free), rows)
-            self.rigid.number(column)
-            self.rigid.fill(self.expansion, np.zeros(space.size))
+            self.expansion = expansion(column, len(self.free), rows, self.rigid.width)
+            self.rigid.number(column, self.groups, self.free)
+            self.rigid.fill(self.expansion, np.zeros(space.size), values.fixed)
 
         resistive = [self.electrode_dofs[e.label] for e, _ in declared.sheets]
         self.sheet_nodes = np.intersect1d(self.free, np.concatenate([[], *resistive]))

@@ -118,6 +118,7 @@ class Problem:
         self.rigid = conditions.rigid
         self.unknowns, self.roles = conditions.unknowns, conditions.roles
         self.turning, self.loads = conditions.turning, forms.loads
+        self.loads.following |= self.rigid.wandering
         self.circuits = conditions.circuits
         self.kernels, self.states = forms.kernels, forms.points
         self._step = dolfinx.fem.Function(self.W)
@@ -153,7 +154,7 @@ class Problem:
         """
         found = self.conditions.expansion
         if self.rigid and self._expanded != self.shown:
-            self.rigid.fill(found, self.w.x.array)
+            self.rigid.fill(found, self.w.x.array, self.conditions.fixed_values.fixed)
             self._expanded = self.shown
         return found
 
@@ -263,6 +264,7 @@ class Problem:
         """The state with an increment of the free unknowns (owned).  Collective."""
         self.spread(increment, self._step)
         values = state.values + self._step.x.array
+        self.rigid.advance(values, state.values, self._step.x.array)
         self.rigid.place(values)
         return state.with_values(values)
 

@@ -8,7 +8,7 @@ from a singular value decomposition, holds the motions that are free.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -37,6 +37,21 @@ class Box(NamedTuple):
 
     middle: np.ndarray
     half: float
+
+
+class Joined(NamedTuple):
+    """Nodes that move as one body, and what of rigid motions that body prevents.
+
+    Attributes
+    ----------
+    dofs
+        Local degrees of freedom in the mixed space of the first displacement component there.
+    rows
+        Gives for the box of a part of the mesh one row for each condition on its rigid motions.
+    """
+
+    dofs: np.ndarray
+    rows: Callable[[Box], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -88,8 +103,9 @@ class FreePart:
 
 
 def free_parts(
-    device: Device, kinematics: Kinematics, motion: Sequence[Component], fixed: np.ndarray
-) -> list[FreePart]:
+    device: Device, kinematics: Kinematics, motion: Sequence[Component], fixed: np.ndarray,
+    joined: Sequence[Joined] = (),
+) -> list[FreePart]:  # fmt: skip
     """The parts of the device that can move freely, the largest first.  Collective.
 
     Parameters
@@ -100,13 +116,18 @@ def free_parts(
         The displacement components.
     fixed
         Mask of the fixed local degrees of freedom of the mixed space.
+    joined
+        Nodes that move as one body, each with what it prevents.
     """
     labels, count = joined_parts(device)
     if kinematics.periodic_ends is not None:
         # The two ends are tied, so two separate parts of one period may be one strand of the helix.
         labels, count = np.zeros_like(labels), 1
+    labels, count, names = _joined_again(motion[0], labels, count, joined)
     boxes = _boxes(device, labels, count)
     rows = _held(motion, fixed, labels, boxes, kinematics)
+    for one, k in zip(joined, names, strict=True):
+        rows[k] = _triangle(np.vstack([rows[k], one.rows(boxes[k])]))
     owned = labels[: device.owned_cells()]
     found = []
     for k, box in enumerate(boxes):
@@ -184,6 +205,28 @@ def joined_parts(device: Device) -> tuple[np.ndarray, int]:
     used[joined[of_node[:n_cells]]] = True
     comm.Allreduce(MPI.IN_PLACE, used, op=MPI.LOR)
     return (np.cumsum(used) - 1)[joined[of_node[:n_cells]]], int(used.sum())
+
+
+def _joined_again(
+    component: Component, labels: np.ndarray, count: int, joined: Sequence[Joined]
+) -> tuple[np.ndarray, int, list[int]]:
+    """Parts of the mesh, taken as one where nodes of several move as one body.  Collective.
+
+    Returns the part of each cell, their number, and the part of each of the bodies.
+    """
+    if not joined:
+        return labels, count, []
+    table = component.space.dofmap.list
+    part = np.full(len(component.dofs), -1)
+    part[table.ravel()] = np.repeat(labels, table.shape[1])
+    touched = np.zeros((len(joined), count), dtype=bool)
+    for k, one in enumerate(joined):
+        mine = part[np.isin(component.dofs, one.dofs)]
+        touched[k, mine[mine >= 0]] = True
+    component.space.mesh.comm.Allreduce(MPI.IN_PLACE, touched, op=MPI.LOR)
+    body, of_part = np.nonzero(touched)
+    number, found = components(count + len(joined), count + body, of_part)
+    return found[labels], number, [int(k) for k in found[count:]]
 
 
 def components(n: int, a: np.ndarray, b: np.ndarray) -> tuple[int, np.ndarray]:

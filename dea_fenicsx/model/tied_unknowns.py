@@ -294,10 +294,10 @@ def columns(
     return column
 
 
-def expansion(column: np.ndarray, free: int, rows: Rows) -> PETSc.Mat:
+def expansion(column: np.ndarray, free: int, rows: Rows, width: int = 2) -> PETSc.Mat:
     """Matrix from the free unknowns to all owned degrees of freedom; rows of fixed ones are 0.
 
-    It is not assembled yet, and has room for two more numbers in each row.  Collective.
+    It is not assembled yet.  Collective.
 
     Parameters
     ----------
@@ -307,8 +307,11 @@ def expansion(column: np.ndarray, free: int, rows: Rows) -> PETSc.Mat:
         Number of free unknowns of this rank.
     rows
         The degrees of freedom that this rank owns.
+    width
+        Room for so many numbers in each row.
     """
-    P = PETSc.Mat().createAIJ(((rows.owned, None), (free, None)), nnz=(2, 2), comm=rows.comm)
+    shape = ((rows.owned, None), (free, None))
+    P = PETSc.Mat().createAIJ(shape, nnz=(width, width), comm=rows.comm)
     first = P.getOwnershipRange()[0]
     for row in np.flatnonzero(column >= 0):
         P.setValue(first + int(row), int(column[row]), 1.0)

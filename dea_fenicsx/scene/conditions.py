@@ -10,7 +10,7 @@ from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode, Ground, Th
 from dea_fenicsx.scene.elements import Discretisation
 from dea_fenicsx.scene.loads import AxialForce, DeadLoad, DeadPressure, FollowerPressure, Torque
 from dea_fenicsx.scene.prescribed import AxialStretch, Displacement, PreStretch, Stretch, Twist
-from dea_fenicsx.scene.rigid import Moment, Rigid, Turn
+from dea_fenicsx.scene.rigid import Force, Moment, Rigid, Turn
 from dea_fenicsx.scene.sources import Source
 from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
 from dea_fenicsx.scene.taper import Taper
@@ -18,6 +18,6 @@ from dea_fenicsx.scene.taper import Taper
 __all__ = [
     "AxialForce", "AxialStretch", "ChargedElectrode", "Clamp", "Condition", "DeadLoad",
     "DeadPressure", "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure",
-    "FreeBody", "Ground", "Load", "Moment", "PreStretch", "Prescribed", "Rigid", "Source",
+    "Force", "FreeBody", "Ground", "Load", "Moment", "PreStretch", "Prescribed", "Rigid", "Source",
     "Stretch", "Support", "Taper", "ThinFilm", "Torque", "Turn", "Twist",
 ]  # fmt: skip

@@ -19,13 +19,17 @@ from dea_fenicsx.scene.declarations import (
     GlobalForce,
     HeldRigidMotions,
     InitialStretch,
-    RigidAngle,
-    RigidMoment,
-    RigidSurface,
     SheetResistance,
     SurfaceWork,
 )
 from dea_fenicsx.scene.electrodes import Conducting
+from dea_fenicsx.scene.part_declarations import (
+    RigidAngle,
+    RigidForce,
+    RigidMoment,
+    RigidShift,
+    RigidSurface,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +51,10 @@ class Declared:
         Values of global unknowns, and what does work on such unknowns, each with its condition.
     surface_works
         Loads on surfaces, each with its condition.
-    rigid_surfaces, rigid_angles, rigid_moments
-        Rigid parts, the angles by which they are turned, and the moments on them.
+    rigid_surfaces, rigid_angles, rigid_shifts
+        Rigid parts, the angles by which they are turned, and the displacements of their centres.
+    rigid_moments, rigid_forces
+        The moments and the forces on rigid parts.
     potentials, floating
         Electrodes of given and of unknown potential, each with its declaration.
     added
@@ -66,7 +72,9 @@ class Declared:
     surface_works: list[tuple[Condition, SurfaceWork]]
     rigid_surfaces: list[RigidSurface]
     rigid_angles: list[RigidAngle]
+    rigid_shifts: list[RigidShift]
     rigid_moments: list[RigidMoment]
+    rigid_forces: list[RigidForce]
     potentials: list[tuple[Conducting, FixedPotential]]
     floating: list[tuple[Conducting, FloatingPotential]]
     added: list[AddedPhysics]
@@ -76,7 +84,7 @@ class Declared:
 def gathered(scene: Setting) -> Declared:
     """Ask each condition of a checked scene for its declarations, once."""
     conditions: tuple[Condition, ...] = (*scene.prescribed, *scene.supports, *scene.loads)
-    told = [(item, one) for item in conditions for one in item.declarations(scene)]
+    told = _moved_parts([(item, one) for item in conditions for one in item.declarations(scene)])
     electric = [(item, one) for item in scene.electrodes for one in item.declarations(scene)]
 
     def of[D: Declaration](kind: type[D]) -> list[D]:
@@ -92,9 +100,25 @@ def gathered(scene: Setting) -> Declared:
         surface_works=of_kind(told, SurfaceWork),
         rigid_surfaces=of(RigidSurface),
         rigid_angles=of(RigidAngle),
+        rigid_shifts=of(RigidShift),
         rigid_moments=of(RigidMoment),
+        rigid_forces=of(RigidForce),
         potentials=[(e, one) for e, one in electric if isinstance(one, FixedPotential)],
         floating=[(e, one) for e, one in electric if isinstance(one, FloatingPotential)],
         added=of(AddedPhysics),
         sheets=[(e, one) for e, one in electric if isinstance(one, SheetResistance)],
     )
+
+
+def _moved_parts(told: Told) -> Told:
+    """The declarations, with the displacements that are given to rigid parts as those of parts."""
+    parts = {one.surface for _, one in told if isinstance(one, RigidSurface)}
+
+    def of_part(one: Declaration) -> Declaration:
+        if not isinstance(one, FixedDisplacement) or one.surface not in parts:
+            return one
+        if one.ramp is None or one.growth is not None or callable(one.metres):
+            return one
+        return RigidShift(one.surface, one.axis, one.metres, one.ramp)
+
+    return [(item, of_part(one)) for item, one in told]
