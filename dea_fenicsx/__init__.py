@@ -80,6 +80,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
     from dea_fenicsx.run.parser import Parser
     from dea_fenicsx.run.session import solve
+    from dea_fenicsx.scene.body_forces import BodyForce, Centrifugal, Gravity
     from dea_fenicsx.scene.electrodes import (
         ChargedElectrode,
         Electrode,
@@ -125,6 +126,7 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
+    "scene.body_forces": ("BodyForce", "Centrifugal", "Gravity"),
     "scene.electrodes": ("ChargedElectrode", "Electrode", "Ground", "ThinFilm"),
     "scene.taper": ("Taper",),
     "scene.elements": ("Discretisation",),

@@ -86,6 +86,14 @@ def check_viscous_fit(out, printed):
     assert "(predicted)" in printed
 
 
+def check_cone(out, printed):
+    """Four digits of the reference of a thin membrane; the film's thickness takes 0.1 % off."""
+    s = summary(out)
+    assert s["thin_membrane_deflection"] == pytest.approx(0.64420238, abs=1e-8)
+    assert s["deflection"] == pytest.approx(0.64420238, rel=2e-3)
+    assert s["pull_in_field"] is None and s["pull_in_deflection"] is None
+
+
 def check_viscous_film(out, printed):
     """The exact course in time, whose pull-in is that of the literature's constants."""
     s = summary(out)

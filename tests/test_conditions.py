@@ -23,7 +23,7 @@ from dea_fenicsx.scene.kinematics import Helical, Kinematics
 
 PACKAGE = Path(dea.__file__).parent
 MU, EDGE = 50e3, 1e-3
-RUBBER = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(3.0))
+RUBBER = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(3.0), density=1e3)
 TIGHT = dea.NewtonOptions(tolerance=1e-12)
 
 
@@ -203,6 +203,9 @@ EXAMPLES = {
     "ChargedElectrode": ("top", 1e-9),
     "Source": ("top", 100.0),
     "Rigid": ("x_max",), "Turn": ("x_max", 1.0), "Moment": ("x_max", 1.0),
+    "Force": ("x_max", (1.0, 2.0)),
+    "Gravity": ((0.0, 0.0, -9.81),), "Centrifugal": (10.0,),
+    "BodyForce": ("film", (0.0, 0.0, 1.0)),
 }  # fmt: skip
 
 
@@ -224,7 +227,7 @@ def test_every_condition_checks_and_declares_itself(cube, name):
     item = kind(*EXAMPLES[name])
     needs_cell = name in ("AxialStretch", "Twist", "AxialForce", "Torque")
     scene = Setting(cube, Helical(0.0) if needs_cell else dea.ThreeD())
-    if name in ("Rigid", "Turn", "Moment"):
+    if name in ("Rigid", "Turn", "Moment", "Force"):
         scene.kinematics, scene.supports = dea.PlaneStrain(1e-3), (dea.Rigid("x_max"),)
     item.check(scene)
     told = item.declarations(scene)

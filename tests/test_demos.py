@@ -11,6 +11,7 @@ from conftest import ROOT
 from demo_checks import (
     check_blister,
     check_buckling,
+    check_cone,
     check_crease,
     check_creep,
     check_ddea,
@@ -300,6 +301,7 @@ def check_read_results(out, printed):
 CHECKS = {
     "blister.py": (check_blister, ["--mesh", "coarse", "--to", 0.06, "--early-steps", 40]),
     "buckling_strip.py": (check_buckling, []),
+    "cone.py": (check_cone, ["--thickness", 0.02, "--cells", 12]),
     "crease.py": (check_crease, ["--field", 1.1, "--tolerance", 1e-3]),
     "creep_disc.py": (check_creep, ["--tolerance", 2e-2, "--rest", 100]),
     "cube.py": (check_cube, []),

@@ -18,6 +18,7 @@ from dea_fenicsx.exact.activation import activation_voltage
 from dea_fenicsx.exact.bending import Bent, bend
 from dea_fenicsx.exact.branch import Branch, Event, State, trace
 from dea_fenicsx.exact.circuits import Harvest, charging_voltage, harvesting_cycle, leaked_charge
+from dea_fenicsx.exact.cone import Cone
 from dea_fenicsx.exact.course import Balance, Course, Moments, PullIn
 from dea_fenicsx.exact.cycles import steady_cycle
 from dea_fenicsx.exact.failure import MODES, Failure, FailureMap, failure_map, first_failure, limits
@@ -79,6 +80,7 @@ __all__ = [
     "first_failure",
     "limits",
     "march",
+    "Cone",
     "Course",
     "Moments",
     "PullIn",

@@ -14,7 +14,7 @@ from dea_fenicsx.support.validation import is_finite
 
 
 @dataclass(frozen=True)
-@in_si(bulk_modulus="Pa")
+@in_si(bulk_modulus="Pa", density="kg/m**3")
 class Material:
     """What fills a region.
 
@@ -34,6 +34,9 @@ class Material:
     viscous
         Viscous branches (`Maxwell`, `ViscousBranch`) beside the elastic energy, which is then that
         of the equilibrium, reached after an infinite time.
+    density
+        Mass per undeformed volume in kg/m^3.  Vibration and motion need it; None where nothing
+        does.
     """
 
     elastic: Elastic
@@ -41,6 +44,7 @@ class Material:
     bulk_modulus: float | None = None
     name: str = ""
     viscous: tuple[Branch, ...] = ()
+    density: float | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.viscous, list):
@@ -105,6 +109,10 @@ class Material:
                     f"bulk_modulus is {kappa!r}, but must be at least 2/3 of the shear modulus "
                     f"{mu:g} Pa (Poisson's ratio >= 0), or None for an incompressible material"
                 )
+        if self.density is not None and not (is_finite(self.density) and self.density > 0):
+            found.append(
+                f"the density is {shown(self.density)}, but must be a number > 0 in kg/m^3, or None"
+            )
         return found
 
     def parameters(self) -> dict[str, float]:

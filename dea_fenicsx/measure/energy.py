@@ -115,6 +115,11 @@ class Energy:
                     f"The work of {type(load).__name__} on {work.surface!r} depends on the path, "
                     'since the load follows the deformation; Energy("loads") is for dead loads.'
                 )
+        if any(work.follows for work in scene.declared.body_works):
+            raise InputError(
+                "The work of Centrifugal depends on the path, since the force follows the device; "
+                'Energy("loads") is for dead loads.'
+            )
         on_surfaces: Measurement = lambda: 0.0  # noqa: E731
         if problem.loads.work != 0:
             # the virtual work of dead loads is linear, so it gives the work on w itself

@@ -156,11 +156,11 @@ def _holding(problem: Problem, part: RigidPart) -> tuple[np.ndarray, np.ndarray]
         if load.surface == part.name:
             newtons = factors[load.ramp] * np.array(load.newtons)
             force = force - part.shifts.T @ (part.shifts @ newtons) / scales.force
-    for load in problem.rigid.moments:
-        if load.surface == part.name:
-            about = np.array(load.about[-part.turning.count:])
+    for turn in problem.rigid.moments:
+        if turn.surface == part.name:
+            about = np.array(turn.about[-part.turning.count:])
             unit = scales.force * scales.length
-            moment = moment - factors[load.ramp] * load.newton_metres * about / unit
+            moment = moment - factors[turn.ramp] * turn.newton_metres * about / unit
     return force, moment
 
 

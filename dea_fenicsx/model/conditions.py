@@ -116,9 +116,7 @@ class Conditions:
             *self.rigid.groups(values.fixed, scales.force, scales.length),
         ]
         fixed = values.fixed[: space.owned]
-        follower = followers(self.groups, self.pairs, fixed) | self.rigid.followers(
-            space.owned, fixed
-        )
+        follower = followers(self.groups, self.pairs, fixed) | self.rigid.followers(fixed)
         self.free = np.flatnonzero(~fixed & ~follower).astype(np.int32)
         self.fixed = np.flatnonzero(fixed).astype(np.int32)
         self.expansion: Any = None

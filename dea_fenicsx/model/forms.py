@@ -12,6 +12,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import one_sided
+from dea_fenicsx.model.body_forces import Body
 from dea_fenicsx.model.charge_memory import LeakMemory
 from dea_fenicsx.model.kernels import Kernel, kernels, measure
 from dea_fenicsx.model.loads import Loads, Surface, loaded_sides
@@ -100,6 +101,9 @@ class Forms:
             kinematics, mesh, scales.stress, space.present["u"], space.virtual["u"], virtual_motion
         )
         self.loads = Loads([work for _, work in works], at, ds)
+        for work in scene.declared.body_works:
+            body = Body(scene, scales, space, virtual_motion)
+            self.loads.add_body(work, self._everywhere(work.density(body)))
         self.residual = ufl.derivative(energy, space.w, space.test) - self.loads.work + beside
         if self.sheets:
             self.residual += self.sheets.work(at.weight, ds, len(sides))
@@ -138,6 +142,10 @@ class Forms:
     def _integral(self, k: int, density: Any) -> Any:
         """The integral of a density over the regions of kernel k."""
         return density * self._weight * self._dx(k)
+
+    def _everywhere(self, density: Any) -> Any:
+        """The integral of a density over the device."""
+        return sum(self._integral(k, density) for k in range(len(self.kernels)))
 
     def _energy(self, point: MaterialPoint) -> Any:
         """The sum of all terms of the energy that live on a point's kernel."""

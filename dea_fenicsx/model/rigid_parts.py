@@ -152,13 +152,13 @@ class RigidParts:
         freely = {part.name for part in self.parts if part.turns_freely}
         return {told.ramp for told in self.moments if told.surface in freely}
 
-    def followers(self, owned: int, fixed: np.ndarray) -> np.ndarray:
-        """Mask of the owned degrees of freedom that follow the parts; fixed ones do not."""
-        found = np.zeros(owned, dtype=bool)
+    def followers(self, fixed: np.ndarray) -> np.ndarray:
+        """Mask of the owned degrees of freedom that follow the parts, but for the fixed ones."""
+        found = np.zeros(len(fixed), dtype=bool)
         for part in self.parts:
             for dofs in part.dofs:
-                found[dofs[dofs < owned]] = True
-        return found & ~fixed[:owned]
+                found[dofs[dofs < len(fixed)]] = True
+        return found & ~fixed
 
     def groups(self, fixed: np.ndarray, force: float, length: float) -> list[Group]:
         """One group for each unknown of a part that is not fixed, with its loads.  Collective.

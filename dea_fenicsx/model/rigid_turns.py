@@ -132,4 +132,5 @@ class SpaceTurning(Turning):
 
 def turning_of(rotations: int) -> Turning:
     """How parts turn in a kinematics with some number of rotations."""
-    return {0: NoTurning, 1: PlaneTurning, 3: SpaceTurning}[rotations]()
+    kinds: dict[int, Turning] = {0: NoTurning(), 1: PlaneTurning(), 3: SpaceTurning()}
+    return kinds[rotations]

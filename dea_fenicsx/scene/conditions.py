@@ -5,6 +5,7 @@ ramp (``"voltage"``, ``"stretch"``, ``"load"`` unless told otherwise); its value
 factor 1.  All of them are gathered here from the modules of their kinds.
 """
 
+from dea_fenicsx.scene.body_forces import BodyForce, Centrifugal, Gravity
 from dea_fenicsx.scene.condition import Condition, Load, Prescribed, Support
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode, Ground, ThinFilm
 from dea_fenicsx.scene.elements import Discretisation
@@ -16,7 +17,8 @@ from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
 from dea_fenicsx.scene.taper import Taper
 
 __all__ = [
-    "AxialForce", "AxialStretch", "ChargedElectrode", "Clamp", "Condition", "DeadLoad",
+    "AxialForce", "AxialStretch", "BodyForce", "Centrifugal", "ChargedElectrode", "Clamp",
+    "Condition", "DeadLoad", "Gravity",
     "DeadPressure", "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure",
     "Force", "FreeBody", "Ground", "Load", "Moment", "PreStretch", "Prescribed", "Rigid", "Source",
     "Stretch", "Support", "Taper", "ThinFilm", "Torque", "Turn", "Twist",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dea_fenicsx.scene.body_forces import BodyWork
 from dea_fenicsx.scene.condition import Condition, Setting, Told, of_kind
 from dea_fenicsx.scene.declarations import (
     AddedPhysics,
@@ -51,6 +52,8 @@ class Declared:
         Values of global unknowns, and what does work on such unknowns, each with its condition.
     surface_works
         Loads on surfaces, each with its condition.
+    body_works
+        Body forces.
     rigid_surfaces, rigid_angles, rigid_shifts
         Rigid parts, the angles by which they are turned, and the displacements of their centres.
     rigid_moments, rigid_forces
@@ -70,6 +73,7 @@ class Declared:
     fixed_globals: list[tuple[Condition, FixedGlobal]]
     global_forces: list[tuple[Condition, GlobalForce]]
     surface_works: list[tuple[Condition, SurfaceWork]]
+    body_works: list[BodyWork]
     rigid_surfaces: list[RigidSurface]
     rigid_angles: list[RigidAngle]
     rigid_shifts: list[RigidShift]
@@ -98,6 +102,7 @@ def gathered(scene: Setting) -> Declared:
         fixed_globals=of_kind(told, FixedGlobal),
         global_forces=of_kind(told, GlobalForce),
         surface_works=of_kind(told, SurfaceWork),
+        body_works=of(BodyWork),
         rigid_surfaces=of(RigidSurface),
         rigid_angles=of(RigidAngle),
         rigid_shifts=of(RigidShift),
