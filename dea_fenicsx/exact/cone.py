@@ -55,7 +55,7 @@ class Cone:
         if not self.prestretch > 0:
             raise InputError(f"prestretch= of Cone is {self.prestretch:g}, but must be > 0.")
         if not 0 < self.inner < 1:
-            raise InputError(f"inner= of Cone is {self.inner:g}, but must lie between 0 and 1, A/B.")
+            raise InputError(f"inner= of Cone is {self.inner:g}, but must lie between 0 and 1.")
 
     def deflection(self) -> float:
         """Displacement of the disc along the force in units of B.
