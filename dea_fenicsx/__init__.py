@@ -112,6 +112,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.scene.rigid import Force, Moment, Rigid, Turn
     from dea_fenicsx.scene.scene import Scene
     from dea_fenicsx.scene.sources import Source
+    from dea_fenicsx.scene.springs import BistableLaw, CubicLaw, ElasticFoundation, Spring
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
     from dea_fenicsx.scene.taper import Taper
     from dea_fenicsx.solvers.options import NewtonOptions
@@ -134,6 +135,7 @@ _HOME = {
     "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),
     "scene.rigid": ("Force", "Moment", "Rigid", "Turn"),
     "scene.sources": ("Source",),
+    "scene.springs": ("BistableLaw", "CubicLaw", "ElasticFoundation", "Spring"),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
     "support.errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",

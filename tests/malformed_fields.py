@@ -167,6 +167,12 @@ FIELDS = {
     dea.Rigid: (in_scene(dea.Rigid, "supports"), dict(where="top")),
     dea.Turn: (in_scene(dea.Turn, "prescribed"), dict(where="top", radians=1.0)),
     dea.Moment: (in_scene(dea.Moment, "loads"), dict(where="top", newton_metres=1.0)),
+    dea.Spring: (in_scene(dea.Spring, "supports"), dict(where="top", law=1.0, axis="y")),
+    dea.CubicLaw: (dea.CubicLaw, dict(linear=1.0)),
+    dea.BistableLaw: (dea.BistableLaw, dict(newtons=1.0, metres=1e-3)),
+    dea.ElasticFoundation: (
+        in_scene(dea.ElasticFoundation, "supports"),
+        dict(where="top", newtons_per_cubic_metre=1e6)),
     dea.Gravity: (in_scene(dea.Gravity, "loads"), dict(acceleration=(0.0, -9.81))),
     dea.BodyForce: (
         in_scene(dea.BodyForce, "loads"),

@@ -204,6 +204,7 @@ EXAMPLES = {
     "Source": ("top", 100.0),
     "Rigid": ("x_max",), "Turn": ("x_max", 1.0), "Moment": ("x_max", 1.0),
     "Force": ("x_max", (1.0, 2.0)),
+    "Spring": ("x_max", 10.0, "x"), "ElasticFoundation": ("x_max", 1e6),
     "Gravity": ((0.0, 0.0, -9.81),), "Centrifugal": (10.0,),
     "BodyForce": ("film", (0.0, 0.0, 1.0)),
 }  # fmt: skip

@@ -110,7 +110,7 @@ class Energy:
                 'Energy("loads") has no regions, for loads act on surfaces; leave regions= out.'
             )
         for load, work in scene.declared.surface_works:
-            if work.follows:
+            if work.follows and work.ramp:
                 raise InputError(
                     f"The work of {type(load).__name__} on {work.surface!r} depends on the path, "
                     'since the load follows the deformation; Energy("loads") is for dead loads.'

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -23,6 +23,7 @@ from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.sheets import Sheets
 from dea_fenicsx.model.terms import EnergyTerm, Term, WorkTerm, terms_of
 from dea_fenicsx.model.terms.base import Variation
+from dea_fenicsx.model.terms.springs import SpringWork
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
@@ -36,6 +37,8 @@ class Forms:
     ----------
     scene, scales, space
         The scene, its units, and its unknowns.
+    springs
+        Terms of springs on rigid parts.
 
     Attributes
     ----------
@@ -66,7 +69,9 @@ class Forms:
     cell_volumes: np.ndarray
     volume: float
 
-    def __init__(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
+    def __init__(
+        self, scene: Scene, scales: Scales, space: Unknowns, springs: Sequence[SpringWork] = ()
+    ) -> None:
         device, kinematics, elements = scene.device, scene.kinematics, scene.elements
         mesh, degree, works = device.mesh, elements.quadrature_degree, scene.declared.surface_works
         self._mesh, self._owned, self._space = mesh, space.owned, space
@@ -78,7 +83,7 @@ class Forms:
         self.motion = kinematics.global_motion(space.present.get("global"), lead)
         virtual_motion = kinematics.global_motion(space.virtual.get("global"), lead)
 
-        self.terms: list[Term] = terms_of(scene)
+        self.terms: list[Term] = [*terms_of(scene), *springs]
         self.kernels: list[Kernel] = kernels(scene, scales, space.fields)
         soft = [kernel.cells for kernel in self.kernels if kernel.is_incompressible]
         self.incompressible_cells = np.sort(np.concatenate([np.empty(0, dtype=np.int32), *soft]))
@@ -105,8 +110,14 @@ class Forms:
             body = Body(scene, scales, space, virtual_motion)
             self.loads.add_body(work, self._everywhere(work.density(body)))
         self.residual = ufl.derivative(energy, space.w, space.test) - self.loads.work + beside
+        self.residual -= self.loads.standing
         if self.sheets:
             self.residual += self.sheets.work(at.weight, ds, len(sides))
+        for spring in springs:
+            if spring.ramp is not None:
+                rates = [spring.rate(point, self._virtual) for point in self.points]
+                work = sum(self._integral(k, rate) for k, rate in enumerate(rates))
+                self.loads.add_strain(spring.ramp, spring.factor, work)
         for k, point in enumerate(self.points):
             for ramp, rate in point.rates.items():
                 work = -ufl.derivative(self._integral(k, rate), space.w, space.test)
@@ -127,6 +138,8 @@ class Forms:
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self.cell_volumes = _cell_values(compat.compile_form(volumes))[:owned]
         self.volume = mesh.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
+        for term in self.terms:
+            term.settle(self.volume)
         self.prober = Prober(mesh, self.kernels, self.points, self.quadrature)
         self.memory = Memory(mesh, self.kernels, self.points, self.quadrature)
         self.leaks = LeakMemory(mesh, self.kernels, self.points, self.quadrature, self._scales)

@@ -44,6 +44,8 @@ class Loads:
         For each ramp the virtual work at factor 1.
     work
         The whole virtual work; 0 without loads.
+    standing
+        The virtual work of elastic foundations, which no ramp drives; 0 without them.
     following
         Ramps of loads whose direction follows the deformation.
     changing
@@ -55,15 +57,19 @@ class Loads:
     def __init__(self, works: Sequence[SurfaceWork], at: Surface, ds: Any) -> None:
         # We keep the order of the loads: a set would have a different order on each rank.
         self._number = at.number
-        self.on_surfaces = tuple(dict.fromkeys(work.ramp for work in works))
+        self.on_surfaces = tuple(dict.fromkeys(work.ramp for work in works if work.ramp))
         self.factors = {ramp: at.number(0.0) for ramp in self.on_surfaces}
         self.unit_work: dict[str, Any] = {}
         self.following: set[str] = set()
         self.changing: set[str] = set()
         self.unsymmetric: list[str] = []
         self.work: Any = 0
+        self.standing: Any = 0
         for k, load in enumerate(works):
             unit_work = load.density(at) * at.weight * ds(k)
+            if not load.ramp:
+                self.standing += unit_work
+                continue
             if load.follows:
                 self.following.add(load.ramp)
                 self.changing.add(load.ramp)

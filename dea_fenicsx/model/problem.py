@@ -25,6 +25,7 @@ from dea_fenicsx.model.parameters import Parameters
 from dea_fenicsx.model.probe import Probe
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.state import Factors, State
+from dea_fenicsx.model.terms.springs import spring_terms
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.model.viscous_history import ViscousHistory
 from dea_fenicsx.scene.scene import Scene
@@ -83,7 +84,9 @@ class Problem:
         fields = declared_fields(scene)
         self.space = Unknowns(self.mesh, fields, scene.kinematics.global_unknowns)
         self.conditions = Conditions(scene, self.scales, self.space)
-        self.forms = Forms(scene, self.scales, self.space)
+        told, parts = scene.declared.springs, self.conditions.rigid.parts
+        springs = spring_terms(told, parts, scene.kinematics.axes, self.scales, self.mesh)
+        self.forms = Forms(scene, self.scales, self.space, springs)
         self.parameters = Parameters(scene, self.scales, self.forms.kernels)
         self._name_parts()
         self._check_balance()

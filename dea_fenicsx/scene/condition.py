@@ -81,7 +81,16 @@ class Condition(ABC):
 
 
 class Support(Condition):
-    """What holds a device at every load."""
+    """What holds a device at every load.
+
+    One that a ramp brings to its state, such as a strained spring, has a field ``ramp`` and is
+    `is_driven`.
+    """
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether a ramp brings it to its state."""
+        return False
 
 
 class Extension(Support):

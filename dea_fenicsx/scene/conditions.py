@@ -13,12 +13,13 @@ from dea_fenicsx.scene.loads import AxialForce, DeadLoad, DeadPressure, Follower
 from dea_fenicsx.scene.prescribed import AxialStretch, Displacement, PreStretch, Stretch, Twist
 from dea_fenicsx.scene.rigid import Force, Moment, Rigid, Turn
 from dea_fenicsx.scene.sources import Source
+from dea_fenicsx.scene.springs import ElasticFoundation, Spring
 from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
 from dea_fenicsx.scene.taper import Taper
 
 __all__ = [
     "AxialForce", "AxialStretch", "BodyForce", "Centrifugal", "ChargedElectrode", "Clamp",
-    "Condition", "DeadLoad", "Gravity",
+    "Condition", "DeadLoad", "ElasticFoundation", "Gravity", "Spring",
     "DeadPressure", "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure",
     "Force", "FreeBody", "Ground", "Load", "Moment", "PreStretch", "Prescribed", "Rigid", "Source",
     "Stretch", "Support", "Taper", "ThinFilm", "Torque", "Turn", "Twist",

@@ -31,6 +31,7 @@ from dea_fenicsx.scene.part_declarations import (
     RigidShift,
     RigidSurface,
 )
+from dea_fenicsx.scene.springs import SpringForce
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +53,8 @@ class Declared:
         Values of global unknowns, and what does work on such unknowns, each with its condition.
     surface_works
         Loads on surfaces, each with its condition.
-    body_works
-        Body forces.
+    body_works, springs
+        Body forces, and springs on rigid parts.
     rigid_surfaces, rigid_angles, rigid_shifts
         Rigid parts, the angles by which they are turned, and the displacements of their centres.
     rigid_moments, rigid_forces
@@ -74,6 +75,7 @@ class Declared:
     global_forces: list[tuple[Condition, GlobalForce]]
     surface_works: list[tuple[Condition, SurfaceWork]]
     body_works: list[BodyWork]
+    springs: list[SpringForce]
     rigid_surfaces: list[RigidSurface]
     rigid_angles: list[RigidAngle]
     rigid_shifts: list[RigidShift]
@@ -103,6 +105,7 @@ def gathered(scene: Setting) -> Declared:
         global_forces=of_kind(told, GlobalForce),
         surface_works=of_kind(told, SurfaceWork),
         body_works=of(BodyWork),
+        springs=of(SpringForce),
         rigid_surfaces=of(RigidSurface),
         rigid_angles=of(RigidAngle),
         rigid_shifts=of(RigidShift),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
+from typing import Any
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.cell_quality import check_cells
@@ -110,7 +111,8 @@ class Scene:
     def ramps(self) -> tuple[str, ...]:
         """Names of everything that can be ramped, in the order of appearance."""
         live = [e for e in self.electrodes if e.is_driven]
-        driven: list[Driven] = [*self.prescribed, *self.loads, *live]
+        strained: list[Any] = [item for item in self.supports if item.is_driven]
+        driven: list[Driven] = [*self.prescribed, *strained, *self.loads, *live]
         return tuple(dict.fromkeys(item.ramp for item in driven))
 
     @property
@@ -157,6 +159,7 @@ class Scene:
     def is_electric(self, ramp: str) -> bool:
         """Whether a ramp drives potentials or charges and nothing else."""
         others = {item.ramp for item in (*self.prescribed, *self.loads)}
+        others |= {told.ramp for told in self.declared.springs if told.ramp}
         return ramp not in others and ramp in {e.ramp for e in self.electrodes}
 
 
