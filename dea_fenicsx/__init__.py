@@ -76,7 +76,12 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.over_region import CentreOfMass, Expression, OverRegion
     from dea_fenicsx.measure.periodic_force import PeriodicForce
     from dea_fenicsx.measure.point import AtPoint
-    from dea_fenicsx.measure.rigid_part import PartRotation
+    from dea_fenicsx.measure.rigid_part import (
+        PartDisplacement,
+        PartForce,
+        PartMoment,
+        PartRotation,
+    )
     from dea_fenicsx.measure.rotation import BendingAngle, Rotation
     from dea_fenicsx.measure.vibration import Frequency
     from dea_fenicsx.mesh.device import Device, device, read_gmsh
@@ -91,6 +96,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.run.modes import Modes, modes
     from dea_fenicsx.run.parser import Parser
     from dea_fenicsx.run.session import solve
+    from dea_fenicsx.scene.body_forces import BodyForce, Centrifugal, Gravity
     from dea_fenicsx.scene.cavity import Cavity
     from dea_fenicsx.scene.electrodes import (
         ChargedElectrode,
@@ -122,10 +128,11 @@ if TYPE_CHECKING:
         Stretch,
         Twist,
     )
-    from dea_fenicsx.scene.rigid import Moment, Rigid, Turn
+    from dea_fenicsx.scene.rigid import Force, Moment, Rigid, Turn
     from dea_fenicsx.scene.scene import Scene
     from dea_fenicsx.scene.shapes import Cylinder, Plane, Sphere
     from dea_fenicsx.scene.sources import Source
+    from dea_fenicsx.scene.springs import BistableLaw, CubicLaw, ElasticFoundation, Spring
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
     from dea_fenicsx.scene.taper import Taper
     from dea_fenicsx.solvers.options import NewtonOptions
@@ -140,6 +147,7 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
+    "scene.body_forces": ("BodyForce", "Centrifugal", "Gravity"),
     "scene.cavity": ("Cavity",),
     "measure.cavity": ("CavityEnergy", "CavityPressure", "CavityVolume"),
     "scene.electrodes": ("ChargedElectrode", "Electrode", "Ground", "ThinFilm"),
@@ -150,8 +158,9 @@ _HOME = {
     "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),
     "scene.obstacles": ("Obstacle",),
     "scene.shapes": ("Cylinder", "Plane", "Sphere"),
-    "scene.rigid": ("Moment", "Rigid", "Turn"),
+    "scene.rigid": ("Force", "Moment", "Rigid", "Turn"),
     "scene.sources": ("Source",),
+    "scene.springs": ("BistableLaw", "CubicLaw", "ElasticFoundation", "Spring"),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
     "support.errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
@@ -185,7 +194,7 @@ _HOME = {
     "measure.over_region": ("CentreOfMass", "Expression", "OverRegion"),
     "measure.periodic_force": ("PeriodicForce",),
     "measure.point": ("AtPoint",),
-    "measure.rigid_part": ("PartRotation",),
+    "measure.rigid_part": ("PartDisplacement", "PartForce", "PartMoment", "PartRotation"),
     "measure.rotation": ("BendingAngle", "Rotation"),
     "measure.vibration": ("Frequency",),
     "measure.in_motion": ("KineticEnergy", "Momentum"),

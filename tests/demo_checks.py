@@ -105,6 +105,23 @@ def check_viscous_fit(out, printed):
     assert "(predicted)" in printed
 
 
+def check_cone(out, printed):
+    """Four digits of the reference of a thin membrane; the film's thickness takes 0.1 % off."""
+    s = summary(out)
+    assert s["thin_membrane_deflection"] == pytest.approx(0.64420238, abs=1e-8)
+    assert s["deflection"] == pytest.approx(0.64420238, rel=2e-3)
+    assert s["pull_in_field"] is None and s["pull_in_deflection"] is None
+
+
+def check_spring_cone(out, printed):
+    """A bistable bias takes most of the film's stiffness away: about twice the stroke."""
+    s = summary(out)
+    assert s["bias"] == "bistable" and s["inertia"] == 0
+    assert s["deflection_at_0V"] == pytest.approx(0.467, abs=2e-3)  # own value, 2026-11
+    assert s["stroke"] == pytest.approx(0.054, abs=2e-3)  # 0.0280 with the linear spring alone
+    assert s["blocked_force_N"] == pytest.approx(0.0219, rel=0.02)
+
+
 def check_viscous_film(out, printed):
     """The exact course in time, whose pull-in is that of the literature's constants."""
     s = summary(out)

@@ -23,7 +23,7 @@ from dea_fenicsx.scene.kinematics import Helical, Kinematics
 
 PACKAGE = Path(dea.__file__).parent
 MU, EDGE = 50e3, 1e-3
-RUBBER = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(3.0))
+RUBBER = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(3.0), density=1e3)
 TIGHT = dea.NewtonOptions(tolerance=1e-12)
 
 
@@ -207,6 +207,10 @@ EXAMPLES = {
     "Obstacle": ("x_max", PLANE),
     "Rigid": ("x_max",), "Turn": ("x_max", 1.0), "Moment": ("x_max", 1.0),
     "Cavity": ("top", None, 1e-9, None, 1e5, 1.0, None, 0.0, "", "z"),
+    "Force": ("x_max", (1.0, 2.0)),
+    "Spring": ("x_max", 10.0, "x"), "ElasticFoundation": ("x_max", 1e6),
+    "Gravity": ((0.0, 0.0, -9.81),), "Centrifugal": (10.0,),
+    "BodyForce": ("film", (0.0, 0.0, 1.0)),
 }  # fmt: skip
 
 
@@ -228,7 +232,7 @@ def test_every_condition_checks_and_declares_itself(cube, name):
     item = kind(*EXAMPLES[name])
     needs_cell = name in ("AxialStretch", "Twist", "AxialForce", "Torque")
     scene = Setting(cube, Helical(0.0) if needs_cell else dea.ThreeD())
-    if name in ("Rigid", "Turn", "Moment"):
+    if name in ("Rigid", "Turn", "Moment", "Force"):
         scene.kinematics, scene.supports = dea.PlaneStrain(1e-3), (dea.Rigid("x_max"),)
     item.check(scene)
     told = item.declarations(scene)

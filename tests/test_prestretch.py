@@ -134,6 +134,13 @@ def test_refuses_other_scenes():
     with pytest.raises(dea.InputError, match="plane strain only"):
         dea.Scene(block((1, 1)), {"film": RUBBER}, supports=[dea.Clamp("bottom")],
                   prescribed=[item], kinematics=dea.Axisymmetric())  # fmt: skip
+    for item in (dea.PreStretch("film", r=1.5, z=0.5), dea.PreStretch("film", r=-1.0)):
+        with pytest.raises(dea.InputError, match=r"one of r and z|must be > 0"):
+            dea.Scene(block((1, 1)), {"film": RUBBER}, supports=[dea.Clamp("bottom")],
+                      prescribed=[item], kinematics=dea.Axisymmetric())  # fmt: skip
+    with pytest.raises(dea.InputError, match="for an axisymmetric section"):
+        dea.Scene(block((1, 1, 1)), {"film": RUBBER}, supports=[dea.Clamp("bottom")],
+                  prescribed=[dea.PreStretch("film", r=1.5)])  # fmt: skip
 
 
 def test_a_film_that_cannot_move_is_ramped_without_retries():

@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import block
 from mpi4py import MPI
 from scipy.sparse import csr_array
 from stopped_runs import refused
@@ -245,12 +244,6 @@ def test_what_is_refused(words):
             Problem(strip(**WRONG[words]))
         return
     refused(lambda: Problem(strip(**WRONG[words])), words)
-
-
-def test_in_space_it_is_refused():
-    film = {"film": dea.Material(dea.NeoHookean(MU))}
-    supports = [dea.Clamp("x_min"), dea.Rigid("x_max")]
-    refused(lambda: dea.Scene(block(), film, supports=supports), "needs PlaneStrain")
 
 
 def on_these_ranks(comm):

@@ -19,6 +19,7 @@ from dea_fenicsx.exact.balloon import Balloon
 from dea_fenicsx.exact.bending import Bent, bend
 from dea_fenicsx.exact.branch import Branch, Event, State, trace
 from dea_fenicsx.exact.circuits import Harvest, charging_voltage, harvesting_cycle, leaked_charge
+from dea_fenicsx.exact.cone import Cone
 from dea_fenicsx.exact.course import Balance, Course, Moments, PullIn
 from dea_fenicsx.exact.cycles import steady_cycle
 from dea_fenicsx.exact.disc_capacitor import disc_capacitance, plate_capacitance
@@ -81,6 +82,7 @@ __all__ = [
     "first_failure",
     "limits",
     "march",
+    "Cone",
     "Course",
     "Moments",
     "PullIn",

@@ -11,6 +11,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Measurement, group_names
+from dea_fenicsx.measure.rigid_part import work_on_parts
 from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.problem import Problem
@@ -53,7 +54,8 @@ class Energy:
             The work of the present loads on the present displacement, int t . u dA for a dead
             traction t: minus the loads' potential energy.  It is the work done so far by loads
             that are there from the beginning.  Of a load that grows with the displacement half of
-            it has been done.  Axial forces and torques are counted, charges and voltages are not.
+            it has been done.  Axial forces and torques, and forces and moments on rigid parts, are
+            counted; charges and voltages are not.
         ``"contact"``
             What deviations of the contact force from its mean around each vertex store at
             obstacles, int (f - p)^2/(2 r) dA.  It tends to 0 with the size of the cells; with it
@@ -119,15 +121,25 @@ class Energy:
                 'Energy("loads") has no regions, for loads act on surfaces; leave regions= out.'
             )
         for load, work in scene.declared.surface_works:
-            if work.follows:
+            if work.follows and work.ramp:
                 raise InputError(
                     f"The work of {type(load).__name__} on {work.surface!r} depends on the path, "
                     'since the load follows the deformation; Energy("loads") is for dead loads.'
                 )
+        if any(work.follows for work in scene.declared.body_works):
+            raise InputError(
+                "The work of Centrifugal depends on the path, since the force follows the device; "
+                'Energy("loads") is for dead loads.'
+            )
         on_surfaces: Measurement = lambda: 0.0  # noqa: E731
         if problem.loads.work != 0:
             # the virtual work of dead loads is linear, so it gives the work on w itself
             on_surfaces = integral(problem, ufl.action(problem.loads.work, problem.w))
+        if problem.rigid.wandering:
+            raise InputError(
+                "The work of a moment on a part that turns freely in space depends on the path; "
+                'Energy("loads") is for dead loads.'
+            )
         period = scene.period if scene.kinematics.global_unknowns else 0.0
         forces = [force for _, force in scene.declared.global_forces]
         places = [scene.kinematics.global_unknowns.index(told.unknown) for told in forces]
@@ -138,7 +150,7 @@ class Energy:
                 moved = problem.space.global_values(problem.scales.length) * period
                 for told, k in zip(forces, places, strict=True):
                     total += problem.factors[told.ramp] * told.amount * float(moved[k])
-            return total
+            return total + work_on_parts(problem)
 
         return value
 

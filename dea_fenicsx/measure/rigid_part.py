@@ -1,39 +1,196 @@
-"""What is measured on a rigid part."""
+"""What is measured on a rigid part: its displacement, its rotation, and what holds it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.rigid_parts import RigidPart
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.validation import one_of
 
 
 @dataclass(frozen=True)
 class PartRotation:
     """Angle of a rigid part in rad, counter-clockwise; several turns count.
 
+    In space it is a component of the rotation vector: its direction is the axis of the rotation,
+    and its length the angle.  So it does not depend on an order of rotations.
+
     Parameters
     ----------
     where
-        The facet group that is `Rigid`.
+        The name that is `Rigid`.
+    about
+        ``"x"``, ``"y"`` or ``"z"``, fixed in space.
     """
 
     where: str
+    about: str = "z"
     unit = "rad"
 
     def bind(self, problem: Problem) -> Measurement:
-        found = [part for part in problem.rigid.parts if part.name == self.where]
-        if not found:
-            raise InputError(
-                f"PartRotation of {self.where!r} needs a rigid part; add Rigid({self.where!r}) to "
-                "the supports."
-            )
-        part, comm = found[0], problem.comm
+        part, k = _turning_part(self, problem)
+        return lambda: float(motion_of(problem, part)[1][k])
 
-        def value() -> float:
-            # a rank without cells does not hold the angle
-            mine = problem.w.x.array[part.unknowns[-1][:1]]
-            return float(next(v for v in comm.allgather(mine) if len(v))[0])
 
-        return value
+@dataclass(frozen=True)
+class PartDisplacement:
+    """Displacement of the centre of a rigid part along an axis, in m.
+
+    Parameters
+    ----------
+    where
+        The name that is `Rigid`.
+    axis
+        The axis.
+    """
+
+    where: str
+    axis: str
+    unit = "m"
+
+    def bind(self, problem: Problem) -> Measurement:
+        part, a = _part(self, problem), _axis(self, problem)
+        return lambda: float(motion_of(problem, part)[0][a]) * problem.scales.length
+
+
+@dataclass(frozen=True)
+class PartForce:
+    """Force in N with which its guide holds a rigid part along an axis; 0 where it moves freely.
+
+    It is the force that the device needs at the part, less what `Force` and springs give.
+
+    Parameters
+    ----------
+    where
+        The name that is `Rigid`.
+    axis
+        The axis.
+    """
+
+    where: str
+    axis: str
+    unit = "N"
+
+    def bind(self, problem: Problem) -> Measurement:
+        part, a = _part(self, problem), _axis(self, problem)
+        return lambda: float(_holding(problem, part)[0][a]) * problem.scales.force
+
+
+@dataclass(frozen=True)
+class PartMoment:
+    """Moment in N m with which its guide holds a rigid part; 0 where it turns freely.
+
+    It is taken about the centre of the part where it is now.
+
+    Parameters
+    ----------
+    where
+        The name that is `Rigid`.
+    about
+        ``"x"``, ``"y"`` or ``"z"``, fixed in space.
+    """
+
+    where: str
+    about: str = "z"
+    unit = "N*m"
+
+    def bind(self, problem: Problem) -> Measurement:
+        part, k = _turning_part(self, problem)
+        unit = problem.scales.force * problem.scales.length
+        return lambda: float(_holding(problem, part)[1][k]) * unit
+
+
+def motion_of(problem: Problem, part: RigidPart) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement of a part's centre, dimensionless, and its rotation vector.  Collective.
+
+    The displacement has one number for each axis, the rotation vector one for each rotation.  The
+    centre is then at ``part.centre`` plus the displacement, and ``part.turning.matrix`` gives the
+    rotation's matrix.
+    """
+    mine = part.values(problem.w.x.array) if len(part.unknowns[0]) else None
+    # A rank without cells does not hold the unknowns.
+    values = next(v for v in problem.comm.allgather(mine) if v is not None)
+    return part.split(values)
+
+
+def work_on_parts(problem: Problem) -> float:
+    """Work of the present forces and moments on the present motion of rigid parts, in J.
+
+    Collective.
+    """
+    total, factors = 0.0, problem.factors
+    for part in problem.rigid.parts:
+        c, psi = motion_of(problem, part)
+        for load in problem.rigid.forces:
+            if load.surface == part.name:
+                moved = problem.scales.length * (np.array(load.newtons) @ c)
+                total += factors[load.ramp] * float(moved)
+        for turn in problem.rigid.moments:
+            if turn.surface == part.name:
+                angle = np.array(turn.about[-part.turning.count:]) @ psi
+                total += factors[turn.ramp] * turn.newton_metres * float(angle)
+    return total
+
+
+def _holding(problem: Problem, part: RigidPart) -> tuple[np.ndarray, np.ndarray]:
+    """Force and moment that hold a part, dimensionless.  Collective."""
+    residual, at, owned = problem.residual(), problem.w.x.array, problem.owned
+    slopes = part.slopes(at)
+    rows = np.zeros(len(part.unknowns))
+    for a, dofs in enumerate(part.dofs):
+        mine = dofs < owned
+        rows += residual[dofs[mine]] @ slopes[mine, a]
+    for k, dofs in enumerate(part.unknowns):
+        rows[k] += float(residual[dofs[dofs < owned]].sum())
+    rows = problem.comm.allreduce(rows, op=MPI.SUM)
+    force, moment = part.split(rows)
+    scales, factors = problem.scales, problem.factors
+    for load in problem.rigid.forces:
+        if load.surface == part.name:
+            newtons = factors[load.ramp] * np.array(load.newtons)
+            force = force - part.shifts.T @ (part.shifts @ newtons) / scales.force
+    for turn in problem.rigid.moments:
+        if turn.surface == part.name:
+            about = np.array(turn.about[-part.turning.count:])
+            unit = scales.force * scales.length
+            moment = moment - factors[turn.ramp] * turn.newton_metres * about / unit
+    return force, moment
+
+
+def _part(item: Any, problem: Problem) -> RigidPart:
+    """The rigid part that an observable names."""
+    found = [part for part in problem.rigid.parts if part.name == item.where]
+    if not found:
+        raise InputError(
+            f"{type(item).__name__} of {item.where!r} needs a rigid part; add Rigid({item.where!r})"
+            " to the supports."
+        )
+    return found[0]
+
+
+def _turning_part(item: Any, problem: Problem) -> tuple[RigidPart, int]:
+    """The rigid part that an observable names, and the number of the rotation."""
+    part = _part(item, problem)
+    names = {0: "", 1: "z", 3: "xyz"}[part.turning.count]
+    if not names:
+        raise InputError(
+            f"{type(item).__name__} of {item.where!r}: a rigid part of an axisymmetric section "
+            "does not turn; measure PartDisplacement or PartForce."
+        )
+    one_of(item.about, tuple(names), f"The axis of {type(item).__name__} of {item.where!r}")
+    return part, names.index(item.about)
+
+
+def _axis(item: Any, problem: Problem) -> int:
+    """The number of the axis that an observable names."""
+    kinematics = problem.scene.kinematics
+    axes = tuple(kinematics.axes) if kinematics.cartesian else tuple(kinematics.axes[-1:])
+    one_of(item.axis, axes, f"The axis of {type(item).__name__} of {item.where!r}")
+    return kinematics.axes.index(item.axis)

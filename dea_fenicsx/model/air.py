@@ -23,7 +23,7 @@ from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.fields import SHAPE_OF_AIR, Role
 from dea_fenicsx.model.fixed_values import FixedValues
-from dea_fenicsx.model.rigid_motions import FreePart, Ties, free_parts
+from dea_fenicsx.model.rigid_motions import FreePart, Joined, Ties, free_parts
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.scene import Scene
@@ -90,17 +90,18 @@ def has_moving_air(scene: Scene) -> bool:
 
 
 def unheld_parts(
-    scene: Scene, motion: Sequence[Component], fixed: np.ndarray, ties: Ties | None
+    scene: Scene, motion: Sequence[Component], fixed: np.ndarray,
+    joined: Sequence[Joined], ties: Ties | None,
 ) -> list[FreePart]:
     """The parts of the device that can move freely, as of `free_parts`.  Collective.
 
     What nothing but air holds can move, too.
     """
     device, kinematics = scene.device, scene.kinematics
-    found = free_parts(device, kinematics, motion, fixed, ties)
+    found = free_parts(device, kinematics, motion, fixed, joined, ties)
     if not found and has_moving_air(scene):
         solid = cells_in(device, tuple(scene.solids))
-        found = free_parts(device, kinematics, motion, fixed, ties, solid)
+        found = free_parts(device, kinematics, motion, fixed, joined, ties, solid)
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,10 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.free_body import HeldBody, held_body
 from dea_fenicsx.model.orientation_springs import Turning
+from dea_fenicsx.model.part_supports import rigid_parts
 from dea_fenicsx.model.periodic_faces import PeriodicTies
-from dea_fenicsx.model.prescribed_motion import prescriptions
-from dea_fenicsx.model.rigid_motions import refuse_free_parts
-from dea_fenicsx.model.rigid_parts import RigidParts
+from dea_fenicsx.model.prescribed_motion import Prescription, prescriptions
+from dea_fenicsx.model.rigid_motions import Joined, refuse_free_parts
 from dea_fenicsx.model.roles import Roles
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.tied_unknowns import (
@@ -55,7 +56,7 @@ class Conditions:
     body
         The free body and what holds it, or None.
     rigid
-        The rigid parts, whose nodes follow a translation and an angle.
+        The rigid parts, whose nodes follow a displacement and a rotation.
     pairs
         What ties the two ends of a helical cell, or None.
     ties
@@ -92,7 +93,8 @@ class Conditions:
         motion, rows = space.of(Role.MOTION), space.rows
 
         values = self.fixed_values = FixedValues(space.size, scene.ramps)
-        self.electrode_dofs = self._fix(scene, scales, space)
+        given = prescriptions(declared.displacements, device, kinematics, motion)
+        self.electrode_dofs = self._fix(given, scene, scales, space)
         cavities.fix(values, space.parts)
         cavities.check_walls(values, motion)
 
@@ -102,10 +104,9 @@ class Conditions:
         self.ties.fix_means(values, declared.mean_gradients)
 
         # What moves as a whole: rigid parts, and a free body, which is held without force.
-        self.rigid = RigidParts(declared.rigid_surfaces, device, motion, space.parts, rows)
-        carried = self.rigid.fix(values, declared.rigid_angles)
-        self.body = _held(scene, motion, values, carried, self.ties or None, released)
-        fix_shape_of_air(values, scene, space, carried)
+        self.rigid, joined = rigid_parts(declared, device, kinematics, space, values, given)
+        self.body = _held(scene, motion, values, joined, self.ties or None, released)
+        fix_shape_of_air(values, scene, space, self.rigid.carried(len(values.fixed)))
 
         # What follows other unknowns: the ends of a cell, electrodes of given charge and the like.
         self.pairs: Pairs | None = None
@@ -119,9 +120,9 @@ class Conditions:
             self.electrode_dofs[label] = self.ties.widen(dofs)
         self.groups = self._groups(scene, scales, space, cavities)
         fixed = values.fixed[: space.owned]
-        self.ties.refuse_shared(self.rigid.followers(space.owned))
+        self.ties.refuse_shared(self.rigid.followers(fixed))
         self.ties.leave_out(self._grouped(space.owned))
-        follower = followers(self.groups, self.pairs, fixed) | self.rigid.followers(space.owned)
+        follower = followers(self.groups, self.pairs, fixed) | self.rigid.followers(fixed)
         follower |= self.ties.followers(space.owned)
         self.free = np.flatnonzero(~fixed & ~follower).astype(np.int32)
         self.fixed = np.flatnonzero(fixed).astype(np.int32)
@@ -134,11 +135,13 @@ class Conditions:
         self.roles = Roles(space, self.free, device.comm)
         self.unknowns: int = device.comm.allreduce(len(self.free), op=MPI.SUM)
 
-    def _fix(self, scene: Scene, scales: Scales, space: Unknowns) -> dict[str, np.ndarray]:
+    def _fix(
+        self, given: Sequence[Prescription], scene: Scene, scales: Scales, space: Unknowns
+    ) -> dict[str, np.ndarray]:
         """Fix what supports, prescribed motions and electrodes give; returns electrodes' nodes."""
         device, declared, values = scene.device, scene.declared, self.fixed_values
         motion, overall = space.of(Role.MOTION), space.parts.get("global", {})
-        for item in prescriptions(declared.displacements, device, scene.kinematics, motion):
+        for item in given:
             values.fix(motion[item.axis].dofs[item.local], item.values, item.ramp)
         values.fix_globals(declared.fixed_globals, overall, scales.length)
         values.fix_outside(space.fields, space.parts, device)
@@ -154,10 +157,12 @@ class Conditions:
             return None
         rows = space.rows
         column = columns(self.free, self.groups, self.pairs, rows)
-        found = expansion(column, len(self.free), rows, self.ties.most_entries)
+        found = expansion(
+            column, len(self.free), rows, max(self.ties.most_entries, self.rigid.width)
+        )
         self.ties.fill(found, column)
-        self.rigid.number(column)
-        self.rigid.fill(found, np.zeros(space.size))
+        self.rigid.number(column, self.groups, self.free)
+        self.rigid.fill(found, np.zeros(space.size), self.fixed_values.fixed)
         return found
 
     def _grouped(self, owned: int) -> np.ndarray:
@@ -176,19 +181,18 @@ class Conditions:
         kinematics, declared, rows = scene.kinematics, scene.declared, space.rows
         overall, fixed = space.parts.get("global", {}), self.fixed_values.fixed
         unknowns, forces = kinematics.global_unknowns, declared.global_forces
-        moment = scales.force * scales.length
         return [
             *floating_groups(declared.floating, scales.charge, self.electrode_dofs, rows),
             *global_groups(unknowns, forces, scene.period, scales, overall, fixed, rows),
-            *self.rigid.groups(fixed, declared.rigid_moments, moment),
+            *self.rigid.groups(fixed, scales.force, scales.length),
             *cavities.groups(space.parts, rows),
             *self.ties.groups(fixed),
         ]
 
 
 def _held(
-    scene: Scene, motion: list[Component], values: FixedValues, carried: np.ndarray, ties: Any,
-    released: bool,
+    scene: Scene, motion: list[Component], values: FixedValues, joined: Sequence[Joined],
+    ties: Any, released: bool,
 ) -> HeldBody | None:
     """The part that is a free body, which is held unless it is released.  Collective.
 
@@ -198,7 +202,7 @@ def _held(
         If another part can move freely.
     """
     device, declared = scene.device, scene.declared
-    free = unheld_parts(scene, motion, values.fixed | carried, ties)
+    free = unheld_parts(scene, motion, values.fixed, joined, ties)
     # If several parts can move, the largest is the free body, and the others are refused.
     bodies, others = (free[:1], free[1:]) if declared.holds_rigid_motions else ([], free)
     refuse_free_parts(others, device, "Fix or Clamp" if bodies else "Fix, Clamp or FreeBody")

@@ -17,6 +17,7 @@ import basix.ufl
 from dea_fenicsx.materials import Material
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.scene.elements import Discretisation
+from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 
@@ -146,8 +147,9 @@ def declared_fields(scene: Scene) -> list[Field]:
             Field("global", basix.ufl.element("DG", cell, 0, shape=shape), Role.GLOBAL, names)
         )
     for part in scene.declared.rigid_surfaces:
-        names = (*axes, "angle")
-        element = basix.ufl.element("DG", cell, 0, shape=(len(names),))
+        names = unknowns_of_part(kinematics)
+        shape = (len(names),) if len(names) > 1 else None
+        element = basix.ufl.element("DG", cell, 0, shape=shape)
         found.append(Field(part.field, element, Role.GLOBAL, names))
     for pair in scene.declared.periodic_faces:
         element = basix.ufl.element("DG", cell, 0, shape=(len(axes),))
@@ -164,6 +166,14 @@ def declared_fields(scene: Scene) -> list[Field]:
     found += [field for added in scene.declared.added for field in added.fields]
     _check_names(found)
     return found
+
+
+def unknowns_of_part(kinematics: Kinematics) -> tuple[str, ...]:
+    """Names of the unknowns of a rigid part: displacements of its centre, then rotations."""
+    axes = tuple(kinematics.axes)
+    return {
+        0: axes[-1:], 1: (*axes, "angle"), 3: (*axes, *(f"rotation {axis}" for axis in axes))
+    }[kinematics.rotations]  # fmt: skip
 
 
 GAS_ROUNDING = 1e-3

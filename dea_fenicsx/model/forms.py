@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -12,6 +12,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import one_sided
+from dea_fenicsx.model.body_forces import Body
 from dea_fenicsx.model.cavities import Cavities
 from dea_fenicsx.model.charge_memory import LeakMemory
 from dea_fenicsx.model.contact import Contacts
@@ -24,6 +25,7 @@ from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.sheets import Sheets
 from dea_fenicsx.model.terms import EnergyTerm, Term, WorkTerm, terms_of
 from dea_fenicsx.model.terms.base import Variation
+from dea_fenicsx.model.terms.springs import SpringWork
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
@@ -39,6 +41,8 @@ class Forms:
         The scene, its units, and its unknowns.
     cavities
         Its cavities.
+    springs
+        Terms of springs on rigid parts.
 
     Attributes
     ----------
@@ -72,7 +76,8 @@ class Forms:
     volume: float
 
     def __init__(
-        self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities
+        self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities,
+        springs: Sequence[SpringWork] = (),
     ) -> None:
         device, kinematics, elements = scene.device, scene.kinematics, scene.elements
         mesh, degree, works = device.mesh, elements.quadrature_degree, scene.declared.surface_works
@@ -85,7 +90,7 @@ class Forms:
         self.motion = kinematics.global_motion(space.present.get("global"), lead)
         virtual_motion = kinematics.global_motion(space.virtual.get("global"), lead)
 
-        self.terms: list[Term] = terms_of(scene)
+        self.terms: list[Term] = [*terms_of(scene), *springs]
         self.kernels: list[Kernel] = kernels(scene, scales, space.fields)
         soft = [kernel.cells for kernel in self.kernels if kernel.is_incompressible]
         self.incompressible_cells = np.sort(np.concatenate([np.empty(0, dtype=np.int32), *soft]))
@@ -114,7 +119,11 @@ class Forms:
             kinematics, mesh, scales.stress, space.present["u"], space.virtual["u"], virtual_motion
         )
         self.loads = Loads([work for _, work in works], at, ds)
+        for work in scene.declared.body_works:
+            body = Body(scene, scales, space, virtual_motion)
+            self.loads.add_body(work, self._everywhere(work.density(body)))
         self.residual = ufl.derivative(energy, space.w, space.test) - self.loads.work + beside
+        self.residual -= self.loads.standing
         if self.sheets:
             self.residual += self.sheets.work(at.weight, ds, len(sides))
         if cavities:
@@ -124,6 +133,11 @@ class Forms:
             self.residual += contact.virtual_work(space)
             if ramp := contact.told.ramp:
                 self.loads.add_travel(ramp, contact.factor, contact.work_of_travel(space))
+        for spring in springs:
+            if spring.ramp is not None:
+                rates = [spring.rate(point, self._virtual) for point in self.points]
+                work = sum(self._integral(k, rate) for k, rate in enumerate(rates))
+                self.loads.add_strain(spring.ramp, spring.factor, work)
         for k, point in enumerate(self.points):
             for ramp, rate in point.rates.items():
                 work = -ufl.derivative(self._integral(k, rate), space.w, space.test)
@@ -144,6 +158,8 @@ class Forms:
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self.cell_volumes = _cell_values(compat.compile_form(volumes))[:owned]
         self.volume = mesh.comm.allreduce(float(self.cell_volumes.sum()), op=MPI.SUM)
+        for term in self.terms:
+            term.settle(self.volume)
         self.prober = Prober(mesh, self.kernels, self.points, self.quadrature)
         self.memory = Memory(mesh, self.kernels, self.points, self.quadrature)
         self.leaks = LeakMemory(mesh, self.kernels, self.points, self.quadrature, self._scales)
@@ -159,6 +175,10 @@ class Forms:
     def _integral(self, k: int, density: Any) -> Any:
         """The integral of a density over the regions of kernel k."""
         return density * self._weight * self._dx(k)
+
+    def _everywhere(self, density: Any) -> Any:
+        """The integral of a density over the device."""
+        return sum(self._integral(k, density) for k in range(len(self.kernels)))
 
     def _energy(self, point: MaterialPoint) -> Any:
         """The sum of all terms of the energy that live on a point's kernel."""

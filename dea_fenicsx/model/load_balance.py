@@ -9,7 +9,8 @@ from mpi4py import MPI
 
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.free_body import HeldBody
-from dea_fenicsx.model.rigid_motions import FreePart, in_words
+from dea_fenicsx.model.motion_words import in_words
+from dea_fenicsx.model.rigid_motions import FreePart
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.support.errors import InputError
 
@@ -53,7 +54,9 @@ def check_free_body(
             total, size = _work(body.part, motion, motions, forces)
             if np.linalg.norm(total) <= UNBALANCED_SHARE * size:
                 continue
-            along = in_words(body.part, (total @ motions)[None], scales.length)
+            along = in_words(
+                body.part.kinematics, body.part.box, (total @ motions)[None], scales.length
+            )
             newtons = np.linalg.norm(total) * scales.force
             amount = f" of {newtons:.3g} N" if what == "force" else ""
             raise InputError(

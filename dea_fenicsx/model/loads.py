@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.device import Device, one_sided
+from dea_fenicsx.scene.body_forces import BodyWork
 from dea_fenicsx.scene.condition import Condition
 from dea_fenicsx.scene.declarations import SurfaceWork
 from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, cofactor
@@ -36,7 +37,7 @@ class Loads:
     Attributes
     ----------
     on_surfaces
-        Ramps that drive loads on surfaces.
+        Ramps that drive loads on surfaces and body forces.
     factors
         For each ramp the constant that holds its factor.
     further
@@ -45,6 +46,8 @@ class Loads:
         For each ramp the virtual work at factor 1.
     work
         The whole virtual work; 0 without loads.
+    standing
+        The virtual work of elastic foundations, which no ramp drives; 0 without them.
     following
         Ramps of loads whose direction follows the deformation.
     changing
@@ -57,7 +60,8 @@ class Loads:
 
     def __init__(self, works: Sequence[SurfaceWork], at: Surface, ds: Any) -> None:
         # We keep the order of the loads: a set would have a different order on each rank.
-        self.on_surfaces = tuple(dict.fromkeys(work.ramp for work in works))
+        self._number = at.number
+        self.on_surfaces = tuple(dict.fromkeys(work.ramp for work in works if work.ramp))
         self.factors = {ramp: at.number(0.0) for ramp in self.on_surfaces}
         self.further: list[tuple[str, Any]] = []
         self.unit_work: dict[str, Any] = {}
@@ -66,8 +70,12 @@ class Loads:
         self.travels: list[tuple[str, Any]] = []
         self.unsymmetric: list[str] = []
         self.work: Any = 0
+        self.standing: Any = 0
         for k, load in enumerate(works):
             unit_work = load.density(at) * at.weight * ds(k)
+            if not load.ramp:
+                self.standing += unit_work
+                continue
             if load.follows:
                 self.following.add(load.ramp)
                 self.changing.add(load.ramp)
@@ -75,6 +83,20 @@ class Loads:
                 self.unsymmetric.append(f"{type(load).__name__} on {load.surface!r}")
             self.unit_work[load.ramp] = self.unit_work.get(load.ramp, 0) + unit_work
             self.work += self.factors[load.ramp] * unit_work
+
+    def add_body(self, work: BodyWork, unit_work: Any) -> None:
+        """Add a body force, with its virtual work at factor 1; its ramp counts as one on surfaces.
+
+        Where it depends on the place it has a potential, so that its tangent is symmetric.
+        """
+        ramp = work.ramp
+        if ramp not in self.factors:
+            self.on_surfaces = (*self.on_surfaces, ramp)
+            self.factors[ramp] = self._number(0.0)
+        if work.follows:
+            self.changing.add(ramp)
+        self.unit_work[ramp] = self.unit_work.get(ramp, 0) + unit_work
+        self.work += self.factors[ramp] * unit_work
 
     def add_strain(self, ramp: str, factor: Any, work: Any) -> None:
         """Add a pre-stretch, or an amount of gas, whose factor is part of the energy.

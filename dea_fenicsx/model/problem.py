@@ -30,6 +30,7 @@ from dea_fenicsx.model.parameters import Parameters
 from dea_fenicsx.model.probe import Probe
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.state import Factors, State
+from dea_fenicsx.model.terms.springs import spring_terms
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.model.viscous_history import ViscousHistory
 from dea_fenicsx.scene.scene import Scene
@@ -100,7 +101,9 @@ class Problem:
         self.cavities = Cavities(scene, self.scales)
         self.conditions = Conditions(scene, self.scales, self.space, self.cavities, released)
         self.released = released
-        self.forms = Forms(scene, self.scales, self.space, self.cavities)
+        told, parts = scene.declared.springs, self.conditions.rigid.parts
+        springs = spring_terms(told, parts, scene.kinematics.axes, self.scales, self.mesh)
+        self.forms = Forms(scene, self.scales, self.space, self.cavities, springs)
         self.parameters = Parameters(scene, self.scales, self.forms.kernels)
         self._name_parts()
         self._check_balance()
@@ -136,6 +139,7 @@ class Problem:
         self.rigid = conditions.rigid
         self.unknowns, self.roles = conditions.unknowns, conditions.roles
         self.turning, self.loads = conditions.turning, forms.loads
+        self.loads.following |= self.rigid.wandering
         self.circuits = conditions.circuits
         self.kernels, self.states = forms.kernels, forms.points
         self._step = dolfinx.fem.Function(self.W)
@@ -171,7 +175,7 @@ class Problem:
         """
         found = self.conditions.expansion
         if self.rigid and self._expanded != self.shown:
-            self.rigid.fill(found, self.w.x.array)
+            self.rigid.fill(found, self.w.x.array, self.conditions.fixed_values.fixed)
             self._expanded = self.shown
         return found
 
@@ -289,6 +293,7 @@ class Problem:
         """The state with an increment of the free unknowns (owned).  Collective."""
         self.spread(increment, self._step)
         values = state.values + self._step.x.array
+        self.rigid.advance(values, state.values, self._step.x.array)
         self.rigid.place(values)
         return state.with_values(values)
 

@@ -8,7 +8,7 @@ from a singular value decomposition, holds the motions that are free.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -20,6 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from dea_fenicsx.mesh.cell_quality import point
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
+from dea_fenicsx.model.motion_words import Box, in_words
 from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.errors import InputError
@@ -32,13 +33,6 @@ length, 1e-6 in an extreme case.
 """
 
 
-class Box(NamedTuple):
-    """Middle, shape (3,), and half of the largest extent of a part, dimensionless."""
-
-    middle: np.ndarray
-    half: float
-
-
 class Ties(Protocol):
     """Periodic faces, see `periodic_faces.PeriodicTies`."""
 
@@ -47,6 +41,21 @@ class Ties(Protocol):
     def restraints(
         self, kinematics: Kinematics, fixed: np.ndarray, parts: np.ndarray, boxes: Sequence[Box]
     ) -> list[np.ndarray]: ...
+
+
+class Joined(NamedTuple):
+    """Nodes that move as one body, and what of rigid motions that body prevents.
+
+    Attributes
+    ----------
+    dofs
+        Local degrees of freedom in the mixed space of the first displacement component there.
+    rows
+        Gives for the box of a part of the mesh one row for each condition on its rigid motions.
+    """
+
+    dofs: np.ndarray
+    rows: Callable[[Box], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -99,6 +108,7 @@ class FreePart:
 
 def free_parts(
     device: Device, kinematics: Kinematics, motion: Sequence[Component], fixed: np.ndarray,
+    joined: Sequence[Joined] = (),
     ties: Ties | None = None,
     cells: np.ndarray | None = None,
 ) -> list[FreePart]:  # fmt: skip
@@ -112,6 +122,8 @@ def free_parts(
         The displacement components.
     fixed
         Mask of the fixed local degrees of freedom of the mixed space.
+    joined
+        Nodes that move as one body, each with what it prevents.
     ties
         Periodic faces, which join the parts that they lie on, and prevent some of their rotations.
     cells
@@ -123,8 +135,9 @@ def free_parts(
         labels, count = np.minimum(labels, 0), 1
     if ties:
         ends = ties.joined_parts(_part_of_dofs(motion, labels, len(fixed)))
-        count, joined = components(count, *ends)
-        labels = np.where(labels < 0, labels, joined[labels])
+        count, number = components(count, *ends)
+        labels = np.where(labels < 0, labels, number[labels])
+    labels, count, names = _joined_again(motion[0], labels, count, joined)
     boxes = _boxes(device, labels, count)
     rows = _held(motion, fixed, labels, boxes, kinematics)
     if ties:
@@ -133,6 +146,8 @@ def free_parts(
             _triangle(np.vstack([held, tied])) if len(tied) else held
             for held, tied in zip(rows, more, strict=True)
         ])  # fmt: skip
+    for one, k in zip(joined, names, strict=True):
+        rows[k] = _triangle(np.vstack([rows[k], one.rows(boxes[k])]))
     owned = labels[: device.owned_cells()]
     found = []
     for k, box in enumerate(boxes):
@@ -171,7 +186,7 @@ def refuse_free_parts(free: Sequence[FreePart], device: Device, cure: str) -> No
             f"A part of {part.size} cells around {middle} ({where}) is not joined to the rest of "
             f"the mesh (which has {part.count} parts), and it"
         )
-    words = in_words(part, part.motions, device.length)
+    words = in_words(part.kinematics, part.box, part.motions, device.length)
     raise InputError(f"{who} can move freely: {words}; add a {cure} that holds it.")
 
 
@@ -216,6 +231,29 @@ def joined_parts(
     comm.Allreduce(MPI.IN_PLACE, used, op=MPI.LOR)
     labels = (np.cumsum(used) - 1)[joined[of_node[:n_cells]]]
     return np.where(mine, labels, -1), int(used.sum())
+
+
+def _joined_again(
+    component: Component, labels: np.ndarray, count: int, joined: Sequence[Joined]
+) -> tuple[np.ndarray, int, list[int]]:
+    """Parts of the mesh, taken as one where nodes of several move as one body.  Collective.
+
+    Returns the part of each cell, their number, and the part of each of the bodies.
+    """
+    if not joined:
+        return labels, count, []
+    table = component.space.dofmap.list
+    part = np.full(len(component.dofs), -1)
+    part[table.ravel()] = np.repeat(labels, table.shape[1])
+    touched = np.zeros((len(joined), count), dtype=bool)
+    for k, one in enumerate(joined):
+        mine = part[np.isin(component.dofs, one.dofs)]
+        touched[k, mine[mine >= 0]] = True
+    component.space.mesh.comm.Allreduce(MPI.IN_PLACE, touched, op=MPI.LOR)
+    body, of_part = np.nonzero(touched)
+    number, found = components(count + len(joined), count + body, of_part)
+    labels = np.where(labels < 0, labels, found[labels])
+    return labels, number, [int(k) for k in found[count:]]
 
 
 def components(n: int, a: np.ndarray, b: np.ndarray) -> tuple[int, np.ndarray]:
@@ -297,65 +335,3 @@ def _triangle(rows: np.ndarray) -> np.ndarray:
 
 
 # ----------------------------------------------------------------------------------- in words
-
-
-def in_words(part: FreePart, free: np.ndarray, length: float) -> str:
-    """Rigid motions of a part (rows of `free`) by name; `length` is the unit of length in m."""
-    width = free.shape[1]
-    kinematics, box, axes = part.kinematics, part.box, part.kinematics.axes
-    if len(free) == width > 1 and kinematics.cartesian:
-        return f"every rigid motion, translations along {_listed(list(axes))} and rotations"
-    words = []
-    for row in _reduced(free):
-        word = kinematics.motion_in_words(row)
-        if word is not None:
-            words.append(word)
-            continue
-        if len(axes) == 2:
-            turn, shift = np.array([0.0, 0.0, row[0]]), np.array([*row[1:], 0.0])
-        else:
-            turn, shift = row[:3], row[3:]
-        size = np.linalg.norm(turn)
-        if size < 1e-6:
-            words.append(f"translation along {_direction(shift)}")
-            continue
-        # Points of the axis move along it only.  Lengths are in units of half the part's size.
-        along = float(turn @ shift) / size
-        on_axis = np.cross(turn, shift) / size**2
-        at = point((box.middle + box.half * on_axis) * length, len(axes))
-        screw = "" if abs(along) < 1e-6 * size else " together with a translation along it"
-        which = f"about the {_direction(turn)} axis " if len(axes) == 3 else ""
-        words.append(f"rotation {which}{'through' if which else 'about'} {at}{screw}")
-    return _listed(words)
-
-
-def _reduced(rows: np.ndarray) -> np.ndarray:
-    """Reduced row echelon form: the same space by vectors along the coordinates if possible."""
-    rows = rows.copy()
-    done = 0
-    for column in range(rows.shape[1]):
-        if done == len(rows):
-            break
-        pivot = done + int(np.argmax(np.abs(rows[done:, column])))
-        if abs(rows[pivot, column]) < 1e-6:
-            continue
-        rows[[done, pivot]] = rows[[pivot, done]]
-        rows[done] /= rows[done, column]
-        for k in range(len(rows)):
-            if k != done:
-                rows[k] -= rows[k, column] * rows[done]
-        done += 1
-    rows[np.abs(rows) < 1e-9] = 0.0
-    return rows
-
-
-def _direction(vector: np.ndarray) -> str:
-    unit = vector / np.linalg.norm(vector)
-    k = int(np.argmax(np.abs(unit)))
-    if abs(unit[k]) > 1 - 1e-6:
-        return "xyz"[k]
-    return f"({', '.join(f'{v + 0.0:.2g}' for v in np.round(unit, 6))})"
-
-
-def _listed(words: list[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

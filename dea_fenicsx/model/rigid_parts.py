@@ -1,19 +1,19 @@
-"""Rigid parts: surfaces whose nodes move as one body, which may turn by any angle in the plane.
+"""Rigid parts: nodes that move as one body, by rotations of any size.
 
-All nodes of the surface move by
+All nodes of a part move by
 
-    u = c + (R(theta) - 1) (X - X0),
+    u = c + (R - 1) (X - X0),
 
-with X0 the mean of the nodes.  The translation c and the angle theta are global unknowns q, and the
-nodes follow them: u = g(q).  With the residual r(u) and the tangent K of the nodes as if they were
-free, the rows and the tangent of q are
+with X0 its centre.  The displacement c of the centre and the rotation R are global unknowns q, and
+the nodes follow them: u = g(q).  In an axisymmetric section c is axial, and there is no rotation.
+With the residual r(u) and the tangent K of the nodes as if they were free, the rows and the tangent
+of q are
 
     (dg/dq)^T r        and        (dg/dq)^T K (dg/dq)  +  r . d2g/dq2.
 
-The second part keeps Newton's method quadratic at large angles.  Since d2g/dtheta2 is
--R(theta) (X - X0), and all other second derivatives vanish, it is one number for each part: minus
-the sum of r . R(theta) (X - X0) over the nodes.  Nothing is approximate at a large angle, and no
-angle is singular.
+The second part keeps Newton's method quadratic at large rotations.  It couples the rotations of
+each part alone, see `rigid_turns`.  Nothing is approximate at a large rotation, and no rotation is
+singular.
 """
 
 from __future__ import annotations
@@ -25,12 +25,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.mesh.device import Device
-from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.fixed_values import FixedValues
+from dea_fenicsx.model.rigid_turns import Turning
 from dea_fenicsx.model.tied_unknowns import Group, Rows
-from dea_fenicsx.scene.declarations import RigidAngle, RigidMoment, RigidSurface
-from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.scene.part_declarations import RigidForce, RigidMoment
 
 
 @dataclass(frozen=True)
@@ -40,48 +37,82 @@ class RigidPart:
     Attributes
     ----------
     name
-        The surface.
+        The facet group or the region.
     dofs
         Local displacement degrees of freedom of its nodes, one array for each axis in the same
         order of the nodes, ghosts included.
     arms
-        X - X0 of each node, dimensionless, shape (nodes, 2).
+        X - X0 of each node, dimensionless, shape (nodes, axes).
+    centre
+        X0, dimensionless, shape (axes,).
     unknowns
-        Local degrees of freedom of c along each axis and of theta: one constant a cell, all alike.
+        Local degrees of freedom of each unknown: those of c first, then rotations.  Each is one
+        constant a cell, all alike.
+    shifts
+        Displacement of the centre by each of the unknowns of c, shape (unknowns of c, axes).
+    turning
+        How it turns.
+    free_turns
+        Mask of the rotations that are neither held nor prescribed.
     """
 
     name: str
     dofs: tuple[np.ndarray, ...]
     arms: np.ndarray
+    centre: np.ndarray
     unknowns: tuple[np.ndarray, ...]
+    shifts: np.ndarray
+    turning: Turning
+    free_turns: np.ndarray
+
+    @property
+    def turns_freely(self) -> bool:
+        """Whether it turns about several axes, so that rotations do not add up."""
+        return bool(self.turning.count > 1 and self.free_turns.all())
 
     def values(self, array: np.ndarray) -> np.ndarray:
-        """c and theta in an array over local degrees of freedom; 0 where this rank has no cell."""
+        """The unknowns in an array over local degrees of freedom; 0 where a rank has no cell."""
         return np.array([array[dofs[0]] if len(dofs) else 0.0 for dofs in self.unknowns])
 
-    def turned(self, angle: float) -> np.ndarray:
-        """R(theta) (X - X0), shape (nodes, 2)."""
-        c, s = np.cos(angle), np.sin(angle)
-        return self.arms @ np.array([[c, s], [-s, c]])
+    def split(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement of the centre, shape (axes,), and the rotation vector."""
+        n = len(self.shifts)
+        return values[:n] @ self.shifts, values[n:]
 
-    def by_angle(self, angle: float) -> np.ndarray:
-        """dR/dtheta (X - X0), shape (nodes, 2)."""
-        x, y = self.turned(angle).T
-        return np.stack([-y, x], axis=1)
+    def turned(self, array: np.ndarray) -> np.ndarray:
+        """R (X - X0) in a state's values, shape (nodes, axes)."""
+        psi = self.split(self.values(array))[1]
+        return np.asarray(self.arms @ self.turning.matrix(psi).T)
 
     def place(self, array: np.ndarray) -> None:
-        """Put the nodes where c and theta of the same array say."""
-        *c, angle = self.values(array)
-        moved = self.turned(angle) - self.arms
+        """Put the nodes where the unknowns of the same array say."""
+        c, psi = self.split(self.values(array))
+        moved = self.arms @ self.turning.matrix(psi).T - self.arms
         for a, dofs in enumerate(self.dofs):
             array[dofs] = c[a] + moved[:, a]
 
-    def follow(self, change: np.ndarray, angle: float) -> None:
-        """Let the nodes follow a small change of c and theta, at an angle."""
-        *c, turn = self.values(change)
-        moved = turn * self.by_angle(angle)
+    def follow(self, change: np.ndarray, at: np.ndarray) -> None:
+        """Let the nodes follow a small change of the unknowns, at a state's values."""
+        c, turn = self.split(self.values(change))
+        psi = self.split(self.values(at))[1]
+        moved = self.turning.slopes(self.turned(at)) @ self.turning.spin(psi, turn)
         for a, dofs in enumerate(self.dofs):
             change[dofs] = c[a] + moved[:, a]
+
+    def advance(self, array: np.ndarray, before: np.ndarray, step: np.ndarray) -> None:
+        """Compose the rotation of a state with a further one, where rotations do not add up."""
+        if not self.turns_freely:
+            return
+        n = len(self.shifts)
+        psi = self.turning.composed(self.values(step)[n:], self.values(before)[n:])
+        for dofs, value in zip(self.unknowns[n:], psi, strict=True):
+            array[dofs] = value
+
+    def slopes(self, array: np.ndarray) -> np.ndarray:
+        """dg/dq in a state's values: shape (nodes, axes, unknowns)."""
+        turns = self.turning.slopes(self.turned(array))
+        shifts = np.broadcast_to(self.shifts.T, (len(self.arms), *self.shifts.T.shape))
+        return np.concatenate([shifts, turns], axis=2)
 
 
 class RigidParts:
@@ -89,106 +120,81 @@ class RigidParts:
 
     Parameters
     ----------
-    declared
-        The surfaces that move as one body.
-    device
-        The device.
-    motion
-        The displacement components.
-    fields
-        For each field its scalar parts, by name, see `Unknowns.parts`.
+    parts
+        The parts.
     rows
         The degrees of freedom that this rank owns.
+    moments, forces
+        What acts on the parts.
     """
 
     def __init__(
-        self,
-        declared: Sequence[RigidSurface],
-        device: Device,
-        motion: Sequence[Component],
-        fields: dict[str, dict[str, Component]],
-        rows: Rows,
-    ) -> None:
-        self._rows = rows
-        self._held = {told.surface: told.held for told in declared}
-        self.parts = [_part(told, device, motion, fields[told.field], rows) for told in declared]
+        self, parts: Sequence[RigidPart], rows: Rows,
+        moments: Sequence[RigidMoment] = (), forces: Sequence[RigidForce] = (),
+    ) -> None:  # fmt: skip
+        self.parts, self._rows = list(parts), rows
+        self.moments, self.forces = moments, forces
+        counts = [part.turning.count for part in self.parts]
+        self._starts = np.concatenate([[0], np.cumsum(counts, dtype=int)])
+        self._places = np.full(self._starts[-1], -1)
 
     def __bool__(self) -> bool:
         return bool(self.parts)
 
-    def fix(self, values: FixedValues, turned: Sequence[RigidAngle]) -> np.ndarray:
-        """Fix what is held or prescribed of the parts.  Collective.
+    @property
+    def width(self) -> int:
+        """Largest number of unknowns that a node follows along one axis, and one for its own."""
+        return max((1 + len(p.shifts) + p.turning.count for p in self.parts), default=2)
 
-        Parameters
-        ----------
-        values
-            The values that are fixed already, and that are added to.
-        turned
-            The angles by which parts are turned.
+    @property
+    def wandering(self) -> set[str]:
+        """Ramps of moments whose work depends on the path."""
+        freely = {part.name for part in self.parts if part.turns_freely}
+        return {told.ramp for told in self.moments if told.surface in freely}
 
-        Returns
-        -------
-        ndarray
-            Mask of the local degrees of freedom that are held or given by rigid parts that cannot
-            move by themselves.
-
-        Raises
-        ------
-        InputError
-            If a part shares a node with a support, a prescribed motion or another part, or is
-            turned twice.
-        """
-        given = np.zeros(len(values.fixed), dtype=bool)
-        taken = values.fixed.copy()
-        angles = {told.surface: told for told in turned}
-        for part in self.parts:
-            held = self._held[part.name]
-            mine = np.concatenate(part.dofs)
-            if self._rows.comm.allreduce(bool(taken[mine].any()), op=MPI.LOR):
-                raise InputError(
-                    f"The rigid part {part.name!r} shares nodes with a support, a prescribed "
-                    "displacement or another rigid part; a node can follow one of them only."
-                )
-            taken[mine] = True
-            for axis, unknown in zip("xy", part.unknowns, strict=False):
-                if axis in held:
-                    values.fix(unknown)
-            if part.name in angles:
-                turn = angles[part.name]
-                values.fix(part.unknowns[-1], turn.radians, turn.ramp)
-            given[mine] = len(held) == len(part.dofs) and part.name in angles
-        return given
-
-    def followers(self, owned: int) -> np.ndarray:
-        """Mask of the owned degrees of freedom that follow the parts."""
-        found = np.zeros(owned, dtype=bool)
+    def followers(self, fixed: np.ndarray) -> np.ndarray:
+        """Mask of the owned degrees of freedom that follow the parts, but for the fixed ones."""
+        found = np.zeros(len(fixed), dtype=bool)
         for part in self.parts:
             for dofs in part.dofs:
-                found[dofs[dofs < owned]] = True
+                found[dofs[dofs < len(fixed)]] = True
+        return found & ~fixed
+
+    def carried(self, size: int) -> np.ndarray:
+        """Mask of the local degrees of freedom, `size` in all, of the nodes of the parts."""
+        found = np.zeros(size, dtype=bool)
+        for part in self.parts:
+            found[np.concatenate(part.dofs)] = True
         return found
 
-    def groups(
-        self, fixed: np.ndarray, moments: Sequence[RigidMoment], unit: float
-    ) -> list[Group]:
-        """One group for each unknown of a part that is not fixed, with its moments.  Collective.
+    def groups(self, fixed: np.ndarray, force: float, length: float) -> list[Group]:
+        """One group for each unknown of a part that is not fixed, with its loads.  Collective.
 
         Parameters
         ----------
         fixed
             Mask of the fixed local degrees of freedom.
-        moments
-            The moments on the parts.
-        unit
-            The unit of moment in N m.
+        force, length
+            The units in N and m.
         """
         found = []
         for part in self.parts:
+            n = len(part.shifts)
             for k, dofs in enumerate(part.unknowns):
                 if self._rows.comm.allreduce(bool(np.all(fixed[dofs])), op=MPI.LAND):
                     continue
-                mine = [m for m in moments if m.surface == part.name and k == len(part.dofs)]
-                sources = tuple((m.ramp, -m.newton_metres / unit) for m in mine)
-                found.append(Group.of(dofs, self._rows, sources))
+                if k < n:
+                    sources = [
+                        (told.ramp, -float(part.shifts[k] @ told.newtons) / force)
+                        for told in self.forces if told.surface == part.name
+                    ]  # fmt: skip
+                else:
+                    axis = k - n if part.turning.count == 3 else 2
+                    sources = [
+                        (told.ramp, -told.newton_metres * told.about[axis] / (force * length))
+                        for told in self.moments if told.surface == part.name
+                    ]  # fmt: skip
+                found.append(Group.of(dofs, self._rows, tuple(sources)))
         return found
 
     def place(self, array: np.ndarray) -> None:
@@ -196,18 +202,27 @@ class RigidParts:
         for part in self.parts:
             part.place(array)
 
+    def advance(self, array: np.ndarray, before: np.ndarray, step: np.ndarray) -> None:
+        """Correct the rotations in a sum of a state's values and a step, see `RigidPart`."""
+        for part in self.parts:
+            part.advance(array, before, step)
+
     def follow(self, change: np.ndarray, at: np.ndarray) -> None:
         """Let the nodes follow a small change of the unknowns, at a state's values."""
         for part in self.parts:
-            part.follow(change, part.values(at)[-1])
+            part.follow(change, at)
 
-    def number(self, column: np.ndarray) -> None:
-        """Keep the columns of the parts' unknowns in the expansion.  Collective.
+    def number(self, column: np.ndarray, groups: Sequence[Group], free: np.ndarray) -> None:
+        """Keep where the parts' unknowns are among the free ones.  Collective.
 
         Parameters
         ----------
         column
             Column of each owned degree of freedom; negative for a fixed one.
+        groups
+            All groups of degrees of freedom that share a value.
+        free
+            Owned local degrees of freedom that are unknowns, sorted.
         """
         owned = self._rows.owned
         mine = [
@@ -217,32 +232,38 @@ class RigidParts:
         columns = np.array(mine, dtype=np.int64)
         self._rows.comm.Allreduce(MPI.IN_PLACE, columns, MPI.MAX)
         self._columns = columns
+        self._places = self.rows(groups, free)
 
-    def fill(self, expansion: Any, at: np.ndarray) -> None:
+    def fill(self, expansion: Any, at: np.ndarray, fixed: np.ndarray) -> None:
         """Enter dg/dq at a state into the matrix from the free unknowns.  Collective.
 
         Parameters
         ----------
         expansion
             PETSc matrix from `tied_unknowns.expansion`, which is assembled here.  Entries that
-            happen to be 0 are entered, too, so that its pattern is the same at any angle.
+            happen to be 0 are entered, too, so that its pattern is the same at any rotation.
         at
             Values of the state.
+        fixed
+            Mask of the fixed local degrees of freedom, which do not follow.
         """
         first, owned = expansion.getOwnershipRange()[0], self._rows.owned
         for part, columns in zip(self.parts, self._columns, strict=True):
-            slope = part.by_angle(part.values(at)[-1])
+            slopes, n = part.slopes(at), len(part.shifts)
             for a, dofs in enumerate(part.dofs):
-                for k, values in ((a, np.ones(len(dofs))), (-1, slope[:, a])):
-                    if columns[k] < 0:
-                        continue
-                    for dof, value in zip(dofs, values, strict=True):
-                        if dof < owned:
-                            expansion.setValue(first + int(dof), int(columns[k]), float(value))
+                turns = [n + k for k in range(part.turning.count)
+                         if part.turning.count == 1 or k != a]  # fmt: skip
+                used = [k for k in [*np.flatnonzero(part.shifts[:, a]), *turns] if columns[k] >= 0]
+                if not used:
+                    continue
+                names = columns[used].astype(np.int32)
+                for dof, values in zip(dofs, slopes[:, a, used], strict=True):
+                    if dof < owned and not fixed[dof]:
+                        expansion.setValues([first + int(dof)], names, values)
         expansion.assemble()
 
     def stiffness(self, residual: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """r . d2g/dtheta2 of each part, shape (parts,).  Collective.
+        """r . d2g/dq2 over the rotations of all parts, block after block.  Collective.
 
         Parameters
         ----------
@@ -251,34 +272,68 @@ class RigidParts:
         at
             Values of the state.
         """
-        found = np.zeros(len(self.parts))
-        for k, part in enumerate(self.parts):
-            arms = part.turned(part.values(at)[-1])
+        found = np.zeros((self._starts[-1],) * 2)
+        for part, start in zip(self.parts, self._starts[:-1], strict=True):
+            block = slice(start, start + part.turning.count)
+            mine = [dofs < self._rows.owned for dofs in part.dofs]
+            y, forces = part.turned(at), np.zeros(part.arms.shape)
             for a, dofs in enumerate(part.dofs):
-                mine = dofs < self._rows.owned
-                found[k] -= residual[dofs[mine]] @ arms[mine, a]
+                forces[mine[a], a] = residual[dofs[mine[a]]]
+            found[block, block] = part.turning.curvature(forces, y)
         return np.asarray(self._rows.comm.allreduce(found, op=MPI.SUM))
 
-    def rows(self, groups: Sequence[Group], free: np.ndarray) -> np.ndarray:
-        """Place of each part's angle among the free unknowns of this rank, -1 where it has none."""
-        masters = np.array([g.master for g in groups if g.master >= 0], dtype=np.int64)
-        found = np.full(len(self.parts), -1)
-        for k, part in enumerate(self.parts):
-            mine = np.intersect1d(part.unknowns[-1], masters)
-            if len(mine):
-                found[k] = np.searchsorted(free, mine[0])
+    def by_moments(self, factors: Any, unit: float) -> np.ndarray:
+        """What moments of fixed axes add to `stiffness`: -[M]/2 where parts turn freely.
+
+        Parameters
+        ----------
+        factors
+            Factor of each ramp.
+        unit
+            The unit of moment in N m.
+        """
+        found = np.zeros((self._starts[-1],) * 2)
+        for part, start in zip(self.parts, self._starts[:-1], strict=True):
+            if part.turns_freely:
+                M = sum(
+                    (factors[told.ramp] * told.newton_metres / unit * np.array(told.about)
+                     for told in self.moments if told.surface == part.name), np.zeros(3),
+                )  # fmt: skip
+                block = slice(start, start + 3)
+                found[block, block] = -np.cross(M, np.eye(3)).T / 2
         return found
 
+    def rows(self, groups: Sequence[Group], free: np.ndarray) -> np.ndarray:
+        """Place of each rotation of all parts among the free unknowns of this rank, or -1."""
+        masters = np.array([g.master for g in groups if g.master >= 0], dtype=np.int64)
+        found = np.full(self._starts[-1], -1)
+        for part, start in zip(self.parts, self._starts[:-1], strict=True):
+            for k in range(part.turning.count):
+                mine = np.intersect1d(part.unknowns[len(part.shifts) + k], masters)
+                if len(mine):
+                    found[start + k] = np.searchsorted(free, mine[0])
+        return found
 
-def _part(
-    told: RigidSurface, device: Device, motion: Sequence[Component],
-    unknowns: dict[str, Component], rows: Rows,
-) -> RigidPart:  # fmt: skip
-    local = motion[0].on(device.dim - 1, device.facets_of(told.surface))
-    X = motion[0].space.tabulate_dof_coordinates()[local, :2]
-    mine = X[motion[0].dofs[local] < rows.owned]
-    total = rows.comm.allreduce(np.array([len(mine), *mine.sum(axis=0)]), op=MPI.SUM)
-    return RigidPart(
-        told.surface, tuple(part.dofs[local] for part in motion), X - total[1:] / total[0],
-        tuple(part.dofs for part in unknowns.values()),
-    )  # fmt: skip
+    def add_product(self, product: np.ndarray, block: np.ndarray, direction: np.ndarray) -> None:
+        """Add the product of `stiffness` with a direction in the free rows.  Collective."""
+        mine = self._places >= 0
+        given = np.zeros(len(mine))
+        given[mine] = direction[self._places[mine]]
+        if any(part.turning.count > 1 for part in self.parts):
+            given = self._rows.comm.allreduce(given, op=MPI.SUM)
+        product[self._places[mine]] += (block @ given)[mine]
+
+    def enter(self, matrix: Any, block: np.ndarray) -> None:
+        """Add `stiffness` to a matrix in the free unknowns.  Collective."""
+        first = matrix.getOwnershipRange()[0]
+        for part, start, columns in zip(
+            self.parts, self._starts[:-1], self._columns, strict=True
+        ):
+            turns = range(start, start + part.turning.count)
+            names = columns[len(part.shifts):]
+            for i in turns:
+                for j, name in zip(turns, names, strict=True):
+                    if self._places[i] >= 0 and name >= 0:
+                        row = int(first + self._places[i])
+                        matrix.setValue(row, int(name), block[i, j], addv=True)
+        matrix.assemble()

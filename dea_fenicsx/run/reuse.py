@@ -135,7 +135,7 @@ def _kind(material: Material) -> tuple[Any, ...]:
     elastic, electric = material.elastic, material.electric
     return type(elastic), _shape(elastic), type(electric), material.is_dielectric, (
         material.bulk_modulus is None
-    ), tuple(map(_branch_kind, material.viscous))
+    ), tuple(map(_branch_kind, material.viscous)), material.density
 
 
 def _branch_kind(branch: Branch) -> tuple[Any, ...]:

@@ -86,12 +86,21 @@ class Condition(ABC):
 
 
 class Support(Condition):
-    """What holds a device at every load."""
+    """What holds a device at every load.
+
+    One that a ramp brings to its state, such as a strained spring, has a field ``ramp`` and is
+    `is_driven`.
+    """
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether a ramp brings it to its state."""
+        return False
 
     @property
     def moved_by(self) -> str | None:
-        """The ramp that moves it; None for a support that stays in its place."""
-        return None
+        """The ramp that moves or strains it; None for a support that stays as it is."""
+        return str(getattr(self, "ramp", None)) if self.is_driven else None
 
 
 class Extension(Support):

@@ -5,6 +5,7 @@ ramp (``"voltage"``, ``"stretch"``, ``"load"`` unless told otherwise); its value
 factor 1.  All of them are gathered here from the modules of their kinds.
 """
 
+from dea_fenicsx.scene.body_forces import BodyForce, Centrifugal, Gravity
 from dea_fenicsx.scene.cavity import Cavity
 from dea_fenicsx.scene.condition import Condition, Load, Prescribed, Support
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode, Ground, ThinFilm
@@ -13,15 +14,16 @@ from dea_fenicsx.scene.loads import AxialForce, DeadLoad, DeadPressure, Follower
 from dea_fenicsx.scene.obstacles import Obstacle
 from dea_fenicsx.scene.periodic import MeanStrain, Periodic
 from dea_fenicsx.scene.prescribed import AxialStretch, Displacement, PreStretch, Stretch, Twist
-from dea_fenicsx.scene.rigid import Moment, Rigid, Turn
+from dea_fenicsx.scene.rigid import Force, Moment, Rigid, Turn
 from dea_fenicsx.scene.sources import Source
+from dea_fenicsx.scene.springs import ElasticFoundation, Spring
 from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
 from dea_fenicsx.scene.taper import Taper
 
 __all__ = [
-    "AxialForce", "AxialStretch", "Cavity", "ChargedElectrode", "Clamp", "Condition", "DeadLoad",
-    "DeadPressure", "Discretisation", "Displacement", "Electrode", "Fix", "FollowerPressure",
-    "FreeBody", "Ground", "Load", "MeanStrain", "Moment", "Obstacle", "Periodic", "PreStretch",
-    "Prescribed", "Rigid", "Source", "Stretch", "Support", "Taper", "ThinFilm", "Torque", "Turn",
-    "Twist",
+    "AxialForce", "AxialStretch", "BodyForce", "Cavity", "Centrifugal", "ChargedElectrode", "Clamp",
+    "Condition", "DeadLoad", "DeadPressure", "Discretisation", "Displacement", "ElasticFoundation",
+    "Electrode", "Fix", "FollowerPressure", "Force", "FreeBody", "Gravity", "Ground", "Load",
+    "MeanStrain", "Moment", "Obstacle", "Periodic", "PreStretch", "Prescribed", "Rigid", "Source",
+    "Spring", "Stretch", "Support", "Taper", "ThinFilm", "Torque", "Turn", "Twist",
 ]  # fmt: skip

@@ -11,9 +11,8 @@ these declarations; the model reads them and knows no condition:
 `GlobalForce`          what does work on such an unknown
 `SurfaceWork`          virtual work of a load on a facet group: `DeadTraction`, `DeadNormalPressure`
                        and `FollowingPressure`
-`RigidSurface`         nodes of a facet group that move as one body
-`RigidAngle`           angle by which such a body is turned
-`RigidMoment`          moment on such a body
+`RigidSurface`         nodes that move as one body; what turns and loads it, see
+                       `scene.part_declarations`
 `FixedPotential`       potential of an electrode
 `SheetResistance`      resistance along an electrode
 `FloatingPotential`    one unknown potential for an electrode of given charge or with a `Feed`
@@ -166,46 +165,6 @@ class AddedPhysics(Declaration):
 
     fields: tuple[Any, ...] = ()
     terms: tuple[Any, ...] = ()
-
-
-# ------------------------------------------------------------------------- rigid parts
-
-
-@dataclass(frozen=True)
-class RigidSurface(Declaration):
-    """The nodes of a facet group move as one body, along none of the axes that are held."""
-
-    surface: str
-    held: str = ""
-
-    @property
-    def field(self) -> str:
-        """Name of the field of its unknowns."""
-        return f"rigid {self.surface}"
-
-
-@dataclass(frozen=True)
-class RigidAngle(Declaration):
-    """Angle in rad, at ramp factor 1, by which a rigid surface is turned; it has no limit."""
-
-    surface: str
-    radians: float
-    ramp: str
-
-    def amounts(self) -> Mapping[str, tuple[float, ...]]:
-        return {"radians": (self.radians,)}
-
-
-@dataclass(frozen=True)
-class RigidMoment(Declaration):
-    """Moment in N m on a rigid surface at ramp factor 1."""
-
-    surface: str
-    newton_metres: float
-    ramp: str
-
-    def amounts(self) -> Mapping[str, tuple[float, ...]]:
-        return {"newton metres": (self.newton_metres,)}
 
 
 # --------------------------------------------------------------------- loads on surfaces

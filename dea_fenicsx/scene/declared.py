@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dea_fenicsx.scene.body_forces import BodyWork
 from dea_fenicsx.scene.cavity import Filling
 from dea_fenicsx.scene.condition import Condition, Setting, Told, of_kind
 from dea_fenicsx.scene.contact_declarations import UnilateralContact
@@ -21,14 +22,19 @@ from dea_fenicsx.scene.declarations import (
     GlobalForce,
     HeldRigidMotions,
     InitialStretch,
-    RigidAngle,
-    RigidMoment,
-    RigidSurface,
     SheetResistance,
     SurfaceWork,
 )
 from dea_fenicsx.scene.electrodes import Conducting
+from dea_fenicsx.scene.part_declarations import (
+    RigidAngle,
+    RigidForce,
+    RigidMoment,
+    RigidShift,
+    RigidSurface,
+)
 from dea_fenicsx.scene.periodic import MeanGradient, PeriodicFaces
+from dea_fenicsx.scene.springs import SpringForce
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +56,12 @@ class Declared:
         Values of global unknowns, and what does work on such unknowns, each with its condition.
     surface_works
         Loads on surfaces, each with its condition.
-    rigid_surfaces, rigid_angles, rigid_moments
-        Rigid parts, the angles by which they are turned, and the moments on them.
+    body_works, springs
+        Body forces, and springs on rigid parts.
+    rigid_surfaces, rigid_angles, rigid_shifts
+        Rigid parts, the angles by which they are turned, and the displacements of their centres.
+    rigid_moments, rigid_forces
+        The moments and the forces on rigid parts.
     periodic_faces, mean_gradients
         Periodic faces, and what is prescribed of their mean strains.
     potentials, floating
@@ -73,11 +83,15 @@ class Declared:
     fixed_globals: list[tuple[Condition, FixedGlobal]]
     global_forces: list[tuple[Condition, GlobalForce]]
     surface_works: list[tuple[Condition, SurfaceWork]]
+    body_works: list[BodyWork]
+    springs: list[SpringForce]
     rigid_surfaces: list[RigidSurface]
     rigid_angles: list[RigidAngle]
+    rigid_shifts: list[RigidShift]
     rigid_moments: list[RigidMoment]
     periodic_faces: list[PeriodicFaces]
     mean_gradients: list[MeanGradient]
+    rigid_forces: list[RigidForce]
     potentials: list[tuple[Conducting, FixedPotential]]
     floating: list[tuple[Conducting, FloatingPotential]]
     added: list[AddedPhysics]
@@ -89,7 +103,7 @@ class Declared:
 def gathered(scene: Setting) -> Declared:
     """Ask each condition of a checked scene for its declarations, once."""
     conditions: tuple[Condition, ...] = (*scene.prescribed, *scene.supports, *scene.loads)
-    told = [(item, one) for item in conditions for one in item.declarations(scene)]
+    told = _moved_parts([(item, one) for item in conditions for one in item.declarations(scene)])
     electric = [(item, one) for item in scene.electrodes for one in item.declarations(scene)]
 
     def of[D: Declaration](kind: type[D]) -> list[D]:
@@ -103,11 +117,15 @@ def gathered(scene: Setting) -> Declared:
         fixed_globals=of_kind(told, FixedGlobal),
         global_forces=of_kind(told, GlobalForce),
         surface_works=of_kind(told, SurfaceWork),
+        body_works=of(BodyWork),
+        springs=of(SpringForce),
         rigid_surfaces=of(RigidSurface),
         rigid_angles=of(RigidAngle),
+        rigid_shifts=of(RigidShift),
         rigid_moments=of(RigidMoment),
         periodic_faces=of(PeriodicFaces),
         mean_gradients=of(MeanGradient),
+        rigid_forces=of(RigidForce),
         potentials=[(e, one) for e, one in electric if isinstance(one, FixedPotential)],
         floating=[(e, one) for e, one in electric if isinstance(one, FloatingPotential)],
         added=of(AddedPhysics),
@@ -115,3 +133,17 @@ def gathered(scene: Setting) -> Declared:
         sheets=[(e, one) for e, one in electric if isinstance(one, SheetResistance)],
         contacts=of_kind(told, UnilateralContact),
     )
+
+
+def _moved_parts(told: Told) -> Told:
+    """The declarations, with the displacements that are given to rigid parts as those of parts."""
+    parts = {one.surface for _, one in told if isinstance(one, RigidSurface)}
+
+    def of_part(one: Declaration) -> Declaration:
+        if not isinstance(one, FixedDisplacement) or one.surface not in parts:
+            return one
+        if one.ramp is None or one.growth is not None or callable(one.metres):
+            return one
+        return RigidShift(one.surface, one.axis, one.metres, one.ramp)
+
+    return [(item, of_part(one)) for item, one in told]

@@ -108,7 +108,7 @@ class Displacement(OnSurface, Prescribed):
 
 
 @dataclass(frozen=True)
-@in_si(x="", y="", z="")
+@in_si(x="", y="", z="", r="")
 class PreStretch(Prescribed):
     """Stretches that a region had undergone before it became part of the device.
 
@@ -123,6 +123,9 @@ class PreStretch(Prescribed):
         Name of an incompressible region, or several names.
     x, y, z
         Stretches along the axes.  One may be left out: it follows from constant volume.
+    r
+        In an axisymmetric section in place of x and y: the stretch along the radius and around the
+        axis, which are alike.  One of r and z is given, the other follows.
     """
 
     where: str | tuple[str, ...]
@@ -130,6 +133,7 @@ class PreStretch(Prescribed):
     y: float | None = None
     z: float | None = None
     ramp: str = "prestretch"
+    r: float | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -137,7 +141,9 @@ class PreStretch(Prescribed):
 
     @property
     def stretches(self) -> tuple[float, float, float]:
-        """Along x, y and z, all three."""
+        """Along x, y and z, or along the radius, around and along the axis; all three."""
+        if self.r is not None:
+            return self.r, self.r, self.r**-2
         given = [s for s in (self.x, self.y, self.z) if s is not None]
         rest = 1 / math.prod(given)
         a, b, c = (rest if s is None else s for s in (self.x, self.y, self.z))
@@ -148,10 +154,10 @@ class PreStretch(Prescribed):
         return self.names
 
     def check(self, scene: Setting) -> None:
-        if not scene.kinematics.cartesian:
+        if scene.kinematics.global_unknowns and not scene.kinematics.cartesian:
             raise InputError(
-                "PreStretch is for three dimensions and plane strain only; in this scene bring the "
-                "device to its stretch with Stretch(...)."
+                "PreStretch is not available in a helical cell; bring the device to its stretch "
+                "with Stretch(...)."
             )
         for name in self.names:
             known(name, scene.device.regions, "region")
@@ -166,19 +172,43 @@ class PreStretch(Prescribed):
                 f"The pre-stretch of {label!r} and a load share the ramp {self.ramp!r}; give them "
                 'two, and move both in one Ramp(("prestretch", "load")).'
             )
-        given = [s for s in (self.x, self.y, self.z) if s is not None]
+        round_section = not scene.kinematics.cartesian
+        self._check_axes(label, round_section)
+        given = [s for s in (self.x, self.y, self.z, self.r) if s is not None]
         for value in given:
             finite(value, f"A pre-stretch of {label!r}")
             if value <= 0:
                 raise InputError(f"A pre-stretch of {label!r} is {value}, but must be > 0.")
+        if round_section:
+            return
         if len(given) < 2 or abs(math.prod(self.stretches) - 1) > 1e-9:
             raise InputError(
                 f"The pre-stretch of {label!r} is x = {self.x}, y = {self.y}, z = {self.z}; give "
                 "two stretches, or three whose product is 1."
             )
 
+    def _check_axes(self, label: str, round_section: bool) -> None:
+        """Raise InputError unless the stretches are along axes that the kinematics has."""
+        if not round_section and self.r is not None:
+            raise InputError(
+                f"The pre-stretch of {label!r} is along r, which is for an axisymmetric section; "
+                "give x, y and z, of which one may be left out."
+            )
+        if round_section and (
+            (self.x, self.y) != (None, None) or (self.r is None) == (self.z is None)
+        ):
+            raise InputError(
+                f"The pre-stretch of {label!r} in an axisymmetric section needs one of r and z; x "
+                "and y are for three dimensions and plane strain only."
+            )
+
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
-        return [InitialStretch(self.names, self.stretches, self.ramp)]
+        stretches = self.stretches
+        if not scene.kinematics.cartesian and self.r is None:
+            assert self.z is not None
+            around = self.z**-0.5
+            stretches = (around, around, self.z)
+        return [InitialStretch(self.names, stretches, self.ramp)]
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,7 @@ class Tangent:
         self._loads: dict[str, np.ndarray] = {}
         self._masses = scalar_masses(problem)
         self._kept: tuple[Any, Any] = None, None
-        self._turned: tuple[int, list[tuple[int, float]]] = -1, []
+        self._turned: tuple[int, np.ndarray | None] = -1, None
 
     def renew(self) -> None:
         """Take other constants of the problem.  Collective."""
@@ -132,7 +132,8 @@ class Tangent:
             self._transposed = form, product
         self.problem.spread(self._unheld(direction), self._along)
         form, product = self._transposed
-        return self._with_springs(self._with_mass(assembled(product, form)), direction)
+        moved = self._with_mass(assembled(product, form))
+        return self._with_springs(moved, direction, transposed=True)
 
     @property
     def is_symmetric(self) -> bool:
@@ -140,15 +141,17 @@ class Tangent:
         forms = self.problem.forms
         return forms.is_symmetric and not forms.loads.following
 
-    def _with_springs(self, product: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    def _with_springs(
+        self, product: np.ndarray, direction: np.ndarray, transposed: bool = False
+    ) -> np.ndarray:
         """A product at all owned unknowns in the free rows, with that of the springs."""
         problem = self.problem
         product = problem.restrict(product)
         springs = problem.springs
         stiffness = problem.turning.stiffness(springs, problem.factors)
         product[springs.rows] += stiffness * direction[springs.rows]
-        for row, value in self._rigid():
-            product[row] += value * direction[row]
+        if (block := self._rigid()) is not None:
+            problem.rigid.add_product(product, block.T if transposed else block, direction)
         for row, value in self._wires():
             product[row] += value * direction[row]
         held = problem.circuits.given_rows()
@@ -160,16 +163,16 @@ class Tangent:
         problem = self.problem
         return problem.circuits.stiffness(problem.w.x.array, problem.factors)
 
-    def _rigid(self) -> list[tuple[int, float]]:
-        """Rows of the angles of rigid parts, and what their second derivatives add.  Collective."""
+    def _rigid(self) -> np.ndarray | None:
+        """What second derivatives of the motion of rigid parts add, or None.  Collective."""
         problem = self.problem
         if not problem.rigid:
-            return []
+            return None
         if self._turned[0] != problem.shown:
-            added = problem.rigid.stiffness(problem.residual(), problem.w.x.array)
-            rows = problem.rigid.rows(problem.conditions.groups, problem.free)
-            pairs = [(int(r), float(v)) for r, v in zip(rows, added, strict=True) if r >= 0]
-            self._turned = problem.shown, pairs
+            block = problem.rigid.stiffness(problem.residual(), problem.w.x.array)
+            moment = problem.scales.force * problem.scales.length
+            block = block + problem.rigid.by_moments(problem.factors, moment)
+            self._turned = problem.shown, block
         return self._turned[1]
 
     def times_fixed(self, change: np.ndarray) -> np.ndarray:
@@ -288,11 +291,9 @@ class Tangent:
             for row, value in zip(springs.rows, stiffness, strict=True):
                 free.setValue(first + row, first + row, value, addv=True)
             free.assemble()
-        if problem.rigid:
-            first = free.getOwnershipRange()[0]
-            for row, value in self._rigid():
-                free.setValue(first + row, first + row, value, addv=True)
-            free.assemble()
+        if (block := self._rigid()) is not None:
+            # A factor takes the matrix as symmetric; that of a moment in space is so in part.
+            problem.rigid.enter(free, (block + block.T) / 2)
         if problem.circuits:
             self._feed(free)
         if problem.unknowns <= MOST_UNKNOWNS_KEPT:
@@ -304,7 +305,7 @@ class Tangent:
         return free
 
     def _followed(self, whole: Any, free: Any) -> Any:
-        """P^T A P of a whole matrix A with the expansion P, into `free` if it is given.  Collective.
+        """P^T A P of a matrix A with the expansion P, into `free` if it is given.  Collective.
 
         A row of P^T A P that many cells share, such as that of the pressure in a cavity, is made
         fastest by a product with the transpose of P.  PETSc has this product on one rank only.

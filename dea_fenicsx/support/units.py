@@ -31,6 +31,9 @@ DIMENSIONS = {
     "V/m": "an electric field in V/m",
     "s": "a time in s",
     "kg/m**3": "a density in kg/m^3",
+    "m/s**2": "an acceleration in m/s^2",
+    "N/m**3": "a force per volume in N/m^3",
+    "rad/s": "a speed in rad/s",
     "Pa*s": "a viscosity in Pa s",
     "1/Pa**2": "a number in 1/Pa^2",
 }

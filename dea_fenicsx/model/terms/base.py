@@ -47,6 +47,9 @@ class Term(ABC):
         """Whether it acts on the regions of a kernel."""
         return set(self.fields) <= set(kernel.fields)
 
+    def settle(self, volume: float) -> None:  # noqa: B027  (most need no volume)
+        """Take the volume of the whole device, dimensionless, once it is known."""
+
     def stored(self, at: MaterialPoint) -> Any:
         """What it stores in the body, per undeformed volume, dimensionless; None for nothing."""
         return None

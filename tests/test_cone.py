@@ -1,0 +1,75 @@
+"""A cone of film between a rigid disc and a rigid ring, beside the thin membrane."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import dea_fenicsx as dea
+from dea_fenicsx.exact import Cone
+from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx.materials import EPSILON_0
+
+pytestmark = pytest.mark.usefixtures("quick_compile")
+
+MU, B, A = 5e4, 1e-2, 0.3
+THIN = [(1.5, 0.5, 0.0, 0.62978662), (1.5, 0.5, 0.1, 0.64420238),
+        (2.0, 1.0, 0.0, 1.20994855), (2.0, 1.0, 0.1, 1.26067753)]  # fmt: skip
+
+
+@pytest.mark.parametrize("lp, q, e, deflection", THIN)
+def test_thin_membrane(lp, q, e, deflection):
+    """Values that shooting and a minimisation of the energy agree on to all digits."""
+    assert Cone(lp, q, e).deflection() == pytest.approx(deflection, abs=1e-8)
+    assert Cone(lp, -q, -e).deflection() == pytest.approx(-deflection, abs=1e-8)
+
+
+def test_small_deflection():
+    """Under a small force the film is a membrane of even tension: z = q/s ln(B/A)."""
+    lp = 1.5
+    tension = lp - lp**-5  # nominal, per undeformed thickness
+    assert Cone(lp, 1e-5).deflection() == pytest.approx(
+        1e-5 * lp / tension * np.log(1 / A), rel=1e-6
+    )
+    assert Cone(lp, 0.0).deflection() == 0.0
+
+
+def test_what_has_no_state_is_refused():
+    with pytest.raises(dea.InputError, match="no taut state"):
+        Cone(2.0, 1.0, 0.6).deflection()
+    with pytest.raises(dea.InputError, match="between 0 and 1"):
+        Cone(2.0, 1.0, inner=1.5)
+
+
+def cone(lp, q, e, thickness, cells=24):
+    H = thickness * B
+    shape = BoxStack(lp * (1 - A) * B, None, [Layer("film", H / lp**2, divisions=2)], cells,
+                     grading=30.0, x0=lp * A * B)  # fmt: skip
+    return dea.Scene(
+        dea.read_gmsh(shape, MPI.COMM_SELF),
+        {"film": dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(3.0))},
+        electrodes=[dea.Electrode("top", e * H * np.sqrt(MU / (3.0 * EPSILON_0))),
+                    dea.Ground("bottom")],
+        supports=[dea.Clamp("x_max"), dea.Rigid("x_min")],
+        prescribed=[dea.PreStretch("film", r=lp)],
+        loads=[dea.Force("x_min", (0.0, 2 * np.pi * q * MU * H * B))],
+        kinematics=dea.Axisymmetric(),
+    )  # fmt: skip
+
+
+RECORD = {"z": dea.PartDisplacement("x_min", "z")}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lp, q, e, deflection", [THIN[1], THIN[3]])
+def test_solids_tend_to_the_membrane(lp, q, e, deflection):
+    """Three thicknesses; the last two, extrapolated, are within 0.1 % of the limit."""
+    found = []
+    for thickness in (0.04, 0.02, 0.01):
+        path = [dea.Ramp("prestretch", steps=1), dea.Ramp("load", steps=4), dea.Ramp(steps=1)]
+        found.append(dea.solve(cone(lp, q, e, thickness), path, RECORD, quiet=True)["z_m"] / B)
+    errors = np.array(found) / deflection - 1
+    assert np.all(np.abs(errors) < 2e-3), errors
+    assert np.all(np.abs(errors[1:]) < np.abs(errors[:-1]) + 1e-4), errors
+    assert 2 * found[2] - found[1] == pytest.approx(deflection, rel=1e-3)
