@@ -36,7 +36,6 @@ from dea_fenicsx.geometry import _gmsh as to_gmsh
 from dea_fenicsx.support.errors import InputError
 
 gmsh = pytest.importorskip("gmsh")
-
 ELASTOMER, METAL = Layer("elastomer", 5e-4), Layer("carbon", 5e-5, electrode=True)
 SANDWICH = [ELASTOMER, METAL, replace(ELASTOMER, divisions=2), ELASTOMER]
 
@@ -53,7 +52,6 @@ DEVICES = {
     "disc capacitor": DiscCapacitor(1e-2, 5e-3, 1e-1, divisions=(3, 2, 4), grading=5.0),
     "disc capacitor, curved": DiscCapacitor(1e-2, 5e-2, 1e-1, (2, 3, 4), order=2),
     "membrane section": MembraneDisc(12e-3, 4e-3, 1e-3, taper=3e-3),
-    "sphere half": HollowSphere(10e-3, 12e-3),
     "sphere whole": HollowSphere(10e-3, 12e-3, "whole", layers=1, cells=6),
     "sphere octant": HollowSphere(10e-3, 15e-3, "octant", layers=1, cells=6),
     "hinge": DEAHinge(width=3e-3, across=2),
