@@ -9,6 +9,7 @@ from hard import (  # noqa: F401  (each enters its cases)
     devices,
     films,
     marches,
+    repeating,
     runs,
 )
 from hard.table import CASES, passed, verdict
@@ -51,6 +52,8 @@ PART = [
     "march: steps of backward Euler against the same recurrence",
     "march: relaxed before, then creep",
     "march: resumed in its midst",
+    "periodic: a mean strain of 4 in one go",
+    "periodic: both faces held, and free to strain",
 ]
 
 

@@ -191,6 +191,33 @@ def test_a_laminate_in_shear():
     assert run["f_N"] == pytest.approx(modulus * shear * L**2, rel=1e-9)
 
 
+@pytest.mark.parametrize("driven", ["volts", "coulombs", "source"])
+def test_conductors_that_repeat(driven):
+    """Two films between two conducting layers; one film touches its upper one by the period alone.
+
+    4 mu h (s - s^-5) = 2 eps V^2/h s^3, with all layers alike.
+    """
+    h, volts = L / 4, 2e3
+    carbon = dea.Material(dea.NeoHookean(MU), dea.Conductor())
+    names = ("first", "plus", "second", "minus")
+    device = dea.read_gmsh(
+        BoxStack(L, L, [Layer(name, h) for name in names], divisions=(1, 1)), MPI.COMM_SELF
+    )
+    push = 2 * EPS_R * EPSILON_0 * volts**2 / h
+    exact = brentq(lambda s: 4 * MU * h * (s - s**-5) - push * s**3, 1, 1.2)
+    charge = push / volts * L**2 * exact**4
+    plus = {"volts": dea.Electrode("plus", volts), "source": dea.Source("plus", volts),
+            "coulombs": dea.ChargedElectrode("plus", charge)}[driven]  # fmt: skip
+    scene = dea.Scene(
+        device, dict(zip(names, (FILM, carbon, FILM, carbon), strict=True)),
+        [plus, dea.Ground("minus")], [*SIDES, dea.Periodic("bottom", "top"), dea.FreeBody()],
+    )  # fmt: skip
+    run = solved(scene, {"x": dea.MeanStretch(X, "x"), "v": dea.Potential("plus"),
+                         "q": dea.Charge("plus"), "r": dea.Charge("minus")})  # fmt: skip
+    found = [run["x"], run["v_V"], run["q_C"], run["r_C"]]
+    assert found == pytest.approx([exact, volts, charge, -charge], rel=1e-9)
+
+
 def test_a_charged_film_repeats():
     """A floating electrode on both ends of the period holds its charge once."""
     device, materials = stack([FILM, FILM], divisions=(1, 1))
