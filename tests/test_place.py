@@ -34,6 +34,7 @@ from dea_fenicsx.results import provenance
 from dea_fenicsx.results.axes import axes_told
 from dea_fenicsx.results.history import History
 from dea_fenicsx.results.reading import moved_ramps
+from dea_fenicsx.run.resuming import add_present_names
 from dea_fenicsx.solvers.outcome import Outcome
 from dea_fenicsx.support import form_cache
 from dea_fenicsx.support.progress import Progress, step_line
@@ -321,6 +322,18 @@ def test_negative_modes_are_told_under_their_name(done):
         row["inertia"] for row in run.history
     ]
     assert run["negative_modes"] == run.summary["negative_modes"] == 0
+
+
+def test_a_run_of_an_earlier_version_gets_the_column_when_it_is_resumed(done):
+    rows = [{k: v for k, v in row.items() if k != "negative_modes"} for row in done[0].history]
+    told = {"history": rows}
+    add_present_names(told)
+    assert told["history"] == list(done[0].history)
+    assert list(told["history"][0]) == done[0].history.names
+    for other in ({}, {"history": 3}, {"history": [1, {"step": 0}]}):
+        before = repr(other)
+        add_present_names(other)
+        assert repr(other) == before
 
 
 def test_each_stage_of_a_path_is_told(done):

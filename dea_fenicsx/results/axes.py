@@ -22,7 +22,7 @@ def axes_of_fields(kinematics: Any) -> tuple[str, str, str]:
 
 def axes_told(summary: dict[str, Any]) -> tuple[str, str, str]:
     """The same of a run, by its summary; one of an earlier version tells the kinematics only."""
-    settings = summary.get("settings")
+    settings: Any = summary.get("settings")
     with suppress(KeyError, TypeError):
         if settings["axes"] in (list(FIXED), list(ABOUT_AN_AXIS)):
             one, two, three = settings["axes"]

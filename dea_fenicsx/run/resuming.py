@@ -69,6 +69,7 @@ def carry_on(
     if found is None:
         return None
     told, state = found
+    add_present_names(told)
     problem = solver.problem
 
     def agree(why: str | None) -> None:
@@ -99,6 +100,22 @@ def carry_on(
     agree(None if told["digest_agrees"] else "its checkpoint was changed after it was written")
     agree(_other_value(problem.scales, told["history"], record, measurements))
     return cursor, told
+
+
+def add_present_names(told: dict[str, Any]) -> None:
+    """Give the rows of an earlier version the columns that have got another name since.
+
+    What is no history is left as it is; it is refused later.
+    """
+    rows = told.get("history")
+    for k, row in enumerate(rows if isinstance(rows, list) else ()):
+        if not isinstance(row, dict) or "negative_modes" in row or "inertia" not in row:
+            continue
+        items = [(name, value) for name, value in row.items() if name != "wall_s"]
+        items.append(("negative_modes", row["inertia"]))
+        if "wall_s" in row:
+            items.append(("wall_s", row["wall_s"]))
+        rows[k] = dict(items)
 
 
 def _restored(
