@@ -286,7 +286,7 @@ class Tangent:
         return free
 
     def _followed(self, whole: Any, free: Any) -> Any:
-        """P^T A P of a whole matrix A with the expansion P, into `free` if it is given.  Collective.
+        """P^T A P of a whole matrix A with the expansion P, in `free` if it is given.  Collective.
 
         A row of P^T A P that many cells share, such as that of the pressure in a cavity, is made
         fastest by a product with the transpose of P.  PETSc has this product on one rank only.
