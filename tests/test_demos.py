@@ -17,6 +17,7 @@ from demo_checks import (
     check_disc,
     check_first_actuator,
     check_fit,
+    check_gripper,
     check_harvest,
     check_hinge,
     check_hysteresis,
@@ -300,6 +301,7 @@ def check_read_results(out, printed):
 CHECKS = {
     "blister.py": (check_blister, ["--mesh", "coarse", "--to", 0.06, "--early-steps", 40]),
     "buckling_strip.py": (check_buckling, []),
+    "gripper.py": (check_gripper, []),
     "crease.py": (check_crease, ["--field", 1.1, "--tolerance", 1e-3]),
     "creep_disc.py": (check_creep, ["--tolerance", 2e-2, "--rest", 100]),
     "cube.py": (check_cube, []),

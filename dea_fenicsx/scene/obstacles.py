@@ -42,8 +42,8 @@ class Obstacle(OnSurface, Support):
     ramp
         Name of the ramp that moves it.
     tolerance
-        Largest gap or penetration in m at a point that is pressed; None for a tenth of the height
-        of the cells at the surface.  A state with a larger one is not accepted.  In the mean
+        Largest gap or penetration in m at a point that is pressed; None for a tenth of the width
+        of the facets on the surface.  A state with a larger one is not accepted.  In the mean
         around each vertex the gap is closed to Newton's tolerance, whatever this value is.
     """
 
@@ -159,7 +159,7 @@ def _check_function(item: Obstacle, dim: int) -> None:
     """Raise InputError unless a function returns a scalar of the place."""
     assert callable(item.shape)
     place = ufl.as_vector([ufl.variable(ufl.as_ufl(0.1 * (k + 1))) for k in range(dim)])
-    name = f"The function of the obstacle at {item.where!r}"
+    name = f"The shape of the obstacle at {item.where!r} is a function that"
     try:
         found = ufl.as_ufl(item.shape(place))
     except Exception as error:
@@ -170,7 +170,7 @@ def _check_function(item: Obstacle, dim: int) -> None:
         ) from error
     if found.ufl_shape != ():
         raise InputError(
-            f"{name} returns something of shape {found.ufl_shape}, but must return one number, the "
-            "gap in m."
+            f"{name} returns something of shape {found.ufl_shape}, but must return one number, "
+            "the gap in m."
         )
 
