@@ -101,8 +101,8 @@ def test_hertz():
         assert forces[cells] == pytest.approx(1, abs=0.02)
         # Two facets in the contact resolve its peak to 4 %.
         assert peak == pytest.approx(1, abs=0.02 + 0.04 / cells)
-        # The edge of the contact is found to within a part of a cell.
-        assert area == pytest.approx(1, abs=0.2 / cells)
+        # The edge is found to within two points of integration, 0.34 of a facet apart.
+        assert area == pytest.approx(1, abs=0.68 / cells)
     # The strains are small, but not infinitely small: the limit differs from 1 by 0.3 %.
     assert abs(forces[8] - 1) < 0.004
     assert abs(forces[4] - forces[8]) < 0.3 * abs(forces[2] - forces[8])
