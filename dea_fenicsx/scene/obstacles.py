@@ -16,6 +16,7 @@ from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.scene.shapes import Cylinder, Plane, Shape, Sphere
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, positive
 
@@ -144,7 +145,7 @@ def _check_shape(item: Obstacle, kinematics: Kinematics) -> None:
         return
     if not callable(shape):
         raise InputError(
-            f"The shape of the obstacle at {item.where!r} is {shape!r}, but must be a Plane, a "
+            f"The shape of the obstacle at {item.where!r} is {shown(shape)}, but must be a Plane, a "
             "Sphere, a Cylinder or a function of the place."
         )
     if axes == "rtz":
