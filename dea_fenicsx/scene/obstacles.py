@@ -145,8 +145,8 @@ def _check_shape(item: Obstacle, kinematics: Kinematics) -> None:
         return
     if not callable(shape):
         raise InputError(
-            f"The shape of the obstacle at {item.where!r} is {shown(shape)}, but must be a Plane, a "
-            "Sphere, a Cylinder or a function of the place."
+            f"The shape of the obstacle at {item.where!r} is {shown(shape)}, but must be a Plane, "
+            "a Sphere, a Cylinder or a function of the place."
         )
     if axes == "rtz":
         raise InputError(
