@@ -338,3 +338,15 @@ def check_pump(out, printed):
     assert s["work_on_liquid_J"] > 1e-5 and s["energy_error"] < 1e-4
     assert s["closed_within"] < 1e-6 and s["gas_law_error"] is None
     assert (out / "pressure_chamber.png").exists()
+
+
+def check_gripper(out, printed):
+    """The forces on the finger balance, and the gap is closed to a hundredth of the facets."""
+    s = dea.read_summary(out)
+    assert s["force_balance_error"] < 1e-8
+    assert abs(s["contact_gap_m"]) < 0.01 * 15e-3 / 40
+    assert s["last_open_voltage_V"] < s["first_closed_voltage_V"] < 18e3
+    # own values, mesh 1, 2026-11
+    assert s["grip_force_N"] == pytest.approx(4.442e-3, rel=5e-3)
+    assert 0 < s["contact_area_m2"] < 5e-6
+    assert "each finger pushes" in printed

@@ -99,16 +99,18 @@ def test_hertz():
     for cells in (2, 4, 8):
         forces[cells], area, peak = pressed(cells)
         assert forces[cells] == pytest.approx(1, abs=0.02)
-        assert peak == pytest.approx(1, abs=0.03)
-        # The edge of the contact is found to within a part of a cell.
-        assert area == pytest.approx(1, abs=0.2 / cells)
+        # Two facets in the contact resolve its peak to 4 %.
+        assert peak == pytest.approx(1, abs=0.02 + 0.04 / cells)
+        # The edge is found to within two points of integration, 0.34 of a facet apart.
+        assert area == pytest.approx(1, abs=0.68 / cells)
     # The strains are small, but not infinitely small: the limit differs from 1 by 0.3 %.
     assert abs(forces[8] - 1) < 0.004
     assert abs(forces[4] - forces[8]) < 0.3 * abs(forces[2] - forces[8])
 
 
 def test_any_number_of_steps():
-    assert pressed(4, steps=5) == pytest.approx(pressed(4, steps=1), rel=1e-8)
+    """The pressure at a point is the least exact: it holds r times the error of a place."""
+    assert pressed(4, steps=5) == pytest.approx(pressed(4, steps=1), rel=2e-7)
 
 
 @pytest.mark.mpi

@@ -17,6 +17,7 @@ of the pressure gives one, whether the surface touches there or not.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import basix.ufl
@@ -35,10 +36,10 @@ from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 
-TOLERANCE_BY_HEIGHT = 0.1
-"""Default tolerance of a gap, as a share of the height of the cells at the surface."""
+TOLERANCE_BY_WIDTH = 0.1
+"""Default tolerance of a gap, as a share of the width of the facets on the surface."""
 
-MODULI_AT_TOLERANCE = 5.0
+MODULI_AT_TOLERANCE = 2.0
 """Deviation of f from p, in shear moduli, at which a gap reaches its tolerance.
 
 Such a deviation only belongs to a pressure that the mesh does not resolve.  A larger value would
@@ -52,10 +53,10 @@ def contact_fields(scene: Scene) -> Iterator[Field]:
     cell = device.mesh.topology.cell_name()
     for name, told in zip(names(scene), contacts(scene), strict=True):
         facets = one_sided(device, told.surface)
-        heights, areas = facet_sizes(device, facets)
+        widths, areas = facet_sizes(device, facets)
         # A row of p is a gap times the area of a vertex.  The median is that of the small facets
         # near a contact where the mesh is graded towards it.
-        mine = heights[facets[:, 0]] * areas[facets[:, 0]]
+        mine = widths[facets[:, 0]] * areas[facets[:, 0]]
         every = np.concatenate(device.comm.allgather(mine))
         scale = float(np.median(every) * np.sqrt(len(every)))
         yield Field(
@@ -81,25 +82,18 @@ def names(scene: Scene) -> list[str]:
 
 
 def facet_sizes(device: Device, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The size h of each owned cell at its facets, and the mean area of these.  Collective.
+    """The mean width and area of the facets of each owned cell.  Collective.
 
-    h is the height of the cell above its facets, but at most the width of the facets.  Both are 0
-    for a cell without facets.
+    Both are 0 for a cell without facets.
     """
     mesh, dim = device.mesh, device.dim
     each = ufl.TestFunction(dolfinx.fem.functionspace(mesh, ("DG", 0)))
-    ds, dx = measure(device, [facets], 2, "ds")(0), ufl.dx(mesh, metadata={"quadrature_degree": 2})
+    ds = measure(device, [facets], 2, "ds")(0)
     owned = device.owned_cells()
-    areas, volumes = (
-        dolfinx.fem.assemble_vector(compat.compile_form(form)).array[:owned]
-        for form in (each * ds, each * dx)
-    )
-    sizes = np.zeros(owned)
+    areas = dolfinx.fem.assemble_vector(compat.compile_form(each * ds)).array[:owned].copy()
     cells, counts = np.unique(facets[:, 0], return_counts=True)
-    width = (areas[cells] / counts) ** (1 / (dim - 1))
-    sizes[cells] = np.minimum(volumes[cells] / areas[cells] * counts, width)
     areas[cells] /= counts
-    return sizes, areas
+    return areas ** (1 / (dim - 1)), areas
 
 
 def _place(kinematics: Kinematics, u: Any, x: Any) -> Any:
@@ -134,6 +128,9 @@ class Contact:
         The ramp's factor, as a constant of the form.
     touches
         The condition f > 0.
+    softening
+        Factor on r, as a constant of the form.  It is 1, except while Newton's method looks for a
+        state from which it converges.
     stiffness
         r.
     offset
@@ -170,7 +167,8 @@ class Contact:
         self.direction = ufl.diff(metres, self._place)
         self.gap = metres / unit + self.offset
         self.pressure = space.present[name]
-        self.stiffness = self._stiffness()
+        self.softening = dolfinx.fem.Constant(mesh, 1.0)
+        self.stiffness = self.softening * self._stiffness()
         self.pushed = self.pressure - self.stiffness * self.gap
         self.touches = ufl.gt(self.pushed, 0)
         self.force = ufl.conditional(self.touches, self.pushed, 0)
@@ -190,14 +188,14 @@ class Contact:
         """r: moduli over the tolerance of the gap, constant in each cell.  Collective."""
         scene, device, scales = self._scene, self._scene.device, self._scales
         found = dolfinx.fem.Function(dolfinx.fem.functionspace(self._mesh, ("DG", 0)))
-        heights, _ = facet_sizes(device, self.facets)
-        self._tolerances = np.zeros(len(heights))
+        widths, _ = facet_sizes(device, self.facets)
+        self._tolerances = np.zeros(len(widths))
         given = self.told.tolerance
         for name, material in scene.materials.items():
             cells = np.intersect1d(device.cells_of(name), self.facets[:, 0])
             modulus = material.elastic.shear_modulus() / scales.stress
             self._tolerances[cells] = (
-                TOLERANCE_BY_HEIGHT * heights[cells] if given is None else given / scales.length
+                TOLERANCE_BY_WIDTH * widths[cells] if given is None else given / scales.length
             )
             found.x.array[cells] = MODULI_AT_TOLERANCE * modulus / self._tolerances[cells]
         found.x.scatter_forward()
@@ -268,3 +266,18 @@ class Contacts(list[Contact]):
         """Whether each point of integration of this rank is pressed in the present state."""
         found = [contact.points.values().pushed.ravel() > 0 for contact in self]
         return np.concatenate([np.empty(0, dtype=bool), *found])
+
+    @contextmanager
+    def softened(self, factor: float) -> Iterator[None]:
+        """Within the block r is multiplied by a factor.
+
+        Equilibria hardly depend on r, but Newton's method converges from farther away with a
+        smaller one where a slender device bends around an obstacle.
+        """
+        for contact in self:
+            contact.softening.value = factor
+        try:
+            yield
+        finally:
+            for contact in self:
+                contact.softening.value = 1.0

@@ -16,6 +16,7 @@ from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.scene.shapes import Cylinder, Plane, Shape, Sphere
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, positive
 
@@ -42,8 +43,8 @@ class Obstacle(OnSurface, Support):
     ramp
         Name of the ramp that moves it.
     tolerance
-        Largest gap or penetration in m at a point that is pressed; None for a tenth of the height
-        of the cells at the surface.  A state with a larger one is not accepted.  In the mean
+        Largest gap or penetration in m at a point that is pressed; None for a tenth of the width
+        of the facets on the surface.  A state with a larger one is not accepted.  In the mean
         around each vertex the gap is closed to Newton's tolerance, whatever this value is.
     """
 
@@ -144,8 +145,8 @@ def _check_shape(item: Obstacle, kinematics: Kinematics) -> None:
         return
     if not callable(shape):
         raise InputError(
-            f"The shape of the obstacle at {item.where!r} is {shape!r}, but must be a Plane, a "
-            "Sphere, a Cylinder or a function of the place."
+            f"The shape of the obstacle at {item.where!r} is {shown(shape)}, but must be a Plane, "
+            "a Sphere, a Cylinder or a function of the place."
         )
     if axes == "rtz":
         raise InputError(
@@ -159,7 +160,7 @@ def _check_function(item: Obstacle, dim: int) -> None:
     """Raise InputError unless a function returns a scalar of the place."""
     assert callable(item.shape)
     place = ufl.as_vector([ufl.variable(ufl.as_ufl(0.1 * (k + 1))) for k in range(dim)])
-    name = f"The function of the obstacle at {item.where!r}"
+    name = f"The shape of the obstacle at {item.where!r} is a function that"
     try:
         found = ufl.as_ufl(item.shape(place))
     except Exception as error:
@@ -170,7 +171,7 @@ def _check_function(item: Obstacle, dim: int) -> None:
         ) from error
     if found.ufl_shape != ():
         raise InputError(
-            f"{name} returns something of shape {found.ufl_shape}, but must return one number, the "
-            "gap in m."
+            f"{name} returns something of shape {found.ufl_shape}, but must return one number, "
+            "the gap in m."
         )
 

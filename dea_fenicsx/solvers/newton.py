@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from mpi4py import MPI
@@ -32,6 +33,15 @@ FINAL_SOLVE_SHARE = 0.1
 
 MOST_ROUNDING_OVER_TOLERANCE = 1e3
 """Largest residual, in units of Newton's tolerance, that can be explained by rounding errors."""
+
+CONTACT_SOFTENING = (0.1, 0.01)
+"""Factors on the stiffness r of contacts that are tried one after another when Newton fails.
+
+With the first one the finger of demos/gripper.py takes a third of the steps.
+"""
+
+SOFT_TOLERANCE = 1e-8
+"""Newton's tolerance for the state of softer contacts, which only is a start."""
 
 NEGLIGIBLE_MOTION = 1e-6
 """Displacements below this share of the device's size are rounding errors."""
@@ -98,12 +108,39 @@ class NewtonSolver(LinearSolver):
         """
         if factors is not None:
             start = self.problem.under(start, factors)
+        lifting = factors is not None
+        tolerance = self.options.tolerance if tolerance is None else tolerance
+        attempt = self._attempt(start, tolerance, lifting, patient)
+        if attempt.converged or attempt.outcome.is_linear_failure:
+            return attempt
+        return self._by_soft_contact(start, tolerance, lifting) or attempt
+
+    def _attempt(self, start: State, tolerance: float, lifting: bool, patient: bool) -> Attempt:
+        """Newton's method from a state; with `lifting` its first step moves the fixed values."""
         with self.problem.at(start):
-            return self._iterate(
-                self.options.tolerance if tolerance is None else tolerance,
-                self.problem.imposed(start) if factors is not None else None,
-                patient,
-            )
+            lifted = self.problem.imposed(start) if lifting else None
+            return self._iterate(tolerance, lifted, patient)
+
+    def _by_soft_contact(self, start: State, tolerance: float, lifting: bool) -> Attempt | None:
+        """Newton's method by way of states of softer contacts; None if there is no such way."""
+        contacts = self.problem.forms.contacts
+        for number, factor in enumerate(CONTACT_SOFTENING if contacts else (), 1):
+            # From the soft state the stiffness grows again, each time from the state before.
+            ladder = [factor, *reversed(CONTACT_SOFTENING[: number - 1])]
+            state, iterations = start, 0
+            for step, softer in enumerate(ladder):
+                with contacts.softened(softer):
+                    goal = max(tolerance, SOFT_TOLERANCE)
+                    soft = self._attempt(state, goal, lifting and step == 0, False)
+                iterations += soft.iterations
+                if not soft.converged:
+                    break
+                state = soft.found
+            else:
+                found = self._attempt(state, tolerance, False, False)
+                if found.converged:
+                    return replace(found, iterations=iterations + found.iterations)
+        return None
 
     def admits(self, guess: State, last: State) -> bool:
         """Whether Newton's method may start from a guess that follows the last state.  Collective.
