@@ -32,14 +32,14 @@ from demo_checks import (
     check_wrinkles,
     summary,
 )
-
-import dea_fenicsx as dea
 from motion_demo_checks import (
     check_balloon_motion,
     check_balloon_response,
     check_membrane_modes,
     check_strip_frequency,
 )
+
+import dea_fenicsx as dea
 
 DEMOS = ROOT / "demos"
 
