@@ -66,11 +66,17 @@ AROUND = {
 """Files (test_X.py) that are marked `around`: they test what lies around a problem's solution."""
 
 
+MPI_TESTS = "MPI_TESTS"
+"""Environment variable: "first" or "last" runs tests that start mpirun before or after others."""
+
+
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by markers
 def pytest_collection_modifyitems(config, items):
     for item in items:
         if item.path.stem.removeprefix("test_") in AROUND:
             item.add_marker(pytest.mark.around)
+    if where := os.environ.get(MPI_TESTS):
+        items.sort(key=lambda item: (item.get_closest_marker("mpi") is None) == (where == "first"))
     if config.getoption("--engine"):
         for item in items:
             if item.get_closest_marker("engine"):
