@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hard import devices, films, marches, runs  # noqa: F401  (each enters its cases)
+from hard import devices, films, marches, mechanisms, runs  # noqa: F401  (each enters its cases)
 from hard.table import CASES, passed, verdict
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
@@ -41,6 +41,9 @@ PART = [
     "march: steps of backward Euler against the same recurrence",
     "march: relaxed before, then creep",
     "march: resumed in its midst",
+    "mechanism: gravity without density",
+    "mechanism: a rigid part on one facet",
+    "mechanism: a spring of zero length",
 ]
 
 

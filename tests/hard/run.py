@@ -29,7 +29,7 @@ MARK = "verdict of the case: "
 
 def load() -> dict:
     """All cases, by name."""
-    for part in ("films", "devices", "runs", "marches"):
+    for part in ("films", "devices", "runs", "marches", "mechanisms"):
         import_module(f"hard.{part}")
     from hard.table import CASES
 
