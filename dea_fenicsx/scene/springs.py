@@ -195,7 +195,11 @@ class Spring(Support):
         if is_number(self.law):
             finite(self.law, f"The stiffness of the spring on {self.where!r}")
             return
-        assert callable(self.law)
+        if not callable(self.law):
+            raise InputError(
+                f"The law of the spring on {self.where!r} is {shown(self.law)}, but must be a "
+                "stiffness in N/m or a function of the elongation."
+            )
         try:
             force = float(self.law(0.0))
         except Exception as error:
