@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import pytest
-<<<<<<< HEAD
 from hard import (  # noqa: F401  (each enters its cases)
     air,
     cavities,
     devices,
     films,
     marches,
+    mechanisms,
     repeating,
     runs,
 )
-=======
-from hard import devices, films, marches, mechanisms, runs  # noqa: F401  (each enters its cases)
->>>>>>> w-rigid
 from hard.table import CASES, passed, verdict
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
@@ -56,14 +53,11 @@ PART = [
     "march: steps of backward Euler against the same recurrence",
     "march: relaxed before, then creep",
     "march: resumed in its midst",
-<<<<<<< HEAD
     "periodic: a mean strain of 4 in one go",
     "periodic: both faces held, and free to strain",
-=======
     "mechanism: gravity without density",
     "mechanism: a rigid part on one facet",
     "mechanism: a spring of zero length",
->>>>>>> w-rigid
 ]
 
 

@@ -81,7 +81,7 @@ def test_the_folder_describes_itself(run):
     assert set(settings["surfaces"]) >= {"top", "bottom", "x_min"}
     assert settings["electrodes"][0]["type"] == "Electrode"
     assert settings["electrodes"][0]["volts"] == VOLTS
-    assert settings["path"][0] | {"what": [], "to": 1.0, "steps": 2} == settings["path"][0]
+    assert settings["path"][0] | {"what": ["voltage"], "to": 1.0, "steps": 2} == settings["path"][0]
     assert np.isclose(told["volume_m3"], 1e-9)
     assert "completed: 2 steps" in (run.out / "run.log").read_text()
 

@@ -51,9 +51,9 @@ def test_a_loop_over_moduli_gives_what_each_run_gives_alone(strip, monkeypatch):
     made = []
     build = Problem.__init__
 
-    def noted(self, scene):
+    def noted(self, scene, *options):
         made.append(scene)
-        build(self, scene)
+        build(self, scene, *options)
 
     monkeypatch.setattr(Problem, "__init__", noted)
     moduli = [(80e3 * (1 + 0.3 * k), 2.8 + k) for k in range(5)]

@@ -108,7 +108,9 @@ def add_present_names(told: dict[str, Any]) -> None:
     What is no history is left as it is; it is refused later.
     """
     rows = told.get("history")
-    for k, row in enumerate(rows if isinstance(rows, list) else ()):
+    if not isinstance(rows, list):
+        return
+    for k, row in enumerate(rows):
         if not isinstance(row, dict) or "negative_modes" in row or "inertia" not in row:
             continue
         items = [(name, value) for name, value in row.items() if name != "wall_s"]
