@@ -129,10 +129,20 @@ class Forms:
         if cavities:
             first = len(sides) + len(along)
             self.residual += cavities.work(space, self.motion, at, self.loads, ds, first)
+        self._add_contacts()
+        self._add_strains(springs)
+
+    def _add_contacts(self) -> None:
+        """The virtual work at obstacles, and of those that ramps move."""
         for contact in self.contacts:
-            self.residual += contact.virtual_work(space)
+            self.residual += contact.virtual_work(self._space)
             if ramp := contact.told.ramp:
-                self.loads.add_travel(ramp, contact.factor, contact.work_of_travel(space))
+                work = contact.work_of_travel(self._space)
+                self.loads.add_travel(ramp, contact.factor, work)
+
+    def _add_strains(self, springs: Sequence[SpringWork]) -> None:
+        """What ramps strain: springs, and regions with a pre-stretch."""
+        space = self._space
         for spring in springs:
             if spring.ramp is not None:
                 rates = [spring.rate(point, self._virtual) for point in self.points]
