@@ -355,3 +355,14 @@ def test_rendering_from_inside_an_mpi_run(run: Path) -> None:
     if "none:" in done.stdout:
         pytest.skip(done.stdout.strip())
     assert done.stdout.strip() == str(run / "field_strength.png")
+
+
+def test_a_run_without_an_electric_field_shows_the_displacement(tmp_path: Path) -> None:
+    scene = dea.Scene(
+        dea.device(BoxStack(1e-3, None, [Layer("film", 1e-4)], 2)),
+        {"film": dea.Material(dea.NeoHookean(1e5))}, supports=[dea.Clamp("x_min")],
+        loads=[dea.DeadLoad("x_max", (10.0, 0.0))], kinematics=dea.PlaneStrain(1.0),
+    )  # fmt: skip
+    run = dea.solve(scene, dea.Ramp(steps=1), out=tmp_path / "pulled", quiet=True)
+    drawn = dea.pictures.deformed(run.out)
+    assert drawn is None or drawn.name == "displacement.png"

@@ -26,10 +26,13 @@ NO_PYVISTA = 5
 
 _TIMEOUT_S = 180.0
 
+ELECTRIC_FIELD = "field_strength_V_per_m"
+"""The field that is drawn unless another one is named."""
+
 
 def deformed(
     folder: str | os.PathLike,
-    field: str = "field_strength_V_per_m",
+    field: str = ELECTRIC_FIELD,
     step: int = -1,
     warp: float = 1.0,
     path: str | os.PathLike | None = None,
@@ -46,7 +49,8 @@ def deformed(
     folder
         The run's folder.
     field
-        Name of a field in fields.xdmf; vectors are shown by magnitude, stress by von Mises'.
+        Name of a field in fields.xdmf; vectors are shown by magnitude, stress by von Mises'.  A run
+        without an electric field shows the displacement instead of this default.
     step
         Which step on disk, from 0; negative ones count from the last.
     warp
@@ -67,8 +71,8 @@ def deformed(
         If there are no fields, no such field or no such step.
     """
     place = Path(folder)
+    field = _drawn_field(place, field, step)
     target = Path(path) if path is not None else place / f"{file_stem(field)}.png"
-    check_field(place, field, step)
     options = [f"--field={field}", f"--step={step}", f"--warp={warp!r}", f"--out={target}"]
     return target if _drawn("render", place, options, _TIMEOUT_S, say) else None
 
@@ -76,7 +80,7 @@ def deformed(
 def animated(
     folder: str | os.PathLike,
     path: str | os.PathLike,
-    field: str = "field_strength_V_per_m",
+    field: str = ELECTRIC_FIELD,
     warp: float = 1.0,
     say: Callable[[str], object] | None = None,
 ) -> Path | None:
@@ -103,7 +107,7 @@ def animated(
 
     place, target = Path(folder), Path(path)
     check_target(target)
-    check_field(place, field)
+    field = _drawn_field(place, field)
     seconds = _TIMEOUT_S + 10.0 * len(frame_times(place))
     options = [f"--field={field}", f"--warp={warp!r}", f"--out={target}"]
     return target if _drawn("movie", place, options, seconds, say) else None
@@ -161,3 +165,21 @@ def _child(command: list[str], environment: dict[str, str], seconds: float) -> t
         )
     lines = errors.strip().splitlines()
     return status, lines[-1] if lines else f"drawing ended with status {status}."
+
+
+def _drawn_field(place: Path, field: str, step: int = -1) -> str:
+    """The field to draw: the one asked for, or the displacement where there is no electric field.
+
+    Raises
+    ------
+    InputError
+        If there are no fields, no such field or no such step.
+    """
+    try:
+        check_field(place, field, step)
+    except InputError:
+        if field != ELECTRIC_FIELD:
+            raise
+        check_field(place, "displacement_m", step)
+        return "displacement_m"
+    return field
