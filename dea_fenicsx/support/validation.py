@@ -13,7 +13,7 @@ from numbers import Integral
 from typing import Any
 
 from dea_fenicsx.support.errors import InputError
-from dea_fenicsx.support.type_checks import plain
+from dea_fenicsx.support.type_checks import plain, shown
 
 
 def nearest(name: object, names: Iterable[str], cutoff: float = 0.6) -> str | None:
@@ -82,7 +82,7 @@ def one_of(value: object, choices: Sequence[str], what: str, due: str = "") -> N
 
 
 def _refused(value: object, what: str, due: str) -> InputError:
-    return InputError(f"{what} is {plain(value)!r}, but must be {due}.")
+    return InputError(f"{what} is {shown(plain(value))}, but must be {due}.")
 
 
 def keywords(
