@@ -35,10 +35,7 @@ MOST_ROUNDING_OVER_TOLERANCE = 1e3
 """Largest residual, in units of Newton's tolerance, that can be explained by rounding errors."""
 
 CONTACT_SOFTENING = (0.1, 0.01)
-"""Factors on the stiffness r of contacts that are tried one after another when Newton fails.
-
-With the first one the finger of demos/gripper.py takes a third of the steps.
-"""
+"""Factors on the stiffness r of contacts that are tried one after another when Newton fails."""
 
 SOFT_TOLERANCE = 1e-8
 """Newton's tolerance for the state of softer contacts, which only is a start."""
