@@ -9,8 +9,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
-from dea_fenicsx.support.validation import one_of
 
 from . import _check
 from ._structured import StructuredMesh, block, lattice_points
@@ -66,7 +66,11 @@ class ThickSphere(Geometry):
                 f"{owner}: the inner radius {self.inner_radius:g} m must be smaller than the outer "
                 f"one, {self.outer_radius:g} m."
             )
-        one_of(self.part, get_args(Part), f"{owner}: part")
+        if self.part not in get_args(Part):
+            raise InputError(
+                f"{owner}: part is {shown(self.part)}; it must be one of "
+                f"{', '.join(get_args(Part))}."
+            )
         _check.count(owner, "radial", self.radial)
         _check.count(owner, "around", self.around)
         if self.part == "octant" and self.around % 2:

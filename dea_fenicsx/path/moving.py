@@ -259,7 +259,7 @@ def initial_velocity(problem: Problem, inertia: Inertia) -> np.ndarray:
         try:
             values = np.asarray(given(x) if callable(given) else given, dtype=float)
             values = np.broadcast_to(values.T, (x.shape[1], len(axes)))[:, a]
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             good = False
             break
         good = good and bool(np.isfinite(values).all())
