@@ -44,6 +44,7 @@ class Preset:
     mark : ``"S"``, ``"M"`` or ``"D"``, see `MARKS`
     source : where the constants come from
     note : what to beware of, or empty
+    density_source : where the density comes from, or empty where there is none
     """
 
     name: str
@@ -51,6 +52,7 @@ class Preset:
     mark: str
     source: str
     note: str = ""
+    density_source: str = ""
 
     def __str__(self) -> str:
         note = f" {self.note}" if self.note else ""
@@ -132,8 +134,9 @@ def _build(name: str, entry: dict[str, Any]) -> Preset:
         electric = IdealDielectric(entry["eps_r"], law)
     return Preset(
         name,
-        Material(elastic, electric, bulk, name, viscous),
+        Material(elastic, electric, bulk, name, viscous, entry.get("density")),
         entry["mark"],
         entry["source"],
         entry.get("note", ""),
+        entry.get("density_source", ""),
     )
