@@ -18,8 +18,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
-from dea_fenicsx.support.validation import finite, is_positive, positive
+from dea_fenicsx.support.validation import is_finite, is_positive
 
 FARTHEST = 20.0
 """Radii up to this many times the undeformed one are looked at."""
@@ -49,14 +50,18 @@ class Balloon:
     permittivity: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("inner", "outer", "mu", "density"):
-            positive(getattr(self, name), f"Balloon: {name}")
-        finite(self.permittivity, "Balloon: permittivity")
-        if self.permittivity < 0 or self.outer <= self.inner:
+        for name in ("inner", "outer", "mu", "density", "permittivity"):
+            value = getattr(self, name)
+            least = name == "permittivity"
+            if not is_finite(value) or value < 0 or (value == 0 and not least):
+                raise InputError(
+                    f"Balloon: {name} is {shown(value)}, but must be a number "
+                    f"{'of at least 0' if least else '> 0'}."
+                )
+        if self.outer <= self.inner:
             raise InputError(
-                "Balloon: the outer radius must be larger than the inner one, and the permittivity "
-                f"at least 0; they are {self.outer:g} m, {self.inner:g} m and "
-                f"{self.permittivity:g} F/m."
+                f"Balloon: the outer radius {self.outer:g} m must be larger than the inner one, "
+                f"{self.inner:g} m."
             )
 
     def outer_radius(self, a: float) -> float:

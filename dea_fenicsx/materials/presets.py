@@ -49,6 +49,7 @@ class Preset:
     source : where the constants come from
     note : what to beware of, or empty
     use : what it is for, in one line
+    density_source : where the density comes from, or empty where there is none
     """
 
     name: str
@@ -57,6 +58,7 @@ class Preset:
     source: str
     note: str = ""
     use: str = ""
+    density_source: str = ""
 
     def __str__(self) -> str:
         note = f" {self.note}" if self.note else ""
@@ -154,9 +156,10 @@ def _build(name: str, entry: dict[str, Any]) -> Preset:
         electric = IdealDielectric(entry["eps_r"], law)
     return Preset(
         name,
-        Material(elastic, electric, bulk, name, viscous),
+        Material(elastic, electric, bulk, name, viscous, entry.get("density")),
         entry["mark"],
         entry["source"],
         entry.get("note", ""),
         entry["use"],
+        entry.get("density_source", ""),
     )
