@@ -133,8 +133,8 @@ def test_what_is_refused():
         dea.modes(run, 1, response="slow")
     with pytest.raises(dea.InputError, match="needs a Run"):
         dea.modes("folder")
-    light = at_rest(strip(supports=CLAMPED, cells=(2, 1)))
-    light.problem.scene.materials["film"] = rubber(density=None)
+    massless = {"film": rubber(density=None)}
+    light = at_rest(strip(supports=CLAMPED, cells=(2, 1), materials=massless))
     with pytest.raises(dea.InputError, match="no density"):
         dea.modes(light, 1)
     with pytest.raises(dea.InputError, match="density is -1"):
