@@ -133,6 +133,7 @@ class Tracer:
         self.rates = {item.what: 1.0}
         self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
         self.crossings = Crossings(self.branch, item.longest)
+        self._cut = 1.0
 
     def follow(self, arc: float, sign: float, may_switch: bool = True) -> Iterator[Traced]:
         """Yield the accepted points, one after another.
@@ -170,7 +171,7 @@ class Tracer:
                 retries = 0
                 if traced.event == "bifurcation" and item.switch and may_switch:
                     here, may_switch, switched = self._aside(traced), False, True
-                    before, arc = None, abs(item.switch)
+                    before, arc, self._cut = None, abs(item.switch), 1.0
                     self.crossings.forget()
                     self.sentinel.excess = None  # the new branch's own is taken at its first state
                     break
@@ -180,7 +181,9 @@ class Tracer:
             iterations = step.attempt.iterations
             grown = 1.5 if iterations <= 3 else 1.0 if iterations <= 6 else 0.7
             beyond = _just_beyond(arc, left, self._left(there.state))
-            arc = min(arc * grown, item.longest, beyond)
+            usual = min(arc * grown, item.longest)
+            arc = min(usual, beyond)
+            self._cut = arc / usual  # a step that is short because the end is near tells nothing
             before, here = start, there
             yield Traced(there.state, arc, float(np.sign(there.slope)), retries)
 
@@ -198,7 +201,8 @@ class Tracer:
         """Go an arc, halved until the step is accepted, or pass a crossing in one step."""
         retries = 0
         while True:
-            if self.crossings.announced(arc) and (passed := self._passed(here, retries)):
+            usual = arc / self._cut
+            if self.crossings.announced(usual) and (passed := self._passed(here, retries)):
                 return passed
             attempt, there = self.branch.advance(here, arc, before)
             outcome = attempt.outcome
