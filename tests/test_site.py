@@ -21,8 +21,7 @@ from conftest import ROOT
 DOCS = ROOT / "docs"
 DEMOS = ROOT / "demos"
 sys.path += [str(DOCS), str(DOCS / "_ext")]
-# A folder build/ changes what ruff takes for a module of ours, and so the right order.
-import assembled_gallery  # noqa: E402, I001
+import assembled_gallery  # noqa: E402
 import build  # noqa: E402
 import check  # noqa: E402
 import public_names  # noqa: E402
