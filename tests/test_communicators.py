@@ -177,9 +177,9 @@ def one_rank_ahead(comm) -> dict[str, Any]:
     problems = []
     build = Problem.__init__
 
-    def noted(self, scene):
+    def noted(self, scene, *options):
         problems.append(1)
-        build(self, scene)
+        build(self, scene, *options)
 
     Problem.__init__ = noted
     runs = [solve(5e4), solve(6e4)]
