@@ -11,9 +11,9 @@ with the Maxwell stress.  Its surface is unstable, as that of a compressed block
 rising voltage the notch becomes a crease, which creeps: it goes on to grow while the voltage falls
 already, and then opens again.
 
-The package knows no contact.  Where the two sides of the crease touch, the surface of the model
-goes through the plane of symmetry instead; `overlap_m` tells how far.  Held at 1.25, the crease
-grows on until, after 421 s, it is half as deep as the layer and equilibrium is lost.
+This model has no contact, for no `Obstacle` lies in the plane of symmetry.  Where the two sides of
+the crease touch, the surface goes through this plane; `overlap_m` tells how far.  Held at 1.25, the
+crease grows on until, after 421 s, it is half as deep as the layer and equilibrium is lost.
 
     python demos/crease.py
     python demos/crease.py --hold 600

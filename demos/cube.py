@@ -1,11 +1,19 @@
 """A film element under equi-biaxial dead load and voltage (Park 2019, 3.3 and 3.4).
 
-A cube of neo-Hookean rubber is stretched by equal forces in its plane.  The forces are held, and a
-voltage is applied through the thickness.  Eq 17 of the thesis is the exact answer:
+A cube of neo-Hookean rubber stands for a piece of a film.  It is pulled by equal forces along x and
+y.  The forces stay, which is a dead load, and a voltage is applied along z, through the thickness.
+Eq 17 of the thesis is the exact answer:
 
     lam P + eps (lam^2 V/T)^2 = mu (lam^2 - lam^-4),   P = mu (lam_0 - lam_0^-5)
 
-Run it with `mpirun -n 2 python demos/cube.py`; results/cube/fields.xdmf opens in ParaView.
+lam is the stretch along x and y, lam_0 its value without voltage, and P the force per undeformed
+area.  V is the voltage, T the undeformed thickness, eps the permittivity, and mu the shear modulus.
+
+The stable states are computed by a ramp of the voltage.  Pull-in is the maximum of the voltage.  It
+is found with a second scene, in which the stretch is held: the reaction tells at which voltage the
+force is P.
+
+Run it with `mpirun -n 2 python demos/cube.py`.  Open results/cube/fields.xdmf in ParaView.
 """
 
 import numpy as np
@@ -99,7 +107,7 @@ def main():
 
 
 def closed_form(args, force):
-    """Thesis eq 17 as a voltage of the stretch, and stretch and voltage at its peak."""
+    """Thesis eq 17 as a function from stretch to voltage, and stretch and voltage at its peak."""
     mu, T, eps = args.mu, args.thickness, args.eps_r * EPSILON_0
 
     def exact_voltage(lam):
@@ -113,7 +121,7 @@ def closed_form(args, force):
 
 
 def exact_stretches(args, run, force, largest):
-    """Stretch on the stable branch of thesis eq 17 at each step of a run."""
+    """The stretches that eq 17 of the thesis gives at each step of a run, on the stable branch."""
     mu, T, eps = args.mu, args.thickness, args.eps_r * EPSILON_0
     return [
         brentq(lambda x, V=V, f=f * force: mu * (x**2 - x**-4) - x * f - eps * (x**2 * V / T) ** 2,

@@ -1,13 +1,15 @@
 """Tutorial: the first actuator, a strip of two layers that bends under voltage.
 
 A strip has two layers of silicone and is clamped at one end.  One layer lies between electrodes.
-The field squeezes this active layer, so that it grows longer.  The passive layer does not follow,
-so the strip bends away from the active side.  For small voltages, beam theory gives the curvature
-of two equal layers, each with the thickness h:
+The electric field makes this active layer thinner, so that it grows longer.  The passive layer does
+not grow, so the strip bends towards the passive side.  For small voltages, beam theory gives the
+curvature of two equal layers, each with the thickness h:
 
-    curvature = 3/4 e/h,     e = eps (V/h)^2 / (4 mu),
+    curvature = 3/4 e/h,     e = eps (V/h)^2 / (4 mu).
 
-where e is the strain of a free active layer along the strip, in plane strain.
+V is the voltage, eps the permittivity, and mu the shear modulus.  e is the strain along the strip
+that the active layer would have without the passive one.  The strip is modelled in plane strain:
+nothing moves across its width.
 
 Run it with `mpirun -n 2 python demos/first_actuator.py`.
 """

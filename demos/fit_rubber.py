@@ -1,9 +1,14 @@
 """Fit every elastic model to Treloar's 1944 data: uniaxial, planar and equi-biaxial at once.
 
-This is the standard test of a rubber model: three kinds of loading of one vulcanised natural
-rubber.  The data are those of Treloar, Trans. Faraday Soc. 40 (1944) 59, as digitised in
-fit_rubber_data.  Read your own data with `dea.materials.read_data`, or put arrays into
-`dea.materials.TestData`.
+This is the standard test of a rubber model: can one set of constants describe three kinds of
+loading?  In the uniaxial test a strip is pulled.  In the planar test a wide strip is pulled, whose
+width stays.  In the equi-biaxial test a sheet is pulled equally in two directions.  The rubber is a
+vulcanised natural rubber.  The data are those of Treloar, Trans. Faraday Soc. 40 (1944) 59, as
+digitised in the folder fit_rubber_data.  The tutorial fits six elastic models.  It prints their
+constants and how well they fit: R^2 (1 is perfect) and the relative residual (0 is perfect).
+
+Read your own data with `dea.materials.read_data`, or put arrays of stretch and nominal stress into
+`dea.materials.TestData`.  Run this script with `python demos/fit_rubber.py`.
 """
 
 import json

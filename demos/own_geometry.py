@@ -1,13 +1,15 @@
 """Tutorial: your own geometry, from a gmsh .geo script and from a STEP file.
 
-Only the names of parts and surfaces link a drawing to a scene, so any outline will do.  Here it is
-a film with the outline of a clover leaf and an electrode on each face.  A free film of any outline
-is in the same state everywhere, and this state is known exactly.  So this drawing can be checked.
-Draw your own device and name its parts.  This command shows what a file holds:
+Only the names of parts and surfaces link a drawing to a scene.  So the device may have any shape.
+Here it is a film with the outline of a clover leaf and an electrode on each face.  A free film of
+any outline is in the same state everywhere, and this state is known exactly.  So the result can be
+checked.  Draw your own device and name its parts and surfaces.  This command shows the names in a
+file, with the size and the place of each part and surface:
 
     dea mesh demos/own_geometry_data/clover.geo --unit 1e-3 --size 2e-3
 
-A .geo script is a program of gmsh, so run only those that you trust; .msh and STEP files are data.
+A .geo script is a program that gmsh runs, so use only those that you trust.  Files of the types
+.msh and STEP are only data.
 
 Run it with `mpirun -n 2 python demos/own_geometry.py`.
 """

@@ -1,12 +1,15 @@
 """Tutorial: a material of your own.
 
-A material is an energy and a few facts about it.  Stress, tangent and limits follow from
-them.  Here the energy is the I1 model of Lopez-Pamies (C. R. Mecanique 338 (2010) 3), with n = 1:
+A material is an energy and a few facts about it.  The package derives the stress and the tangent
+from the energy.  Here the energy is the I1 model of Lopez-Pamies (C. R. Mecanique 338 (2010) 3),
+with one term:
 
     W = 3^(1 - a)/(2 a) mu (I1^a - 3^a)
 
-This is neo-Hookean rubber for a = 1, and it stiffens for a > 1.  The class is plain arithmetic.  So
-it serves finite elements, which put in symbols, and exact states, which put in numbers.
+W is the energy per undeformed volume, I1 the sum of the squared principal stretches, mu the shear
+modulus, and a an exponent.  For a = 1 this is neo-Hookean rubber, and for a > 1 the rubber stiffens
+at large stretch.  The method `energy` uses arithmetic alone.  So finite elements can call it with
+symbols, and exact states can call the same method with numbers.
 
 Run it with `mpirun -n 2 python demos/own_material.py`.
 """
@@ -23,7 +26,7 @@ from dea_fenicsx.geometry import BoxStack, Layer
 
 @dataclass(frozen=True)
 class LopezPamies:
-    """W = 3^(1 - a)/(2 a) mu (I1^a - 3^a); mu in Pa, a pure number."""
+    """W = 3^(1 - a)/(2 a) mu (I1^a - 3^a).  mu is in Pa, and a has no unit."""
 
     mu: float
     a: float
@@ -33,19 +36,19 @@ class LopezPamies:
         return 3 ** (1 - self.a) / (2 * self.a) * self.mu * (strain.I1**self.a - 3**self.a)
 
     def shear_modulus(self):
-        """At small strain, in Pa: the scale of all stresses."""
+        """The shear modulus at small strain in Pa, which is the scale of all stresses."""
         return self.mu
 
     def spherical_slope(self):
-        """dW/dstretch of the undeformed rubber, in Pa: here 2 dW/dI1 at I1 = 3."""
+        """The slope dW/dstretch of the undeformed rubber in Pa: here 2 dW/dI1 at I1 = 3."""
         return self.mu
 
     def chain_margin(self, strain):
-        """None: the energy is defined at every stretch.  (Gent's is not.)"""
+        """None, because the energy exists at every stretch.  (That of Gent's rubber does not.)"""
         return None
 
     def faults(self):
-        """What is wrong with the constants, for one clear sentence to the user."""
+        """What is wrong with the constants.  The message of the error is made of these texts."""
         bad = [name for name in ("mu", "a") if not getattr(self, name) > 0]
         return [f"{name} is {getattr(self, name)!r}, but must be > 0" for name in bad]
 

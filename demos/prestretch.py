@@ -3,15 +3,19 @@
 A film is stretched to 2.5 times its length in both directions of its plane.  Then the voltage is
 applied.
 
-On a frame the stretch l stays.  The film only loses tension, and at some voltage it has none left.
-On weights (a dead load P) the film gives way and its area grows, until pull-in.  Both states are
-homogeneous and known exactly:
+On a frame the stretch l of the film is constant.  The voltage only lowers the tension s of the
+film, and at some voltage the film is slack (s = 0).  Weights pull with a constant force P per
+undeformed area, which is called a dead load.  On weights the area of the film grows with the
+voltage, until pull-in: a maximum of the voltage, beyond which there is no equilibrium.  The film is
+in the same state everywhere, and this state is known exactly:
 
     frame:    true stress  s = mu (l^2 - l^-4) - eps (l^2 V/T)^2
     weights:  l P + eps (l^2 V/T)^2 = mu (l^2 - l^-4),   P = mu (2.5 - 2.5^-5)
 
-Run it with `mpirun -n 2 python demos/prestretch.py`.  The demo cube.py goes on to
-pull-in.  The demo membrane_disc.py has a round frame with an electrode in its middle.
+V is the voltage, T the undeformed thickness, eps the permittivity, and mu the shear modulus.
+
+Run it with `mpirun -n 2 python demos/prestretch.py`.  The demo cube.py follows the film on weights
+to pull-in.  The demo membrane_disc.py has a round frame with an electrode in its middle.
 """
 
 from mpi4py import MPI

@@ -1,20 +1,24 @@
 """Tutorial: pull-in, what happens there and how to find it.
 
 A free film becomes thinner under voltage.  So its field grows, and the film becomes thinner still.
-At the pull-in voltage no equilibrium is left.  For a free neo-Hookean film of thickness T this
-voltage is known (Zhao and Suo 2007):
+Beyond the pull-in voltage there is no equilibrium.  For a free neo-Hookean film this voltage is
+known (Zhao and Suo 2007):
 
-    V = 0.687 T sqrt(mu/eps),   where the thickness has fallen to 2^(-2/3) = 0.63 of T.
+    V = 0.687 T sqrt(mu/eps).
 
-The tutorial shows three ways to meet pull-in:
+T is the undeformed thickness, mu the shear modulus, and eps the permittivity.  At this voltage the
+film has the thickness 2^(-2/3) T = 0.63 T.
 
-1. The voltage is ramped until equilibrium is lost.
-2. The branch is followed through pull-in by arc length.
-3. The charge is given instead of the voltage.  The uniform film then goes on past pull-in, but not
-   far: it thins in one place, to which its charge flows.
+The tutorial shows three ways to go to pull-in:
 
-Run it with `mpirun -n 2 python demos/pull_in.py`.  The demo snap_through.py goes on from
-here: a rubber that stiffens finds a new state beyond pull-in.
+1. The voltage is raised (ramped) until equilibrium is lost.
+2. The branch, which is the curve of equilibria, is followed through pull-in by its arc length.
+3. The charge is given instead of the voltage.  A film that stays uniform then has equilibria beyond
+   pull-in.  But soon the uniform film is not stable: it becomes thin in one place, to which its
+   charge flows.
+
+Run it with `mpirun -n 2 python demos/pull_in.py`.  The demo snap_through.py is the next step: a
+rubber that stiffens has a new stable state beyond pull-in.
 """
 
 from mpi4py import MPI
@@ -93,10 +97,10 @@ def main():
 
 
 def ramped(driven, record):
-    """What a ramp beyond pull-in ends with.
+    """The sentence with which a ramp beyond pull-in ends.
 
-    It is EquilibriumLost; all steps before are kept in results/.  A script that does not catch it
-    ends with this sentence and exit status 3.
+    It belongs to the error EquilibriumLost.  A script that does not catch this error ends with the
+    sentence and with exit status 3.  If the run has a folder, all steps before are kept there.
     """
     try:
         dea.solve(driven, dea.Ramp("voltage", steps=6), record, quiet=True)

@@ -1,14 +1,15 @@
 """Tutorial: what is in a results folder, and how to read it with pandas, h5py and meshio.
 
-A run leaves ordinary files.  You can read them without this package.
+A run writes ordinary files into its results folder.  You can read them without this package.
 
-    history.csv     a row for each step; columns end in their unit
-    summary.json    the last values, settings, versions, git commit, machine, cost
-    fields.xdmf     the fields at every step, for ParaView, meshio and others
-    fields.h5       the numbers themselves
-    script.py       the script that made it
+    history.csv     a table with a row for each step; the names of the columns end with their unit
+    summary.json    the last values, settings, versions, git commit, machine, time and memory
+    fields.xdmf     the description of the fields at every step, for ParaView, meshio and others
+    fields.h5       the numbers of these fields
+    script.py       the script that made the results
 
-Run it with `python demos/read_results.py`; --read FOLDER reads a run of yours instead.
+Run it with `python demos/read_results.py`.  It makes a small run and reads it.  With --read FOLDER
+it reads a run of your own instead, which must have the columns voltage_V, top_m and charge_C.
 """
 
 import json
@@ -33,7 +34,7 @@ def parse():
 
 
 def make(parser, args):
-    """Something to read: a film on a rigid base, from 0 to --voltage in 4 steps."""
+    """Make a run to read: a film on a rigid base, from 0 V to --voltage in 4 steps."""
     film = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(eps_r=2.8))
     block = BoxStack(2e-3, 1.5e-3, [Layer("film", 0.5e-3)], divisions=(2, 2))
     scene = dea.Scene(
