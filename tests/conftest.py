@@ -128,6 +128,11 @@ def clean_environment() -> dict[str, str]:
     }  # fmt: skip
 
 
+PATIENCE = 3.0
+"""Factor on the time limits of scripts: they are there to end what hangs, and two suites may run
+side by side on few cores."""
+
+
 @pytest.fixture
 def start():
     """Start a Python script on some ranks; returns the finished process with its output."""
@@ -137,7 +142,7 @@ def start():
         if ranks > 1:
             command = [needed_mpirun(), "-n", str(ranks), *command]
         done = subprocess.run(
-            command, capture_output=True, text=True, timeout=timeout, cwd=ROOT,
+            command, capture_output=True, text=True, timeout=PATIENCE * timeout, cwd=ROOT,
             env=clean_environment(), stdin=subprocess.DEVNULL,
         )  # fmt: skip
         if check:

@@ -73,7 +73,7 @@ def histories(tmp_path_factory):
         out = tmp_path_factory.mktemp("hdea") / str(ranks)
         command = [mpirun, "-n", str(ranks), sys.executable, str(DEMO), "--mesh", "1", "--steps",
                    "10", "--no-check", "--quiet", "--out", str(out)]  # fmt: skip
-        done = subprocess.run(command, capture_output=True, text=True, timeout=500, cwd=ROOT,
+        done = subprocess.run(command, capture_output=True, text=True, timeout=1500, cwd=ROOT,
                               env=clean_environment(), stdin=subprocess.DEVNULL)  # fmt: skip
         assert done.returncode == 0, done.stdout + done.stderr
         found[ranks] = (dea.read_history(out), json.loads((out / "summary.json").read_text()))
