@@ -21,7 +21,7 @@ with the pre-stretch l and C = eps/int lam^-2 dZ.  Its least value is the closed
 import numpy as np
 from mpi4py import MPI
 from numpy.polynomial import legendre
-from scipy.optimize import minimize
+from scipy.optimize import root
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
@@ -45,36 +45,38 @@ def parse():
 
 
 def energy(args, b, k, volts):
-    """U(b, k) in J per m of length and of width."""
+    """U(b, k) in J per m of length and of width, and its slopes by b and k."""
     points, weights = legendre.leggauss(20)
     t, h, pre = args.frame, args.film, args.prestretch
 
-    def over(low, high, function):
+    def over(low, high, function, slope):
         Z = (low + high) / 2 + (high - low) / 2 * points
-        return (high - low) / 2 * weights @ function(b**2 + 2 * k * Z)  # of lam^2
+        w, s = (high - low) / 2 * weights, b**2 + 2 * k * Z  # s = lam^2
+        return np.array([w @ function(s), w @ (slope(s) * 2 * b), w @ (slope(s) * 2 * Z)])
 
-    frame = args.share * args.frame_mu / 2 * over(0, t, lambda s: s + 1 / s - 2)
-    film = args.mu / 2 * over(
-        t, t + h, lambda s: pre**2 * s + 1 / (pre**4 * s) + pre**2 - 3
-    )
-    capacitance = args.eps_r * EPSILON_0 / over(t, t + h, lambda s: 1 / s)
-    return frame + film - capacitance * volts**2 / 2
+    frame = over(0, t, lambda s: s + 1 / s - 2, lambda s: 1 - 1 / s**2)
+    film = over(
+        t, t + h, lambda s: pre**2 * s + 1 / (pre**4 * s) + pre**2 - 3,
+        lambda s: pre**2 - 1 / (pre**4 * s**2),
+    )  # fmt: skip
+    gap, *narrowing = over(t, t + h, lambda s: 1 / s, lambda s: -1 / s**2)
+    field = args.eps_r * EPSILON_0 * volts**2 / 2
+    electric = field / gap**2 * np.array([-gap, *narrowing])
+    return args.share * args.frame_mu / 2 * frame + args.mu / 2 * film + electric
 
 
 def closed_form(args, volts):
     """Curvature of the bottom of the frame in 1/m, signed, and the least energy in J."""
-    scale = args.share * args.frame_mu * args.frame
 
-    def scaled(x):  # b - 1 and k t, in units of what the film's force gives
-        b, k = 1 + x[0] * unit, x[1] * unit / args.frame
-        return (energy(args, b, k, volts) - flat) / (scale * unit**2)
+    def slopes(x):  # b - 1 and k t, in units of what the film's force gives
+        return energy(args, 1 + x[0] * unit, x[1] * unit / args.frame, volts)[1:] / scale
 
-    unit = args.mu * args.prestretch**2 * args.film / scale
-    flat = energy(args, 1.0, 0.0, volts)
-    found = minimize(scaled, [0.0, 0.0], method="BFGS", options={"gtol": 1e-8})
+    unit = args.mu * args.prestretch**2 * args.film / (args.share * args.frame_mu * args.frame)
+    scale = args.mu * args.film * np.array([1.0, args.frame])
+    found = root(slopes, [0.0, 0.0], tol=1e-13)
     b, k = 1 + found.x[0] * unit, found.x[1] * unit / args.frame
-    least = energy(args, b, k, volts) * args.length * args.width
-    return -k / b, least, flat * args.length * args.width
+    area = args.length * args.width
+    return -k / b, energy(args, b, k, volts)[0] * area, energy(args, 1.0, 0.0, volts)[0] * area
 
 
 def structure(args):
