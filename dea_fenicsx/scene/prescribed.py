@@ -15,6 +15,7 @@ from dea_fenicsx.scene.declarations import (
     FixedGlobal,
     InitialStretch,
 )
+from dea_fenicsx.scene.rigid import Rigid
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, known
@@ -88,7 +89,10 @@ class Stretch(OnSurface, Prescribed):
 @dataclass(frozen=True)
 @in_si(metres="m")
 class Displacement(OnSurface, Prescribed):
-    """Prescribed displacement of a facet group along one axis, in metres at ramp factor 1."""
+    """Prescribed displacement of a facet group along one axis, in metres at ramp factor 1.
+
+    It also moves a region that is `Rigid`.
+    """
 
     where: str
     axes: str
@@ -96,7 +100,9 @@ class Displacement(OnSurface, Prescribed):
     ramp: str = "stretch"
 
     def check(self, scene: Setting) -> None:
-        super().check(scene)
+        rigid = [item.where for item in scene.supports if isinstance(item, Rigid)]
+        if self.where not in rigid:
+            super().check(scene)
         check_axes(self, self.axes, scene)
         finite(self.metres, f"The displacement on {self.where!r}")
 

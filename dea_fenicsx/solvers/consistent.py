@@ -66,7 +66,8 @@ class Start:
         velocity
             Rates of all local values in 1/s, 0 but for the displacement.
         driven
-            Acceleration of all local values in 1/s^2 at fixed displacements, or None for 0.
+            Acceleration in 1/s^2 that is known of all local values: at fixed displacements, and the
+            known part of it at nodes of rigid parts.  None for 0.
         """
         problem = self.problem
         still = {k: v for k, v in state.history.items() if k != MOTION}
@@ -83,7 +84,7 @@ class Start:
                 unbalanced = problem.unbalanced(problem.residual())
                 dragged = self.mass.times((given + self.drag * velocity)[: problem.owned])
                 rows = -unbalanced - problem.restrict(dragged)
-                carried = self.solver.tangent.times_fixed(given[problem.fixed])
+                carried = self.solver.tangent.times_values(given)
                 rows[kept] = -(centripetal + carried)[kept]
                 b.array[:] = rows
                 ksp.solve(b, x)
@@ -167,7 +168,9 @@ class Start:
         step = TRIAL / largest
         total = np.zeros(len(problem.free))
         for place, weight in ((1.0, 1.0), (0.0, -2.0), (-1.0, 1.0)):
-            with problem.at(state.with_values(state.values + place * step * velocity)):
+            with problem.at(state):
+                # Along a straight line, which nodes of rigid parts leave by their acceleration.
+                problem.w.x.array[:] = state.values + place * step * velocity
                 total += weight * problem.restrict(problem.residual())
         return total / step**2
 
