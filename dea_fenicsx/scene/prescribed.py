@@ -15,7 +15,6 @@ from dea_fenicsx.scene.declarations import (
     FixedGlobal,
     InitialStretch,
 )
-from dea_fenicsx.scene.rigid import Rigid
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, known
@@ -100,8 +99,7 @@ class Displacement(OnSurface, Prescribed):
     ramp: str = "stretch"
 
     def check(self, scene: Setting) -> None:
-        rigid = [item.where for item in scene.supports if isinstance(item, Rigid)]
-        if self.where not in rigid:
+        if self.where not in {item.rigid_part for item in scene.supports}:
             super().check(scene)
         check_axes(self, self.axes, scene)
         finite(self.metres, f"The displacement on {self.where!r}")

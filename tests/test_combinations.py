@@ -1,0 +1,169 @@
+"""Features together: rigid parts, springs, contact, weight and inertia, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import block
+from mpi4py import MPI
+
+import dea_fenicsx as dea
+from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx.run import reuse
+
+pytestmark = pytest.mark.usefixtures("quick_compile")
+
+MU, H, DEPTH, RHO = 5e4, 1e-3, 2e-3, 1200.0
+MASS = RHO * H * H * DEPTH
+TIGHT = dea.NewtonOptions(tolerance=1e-12)
+PLANE = dea.PlaneStrain(DEPTH)
+
+
+def film(modulus=MU, density=RHO):
+    return dea.Material(dea.NeoHookean(modulus), density=density)
+
+
+def scene(device, *supports, modulus=MU, **given):
+    return dea.Scene(device, {"film": film(modulus)}, supports=supports, kinematics=PLANE, **given)
+
+
+def solve(told, record, path=None, **options):
+    chosen = {"options": TIGHT, "quiet": True} | options
+    return dea.solve(told, dea.Ramp(steps=1) if path is None else path, record, **chosen)
+
+
+# ------------------------------------------------------------------ one run after another
+
+
+def test_a_function_that_reads_a_variable_is_read_again():
+    """The force law is the same object in both runs, and its stiffness is another one."""
+    device, stiffness = block((1, 1)), {"k": 30.0}
+    law = lambda d: stiffness["k"] * d  # noqa: E731
+
+    def force_and_place():
+        told = scene(
+            device, dea.Fix("x_min", "x"), dea.Fix("bottom", "y"), dea.Rigid("x_max", turns=""),
+            dea.Spring("x_max", law, "x"), loads=[dea.Force("x_max", (0.05, 0.0))],
+        )  # fmt: skip
+        run = solve(told, {"u": dea.PartDisplacement("x_max", "x"),
+                           "R": dea.Reaction("x_min", "x")})  # fmt: skip
+        return float(run["R_N"]), float(run["u_m"])
+
+    for k in (30.0, 60.0):
+        stiffness["k"] = k
+        force, place = force_and_place()
+        assert force == pytest.approx(k * place - 0.05, rel=1e-10)
+
+
+def test_a_contact_after_another_modulus():
+    """The pressure of single points depends on the modulus, too, where the mesh is coarse."""
+    device, found = block((2, 2)), []
+    reuse.clear()
+    for modulus in (4 * MU, MU, None, MU):
+        if modulus is None:
+            reuse.clear()
+            continue
+        obstacle = dea.Obstacle("top", dea.Cylinder((0, 1.5 * H), None, 0.49 * H),
+                                displacement=(0, -0.05 * H), tolerance=H)  # fmt: skip
+        told = scene(device, dea.Fix("x_min", "x"), dea.Clamp("bottom"), obstacle, modulus=modulus)
+        run = solve(told, {"f": dea.ContactForce("top", "y")}, dea.Ramp("obstacle", steps=1))
+        found.append(float(run["f_N"]))
+    assert found[1] < 0
+    assert found[1] == pytest.approx(found[2], rel=1e-9)
+
+
+# ------------------------------------------------------------------ inertia
+
+HERTZ = 100.0
+OMEGA = 2 * np.pi * HERTZ
+
+
+def swing(told, name, steps=10):
+    march = dea.March(0.15 / HERTZ, {name: dea.Sine(HERTZ)}, steps=steps, inertia=dea.Inertia())
+    run = solve(told, {"K": dea.KineticEnergy()}, march, options=None)
+    return run.column("time_s")[1:], run.column("K_J")[1:]
+
+
+@pytest.mark.parametrize("kind", ["turn", "shift"])
+def test_a_rigid_region_that_is_moved_has_its_velocity_at_once(kind):
+    """A sine has its largest velocity at the start: m v^2/2, or I w^2/2 with I = m h^2/6."""
+    if kind == "turn":
+        inertia, amount = MASS * H**2 / 6, 1.5
+        told = scene(block((2, 2)), dea.Rigid("film", held="xy"),
+                     prescribed=[dea.Turn("film", amount, "move")])  # fmt: skip
+    else:
+        inertia, amount = MASS, 0.1 * H
+        told = scene(block((2, 2)), dea.Rigid("film", held="y", turns=""),
+                     prescribed=[dea.Displacement("film", "x", amount, "move")])  # fmt: skip
+    t, energy = swing(told, "move")
+    exact = inertia / 2 * (amount * OMEGA * np.cos(OMEGA * t)) ** 2
+    assert energy == pytest.approx(exact, rel=2e-2)
+
+
+def test_a_body_follows_an_end_that_moves_at_once():
+    """A block between rollers: x = l X and y = Y/l, nearly, for a slow motion.
+
+    An end that starts with a velocity gives the whole body one that keeps the volume.
+    """
+    told = scene(
+        block((2, 2)), dea.Fix("x_min", "x"), dea.Fix("bottom", "y"),
+        prescribed=[dea.Displacement("x_max", "x", 0.1 * H, "move")],
+    )  # fmt: skip
+    t, energy = swing(told, "move")
+    stretch, rate = 1 + 0.1 * np.sin(OMEGA * t), 0.1 * OMEGA * np.cos(OMEGA * t)
+    exact = MASS * H**2 / 6 * (rate**2 + (rate / stretch**2) ** 2)
+    assert energy == pytest.approx(exact, rel=0.35)
+
+
+def test_modes_of_a_rigid_region():
+    """A light film under a heavy rigid lid that a spring holds as well: omega^2 = k/m."""
+    stack = BoxStack(H, None, [Layer("film", H), Layer("lid", H)], divisions=(2,))
+    told = dea.Scene(
+        dea.read_gmsh(stack, MPI.COMM_SELF), {"film": film(density=1e-3), "lid": film()},
+        supports=[dea.Clamp("bottom"), dea.Rigid("lid", turns=""), dea.Spring("lid", 200.0, "x")],
+        loads=[dea.Force("lid", (1e-3, 0.0))], kinematics=PLANE,
+    )  # fmt: skip
+    record = {"u": dea.PartDisplacement("lid", "x")}
+    run = solve(told, record)
+    answer = dea.frequency_response(run, [0.0, 20.0], record=record)["u_m"]
+    k = 1e-3 / answer[0].real
+    assert k > 200
+    assert answer[1] == pytest.approx(1e-3 / (k - MASS * (40 * np.pi) ** 2), rel=1e-5)
+    modes = dea.modes(run, 1)
+    assert modes.frequencies[0] == pytest.approx(np.sqrt(k / MASS) / (2 * np.pi), rel=1e-5)
+    assert modes.masses[0] == pytest.approx(MASS, rel=1e-5)
+
+
+# ------------------------------------------------------------------ held by springs
+
+
+def test_a_spring_holds_a_device():
+    told = scene(
+        block((1, 1)), dea.Rigid("x_min", held="y", turns=""), dea.Spring("x_min", 30.0, "x"),
+        loads=[dea.DeadLoad("x_max", (100.0, 0.0))],
+    )  # fmt: skip
+    run = solve(told, {"u": dea.PartDisplacement("x_min", "x")})
+    assert run["u_m"] == pytest.approx(100 * H * DEPTH / 30, rel=1e-10)
+    assert run["inertia"] == 0
+    loose = scene(block((1, 1)), dea.Rigid("x_min", held="y", turns=""),
+                  dea.Spring("x_min", dea.CubicLaw(0.0, 1e8), "x"))  # fmt: skip
+    with pytest.raises(dea.InputError, match="freely: translation along x"):
+        solve(loose, {}, dea.March(1.0, {}))
+
+
+def test_a_foundation_holds_a_device_and_a_free_body():
+    """On a bed the block sinks by p/k.  It overturns, as p h > k h^2/12.
+
+    Where a bed holds one end of a pulled bar, this end does not move in the mean.
+    """
+    record = {"a": dea.MeanDisplacement("bottom", "y"), "b": dea.MeanDisplacement("x_min", "x")}
+    bed = scene(block((1, 1)), dea.ElasticFoundation("bottom", 1e6),
+                loads=[dea.DeadLoad("top", (0.0, -100.0))])  # fmt: skip
+    run = solve(bed, record)
+    assert run["a_m"] == pytest.approx(-100 / 1e6, rel=1e-9)
+    assert run["inertia"] == 1
+    pulled = scene(
+        block((2, 2)), dea.FreeBody(), dea.ElasticFoundation("x_min", 1e7),
+        loads=[dea.DeadLoad("x_max", (1e4, 0.0)), dea.DeadLoad("x_min", (-1e4, 0.0))],
+    )  # fmt: skip
+    assert abs(solve(pulled, record)["b_m"]) < 1e-12 * H
