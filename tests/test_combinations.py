@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from conftest import block
 from mpi4py import MPI
+from test_cavity_closed import PLANES
 
 import dea_fenicsx as dea
-from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx.geometry import BoxStack, HollowSphere, Layer
 from dea_fenicsx.run import reuse
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
@@ -167,3 +168,54 @@ def test_a_foundation_holds_a_device_and_a_free_body():
         loads=[dea.DeadLoad("x_max", (1e4, 0.0)), dea.DeadLoad("x_min", (-1e4, 0.0))],
     )  # fmt: skip
     assert abs(solve(pulled, record)["b_m"]) < 1e-12 * H
+
+
+# ------------------------------------------------------------------ what supports bear
+
+
+@pytest.mark.parametrize("part", ["half", "octant"])
+def test_a_plane_of_symmetry_bears_the_pressure_of_a_cavity_on_the_wall(part):
+    """It is that of a follower pressure: about p pi a^2, or a quarter of it."""
+    a, kinematics = 1e-2, dea.Axisymmetric() if part == "half" else dea.ThreeD()
+    device = dea.read_gmsh(HollowSphere(a, 1.2 * a, part, 1, 4), MPI.COMM_SELF)
+    where = "equator" if part == "half" else "z_min"
+    found = []
+    for load in (dea.FollowerPressure("inner", 1e3), dea.Cavity("inner", pressure=1e3)):
+        told = dea.Scene(device, {"wall": film(1e5)}, supports=PLANES[part], loads=[load],
+                         kinematics=kinematics)  # fmt: skip
+        found.append(float(solve(told, {"R": dea.Reaction(where, "z")})["R_N"]))
+    assert found[1] == pytest.approx(found[0], rel=1e-9)
+    share = 1.0 if part == "half" else 0.25
+    assert found[1] == pytest.approx(-share * 1e3 * np.pi * a**2, rel=2e-2)
+
+
+def test_a_rigid_cup_in_a_half_ball():
+    """All that acts on the cup along z goes into the plane that cuts it: p pi a^2 exactly."""
+    a = 1e-2
+    device = dea.read_gmsh(HollowSphere(a, 1.2 * a, "half", 1, 4), MPI.COMM_SELF)
+    told = dea.Scene(device, {"wall": film()}, supports=[*PLANES["half"], dea.Rigid("inner")],
+                     loads=[dea.Cavity("inner", pressure=1e3)],
+                     kinematics=dea.Axisymmetric())  # fmt: skip
+    run = solve(told, {"R": dea.Reaction("equator", "z"), "F": dea.PartForce("inner", "z")})
+    assert run["F_N"] == pytest.approx(-1e3 * np.pi * a**2, rel=1e-9)
+    assert run["R_N"] == pytest.approx(run["F_N"], rel=1e-9)
+
+
+def test_weight_contact_springs_and_a_cut_rigid_part_balance():
+    """The plane of symmetry below bears what also acts on the rigid end that it cuts."""
+    weight = 1000 * 9.81 * MASS
+    told = scene(
+        block((2, 2)), dea.Fix("x_min", "x"), dea.Fix("bottom", "y"),
+        dea.Rigid("x_max", turns=""), dea.Spring("x_max", 30.0, "x"),
+        dea.Obstacle("top", dea.Plane((0, H), (0, -1)), displacement=(0, -0.05 * H), tolerance=H),
+        loads=[dea.Force("x_max", (0.02, 0.0)), dea.Gravity((0.0, -9810.0))],
+    )  # fmt: skip
+    run = solve(
+        told,
+        {"u": dea.PartDisplacement("x_max", "x"), "x": dea.Reaction("x_min", "x"),
+         "y": dea.Reaction("bottom", "y"), "f": dea.ContactForce("top", "y")},
+        [dea.Ramp(steps=1), dea.Ramp("obstacle", steps=1)],
+    )  # fmt: skip
+    assert run["f_N"] < 0
+    assert run["y_N"] + run["f_N"] == pytest.approx(weight, rel=1e-9)
+    assert run["x_N"] + 0.02 == pytest.approx(30 * run["u_m"], rel=1e-9)
