@@ -10,6 +10,7 @@ from test_cavity_closed import PLANES
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, HollowSphere, Layer
+from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.run import reuse
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
@@ -219,3 +220,38 @@ def test_weight_contact_springs_and_a_cut_rigid_part_balance():
     assert run["f_N"] < 0
     assert run["y_N"] + run["f_N"] == pytest.approx(weight, rel=1e-9)
     assert run["x_N"] + 0.02 == pytest.approx(30 * run["u_m"], rel=1e-9)
+
+
+# ------------------------------------------------------------------ air
+
+
+def test_a_film_under_air_has_its_own_weight_and_centre():
+    """Air without a density weighs nothing, and has no part in the centre of mass."""
+    stack = BoxStack(H, None, [Layer("film", H), Layer("gap", H)], divisions=(2,))
+    told = dea.Scene(
+        dea.read_gmsh(stack, MPI.COMM_SELF), {"film": film(), "gap": dea.Air()},
+        supports=[dea.Fix("bottom", "y"), dea.Fix("x_min", "x"), dea.Fix("x_max", "x")],
+        loads=[dea.Gravity((0.0, -98.1))], kinematics=PLANE,
+    )  # fmt: skip
+    run = solve(told, {"R": dea.Reaction("bottom", "y"), "c": dea.CentreOfMass("y")})
+    assert run["R_N"] == pytest.approx(98.1 * MASS, rel=1e-9)
+    assert run["c_m"] == pytest.approx(H / 2, rel=1e-9)
+
+
+def test_air_repeats_beside_a_film():
+    """Film and air in series between held plates: C = eps0 l H b/(H/(3 l) + 2 H - H/l)."""
+    stack = BoxStack(H, None, [Layer("film", H), Layer("gap", H)], divisions=(2,))
+    rubber = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(3.0))
+    told = dea.Scene(
+        dea.read_gmsh(stack, MPI.COMM_SELF), {"film": rubber, "gap": dea.Air()},
+        [dea.Electrode("top", 4e3), dea.Ground("bottom")], kinematics=PLANE,
+        supports=[dea.Fix("bottom", "y"), dea.Fix("top", "y"), dea.Fix("x_min", "x"),
+                  dea.Periodic("x_min", "x_max")],
+    )  # fmt: skip
+    run = solve(told, {"w": dea.MeanDisplacement("x_max", "x"), "Q": dea.Charge("top")},
+                dea.Ramp("voltage", steps=1))  # fmt: skip
+    stretch = 1 + run["w_m"] / H
+    gap = H / (3 * stretch) + 2 * H - H / stretch
+    capacitance = EPSILON_0 * stretch * H * DEPTH / gap
+    assert stretch == pytest.approx(1.00013285, abs=1e-7)  # the smallest energy of both layers
+    assert run["Q_C"] == pytest.approx(capacitance * 4e3, rel=1e-9)
