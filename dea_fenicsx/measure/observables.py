@@ -15,6 +15,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.measure.charges import ElectrodeCharge, potential_of_unit_load
+from dea_fenicsx.measure.holding import cut_parts, holding, holding_forces
 from dea_fenicsx.mesh.device import Device, one_sided
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
@@ -157,7 +158,9 @@ class Area:
 class Reaction:
     """Force in N that holds a facet group along an axis, from the residual at its fixed nodes.
 
-    Positive along the axis.  In plane strain it is the force on the kinematics' depth.
+    Positive along the axis.  In plane strain it is the force on the kinematics' depth.  A plane of
+    symmetry bears what acts on a rigid part that it cuts, and not the pressure of a cavity on
+    itself.
 
     Parameters
     ----------
@@ -192,9 +195,17 @@ class Reaction:
                 "name a group that a support or a prescribed displacement holds."
             )
 
+        forces = holding_forces(problem)
+        a = problem.scene.kinematics.axes.index(self.axis)
+        cut = cut_parts(problem, dofs, a)
+        others = np.setdiff1d(dofs, np.concatenate([np.empty(0), *(p.dofs[a] for p in cut)]))
+        others = others.astype(np.int32)
+
         def value() -> float:
-            total = float(problem.residual()[dofs].sum())
-            return problem.comm.allreduce(total, op=MPI.SUM) * problem.scales.force
+            residual = forces()
+            total = problem.comm.allreduce(float(residual[others].sum()), op=MPI.SUM)
+            total += sum(float(holding(problem, part, residual)[0][a]) for part in cut)
+            return total * problem.scales.force
 
         return value
 

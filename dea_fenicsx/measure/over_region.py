@@ -175,13 +175,14 @@ class CentreOfMass:
     regions
         A region or several, each counted once; None takes all.
     densities
-        Mass per undeformed volume of each region in kg/m^3; None for regions that are all alike.
+        Mass per undeformed volume of each region in kg/m^3; None takes those of the materials.
+        Where no material has one, regions are all alike.  Air without a density weighs nothing.
 
     Raises
     ------
     InputError
         When it is bound: for an axis along which the kinematics has no such coordinate, and for a
-        region without a density.
+        region without a density beside others that have one.
     """
 
     axis: str
@@ -207,7 +208,7 @@ class CentreOfMass:
 
     def _densities(self, problem: Problem, names: list[str]) -> dict[str, float]:
         if self.densities is None:
-            return dict.fromkeys(names, 1.0)
+            return _of_materials(problem, names)
         for name in self.densities:
             known(name, problem.scene.materials, "region", "the scene")
         for name in names:
@@ -218,6 +219,27 @@ class CentreOfMass:
                     "must give a number > 0 in kg/m^3."
                 )
         return self.densities
+
+
+def _of_materials(problem: Problem, names: list[str]) -> dict[str, float]:
+    """Densities of regions by their materials, or 1 for each where they are all alike.
+
+    Raises
+    ------
+    InputError
+        If one has none beside others that have one.
+    """
+    materials = problem.scene.materials
+    bodies = [name for name in names if not materials[name].is_air] or names
+    known_ones = {name: materials[name].density for name in bodies}
+    lacking = sorted(name for name, density in known_ones.items() if density is None)
+    if lacking and len(lacking) < len(bodies):
+        raise InputError(
+            f"CentreOfMass: the region {lacking[0]!r} has no density, but others have one; give "
+            "Material(..., density=...) in kg/m^3, or densities=."
+        )
+    found = {name: materials[name].density or 0.0 for name in names}
+    return found | dict.fromkeys(bodies, 1.0) if lacking else found
 
 
 class Samples:

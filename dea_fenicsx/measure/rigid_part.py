@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
+from dea_fenicsx.measure.holding import holding, holding_forces
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_parts import RigidPart
@@ -80,7 +80,8 @@ class PartForce:
 
     def bind(self, problem: Problem) -> Measurement:
         part, a = _part(self, problem), _axis(self, problem)
-        return lambda: float(_holding(problem, part)[0][a]) * problem.scales.force
+        forces = holding_forces(problem)
+        return lambda: float(holding(problem, part, forces())[0][a]) * problem.scales.force
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,8 @@ class PartMoment:
     def bind(self, problem: Problem) -> Measurement:
         part, k = _turning_part(self, problem)
         unit = problem.scales.force * problem.scales.length
-        return lambda: float(_holding(problem, part)[1][k]) * unit
+        forces = holding_forces(problem)
+        return lambda: float(holding(problem, part, forces())[1][k]) * unit
 
 
 def motion_of(problem: Problem, part: RigidPart) -> tuple[np.ndarray, np.ndarray]:
@@ -137,31 +139,6 @@ def work_on_parts(problem: Problem) -> float:
                 angle = np.array(turn.about[-part.turning.count:]) @ psi
                 total += factors[turn.ramp] * turn.newton_metres * float(angle)
     return total
-
-
-def _holding(problem: Problem, part: RigidPart) -> tuple[np.ndarray, np.ndarray]:
-    """Force and moment that hold a part, dimensionless.  Collective."""
-    residual, at, owned = problem.residual(), problem.w.x.array, problem.owned
-    slopes = part.slopes(at)
-    rows = np.zeros(len(part.unknowns))
-    for a, dofs in enumerate(part.dofs):
-        mine = dofs < owned
-        rows += residual[dofs[mine]] @ slopes[mine, a]
-    for k, dofs in enumerate(part.unknowns):
-        rows[k] += float(residual[dofs[dofs < owned]].sum())
-    rows = problem.comm.allreduce(rows, op=MPI.SUM)
-    force, moment = part.split(rows)
-    scales, factors = problem.scales, problem.factors
-    for load in problem.rigid.forces:
-        if load.surface == part.name:
-            newtons = factors[load.ramp] * np.array(load.newtons)
-            force = force - part.shifts.T @ (part.shifts @ newtons) / scales.force
-    for turn in problem.rigid.moments:
-        if turn.surface == part.name:
-            about = np.array(turn.about[-part.turning.count:])
-            unit = scales.force * scales.length
-            moment = moment - factors[turn.ramp] * turn.newton_metres * about / unit
-    return force, moment
 
 
 def _part(item: Any, problem: Problem) -> RigidPart:

@@ -108,8 +108,10 @@ def vibrations(
 
 def _check_number(problem: Problem, count: int) -> None:
     """Raise InputError if a device has fewer modes than are wanted."""
-    most = problem.roles.count(Role.MOTION)
-    if all(m.bulk_modulus is None for m in problem.parameters.materials.values()):
+    most = problem.roles.count(Role.MOTION) + problem.roles.count(Role.GLOBAL)
+    # In cells of a rigid part the volume is kept anyway, so that we cannot count with it there.
+    materials = problem.parameters.materials.values()
+    if not problem.rigid and all(m.bulk_modulus is None for m in materials):
         most -= problem.roles.count(Role.MULTIPLIER)
     if count > most:
         raise InputError(

@@ -37,6 +37,7 @@ from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.cavity import Filling
 from dea_fenicsx.scene.enclosure import DEGREE
 from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.scene.strain import cofactor
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 
@@ -109,12 +110,17 @@ class Cavities:
     ----------
     fillings
         What was declared, in the order of the scene.
+    on_planes
+        What the pressure on planes of symmetry, and on rigid walls that are not meshed, gives to
+        rims that are held there, as a form, symbolic; 0 without such planes.  It belongs to the
+        plane, so that no reaction of the device contains it.
     """
 
     def __init__(self, scene: Scene, scales: Scales) -> None:
         self.fillings: list[Filling] = scene.declared.fillings
         self._scene, self._scales = scene, scales
         self._changes: list[Any] = []
+        self.on_planes: Any = 0
         self._cells = [_cells_at(scene.device, told.space.facets) for told in self.fillings]
 
     def __bool__(self) -> bool:
@@ -225,7 +231,20 @@ class Cavities:
                 if told.kind == "gas":
                     total += self._gas(space, told, at, loads, wall)
             total += ufl.derivative(energy * wall, space.w, space.test)
+            if not told.space.has_openings:
+                self.on_planes += self._on_planes(space, motion, at, pressure, change, wall)
         return total
+
+    def _on_planes(
+        self, space: Unknowns, motion: Any, at: Surface, pressure: Any, change: Any, wall: Any
+    ) -> Any:
+        """The virtual work P (-dV - int cof(F) N . v dA), which is 0 but for a rim that moves."""
+        kinematics, mesh = self._scene.kinematics, self._scene.device.mesh
+        x, n = ufl.SpatialCoordinate(mesh), kinematics.embed(ufl.FacetNormal(mesh))
+        F = ufl.Identity(3) + kinematics.displacement_gradient(space.present["u"], x, motion)
+        pressed = ufl.dot(ufl.dot(cofactor(F)[0], n), at.virtual_in_space) * at.weight
+        grown = ufl.derivative(change, space.w, space.test)
+        return -pressure * (grown + pressed) * wall
 
     def _gas(self, space: Unknowns, told: Filling, at: Surface, loads: Loads, wall: Any) -> Any:
         """What the law of a gas adds to the row of its volume, spread evenly over the walls."""

@@ -14,6 +14,7 @@ from dea_fenicsx.model.circuits import Circuits
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
+from dea_fenicsx.model.foundations import on_foundations
 from dea_fenicsx.model.free_body import HeldBody, held_body
 from dea_fenicsx.model.orientation_springs import Turning
 from dea_fenicsx.model.part_supports import rigid_parts
@@ -202,7 +203,8 @@ def _held(
         If another part can move freely.
     """
     device, declared = scene.device, scene.declared
-    free = unheld_parts(scene, motion, values.fixed, joined, ties)
+    held = values.fixed | on_foundations(declared, device, motion, len(values.fixed))
+    free = unheld_parts(scene, motion, held, joined, ties)
     # If several parts can move, the largest is the free body, and the others are refused.
     bodies, others = (free[:1], free[1:]) if declared.holds_rigid_motions else ([], free)
     refuse_free_parts(others, device, "Fix or Clamp" if bodies else "Fix, Clamp or FreeBody")

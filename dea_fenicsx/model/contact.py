@@ -16,7 +16,7 @@ of the pressure gives one, whether the surface touches there or not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -24,6 +24,7 @@ import basix.ufl
 import numpy as np
 import ufl
 
+from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.device import Device, one_sided
 from dea_fenicsx.model.contact_points import QUADRATURE_DEGREE, ContactPoints
 from dea_fenicsx.model.fields import Field, Role, softness
@@ -186,20 +187,23 @@ class Contact:
 
     def _stiffness(self) -> Any:
         """r: moduli over the tolerance of the gap, constant in each cell.  Collective."""
-        scene, device, scales = self._scene, self._scene.device, self._scales
-        found = dolfinx.fem.Function(dolfinx.fem.functionspace(self._mesh, ("DG", 0)))
-        widths, _ = facet_sizes(device, self.facets)
+        widths, _ = facet_sizes(self._scene.device, self.facets)
         self._tolerances = np.zeros(len(widths))
-        given = self.told.tolerance
-        for name, material in scene.materials.items():
-            cells = np.intersect1d(device.cells_of(name), self.facets[:, 0])
-            modulus = material.elastic.shear_modulus() / scales.stress
-            self._tolerances[cells] = (
-                TOLERANCE_BY_WIDTH * widths[cells] if given is None else given / scales.length
-            )
-            found.x.array[cells] = MODULI_AT_TOLERANCE * modulus / self._tolerances[cells]
-        found.x.scatter_forward()
-        return found
+        given, cells = self.told.tolerance, self.facets[:, 0]
+        self._tolerances[cells] = (
+            TOLERANCE_BY_WIDTH * widths[cells] if given is None else given / self._scales.length
+        )
+        self._r = dolfinx.fem.Function(dolfinx.fem.functionspace(self._mesh, ("DG", 0)))
+        self.take(self._scene.materials)
+        return self._r
+
+    def take(self, materials: Mapping[str, Material]) -> None:
+        """Let r be that of some materials.  Collective."""
+        for name, material in materials.items():
+            cells = np.intersect1d(self._scene.device.cells_of(name), self.facets[:, 0])
+            modulus = material.elastic.shear_modulus() / self._scales.stress
+            self._r.x.array[cells] = MODULI_AT_TOLERANCE * modulus / self._tolerances[cells]
+        self._r.x.scatter_forward()
 
     @property
     def energy(self) -> Any:

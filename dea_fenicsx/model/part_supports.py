@@ -13,6 +13,7 @@ from dea_fenicsx.mesh.neighbours import extent
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
+from dea_fenicsx.model.foundations import spring_directions
 from dea_fenicsx.model.prescribed_motion import PLANE_TOLERANCE, Prescription
 from dea_fenicsx.model.rigid_motions import Box, Joined
 from dea_fenicsx.model.rigid_parts import RigidPart, RigidParts
@@ -59,7 +60,10 @@ def rigid_parts(
     for told in declared.rigid_surfaces:
         part, fixed = maker.part(told)
         parts.append(part)
-        joined.append(_prevented(part, fixed, kinematics))
+        directions = spring_directions(
+            declared.springs, part.name, kinematics.axes, part.centre, device.length
+        )
+        joined.append(_prevented(part, fixed, kinematics, directions))
     moments, forces = declared.rigid_moments, declared.rigid_forces
     return RigidParts(parts, space.rows, moments, forces), joined
 
@@ -222,8 +226,13 @@ def _basis(told: RigidSurface, dim: int) -> np.ndarray:
     return np.asarray(Q.T[:dim])
 
 
-def _prevented(part: RigidPart, fixed: np.ndarray, kinematics: Kinematics) -> Joined:
-    """What a part prevents of rigid motions: a row for each of its fixed unknowns."""
+def _prevented(
+    part: RigidPart, fixed: np.ndarray, kinematics: Kinematics, directions: np.ndarray
+) -> Joined:
+    """What a part prevents of rigid motions: a row for each fixed unknown, and for each spring.
+
+    `directions` are those of its springs, shape (springs, axes).
+    """
     dim, turns = len(part.centre), part.turning.count
 
     def rows(box: Box) -> np.ndarray:
@@ -235,6 +244,7 @@ def _prevented(part: RigidPart, fixed: np.ndarray, kinematics: Kinematics) -> Jo
         slope = u[:, 1:] - u[:, :1]  # of axis a along coordinate c, by motion
         pairs = {0: [], 1: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}[turns]
         found += [(slope[j, i] - slope[i, j]) / 2 for i, j in pairs]
-        return np.array(found)[fixed].reshape(int(fixed.sum()), u.shape[2])
+        held = np.array(found)[fixed].reshape(int(fixed.sum()), u.shape[2])
+        return np.vstack([held, directions @ u[:, 0]])
 
     return Joined(part.dofs[0], rows)

@@ -285,6 +285,8 @@ class Problem:
     def reuse(self, scene: Scene) -> None:
         """Take the constants of a scene that differs by them alone, and go back to the start."""
         self.parameters.take(scene.materials)
+        for contact in self.forms.contacts:
+            contact.take(scene.materials)
         self.scene, self.mass = scene, None
         self._weigh()
         self.commit(self.rest)

@@ -134,8 +134,9 @@ def free_parts(
         # The two ends are tied, so two separate parts of one period may be one strand of the helix.
         labels, count = np.minimum(labels, 0), 1
     if ties:
-        ends = ties.joined_parts(_part_of_dofs(motion, labels, len(fixed)))
-        count, number = components(count, *ends)
+        ends = np.array(ties.joined_parts(_part_of_dofs(motion, labels, len(fixed))))
+        # Nodes beside cells that do not belong to the device join nothing.
+        count, number = components(count, *ends[:, np.all(ends >= 0, axis=0)])
         labels = np.where(labels < 0, labels, number[labels])
     labels, count, names = _joined_again(motion[0], labels, count, joined)
     boxes = _boxes(device, labels, count)

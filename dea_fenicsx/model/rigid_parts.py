@@ -160,6 +160,13 @@ class RigidParts:
                 found[dofs[dofs < len(fixed)]] = True
         return found & ~fixed
 
+    def prescribable(self, fixed: np.ndarray) -> np.ndarray:
+        """Mask of the local degrees of freedom that hold unknowns of the parts and are fixed."""
+        found = np.zeros(len(fixed), dtype=bool)
+        for part in self.parts:
+            found[np.concatenate(part.unknowns)] = True
+        return found & fixed
+
     def carried(self, size: int) -> np.ndarray:
         """Mask of the local degrees of freedom, `size` in all, of the nodes of the parts."""
         found = np.zeros(size, dtype=bool)

@@ -26,6 +26,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.drives.waves import Wave
 from dea_fenicsx.model.motion import MOTION, Motion
+from dea_fenicsx.model.rigid_starts import start_of_parts
 from dea_fenicsx.model.state import State
 from dea_fenicsx.model.viscous_history import Rule
 from dea_fenicsx.path.items import Inertia
@@ -174,11 +175,18 @@ class MotionStepper(TimeStepper):
         local, h = state.time - self.began, DIFFERENCE * self.finest
         on = fixed.fixed & self.mask
         velocity[on] = 0.0
+        if parts := self.problem.rigid:  # their unknowns are no displacements, and may be given
+            on = on | parts.prescribable(fixed.fixed)
         for name, wave in self.drive.items():
             # The formulas look ahead only, since the drive may have a corner here.
             y0, y1, y2, y3 = (wave(local), *(wave.before(local + k * h) for k in (1, 2, 3)))
             velocity[on] += fixed.base[name][on] * (-1.5 * y0 + 2 * y1 - 0.5 * y2) / h
             driven[on] += fixed.base[name][on] * (2 * y0 - 5 * y1 + 4 * y2 - y3) / h**2
+        if parts:
+            start_of_parts(
+                parts, velocity, driven, state.values, fixed.fixed, self.problem.owned,
+                self.problem.comm,
+            )  # fmt: skip
         start = Start(self.solver, self.inertia.drag)
         self.restart(start.consistent(state, velocity, driven), jump=True)
 

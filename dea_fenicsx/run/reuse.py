@@ -9,8 +9,8 @@ its run has been deleted, and neither a script nor a script's own observable has
 from __future__ import annotations
 
 import weakref
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -114,6 +114,8 @@ def _is_like(old: Scene, new: Scene) -> bool:
     names = [f.name for f in fields(Scene) if f.name not in ("device", "materials")]
     if any(_plain(getattr(old, name)) != _plain(getattr(new, name)) for name in names):
         return False
+    if any(_calls_script(getattr(new, name)) for name in names):
+        return False
     if any(_kind(old.materials[r]) != _kind(m) for r, m in new.materials.items()):
         return False
     moduli = [
@@ -126,6 +128,20 @@ def _is_like(old: Scene, new: Scene) -> bool:
 
 def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, list | tuple) else value
+
+
+def _calls_script(value: Any) -> bool:
+    """Whether a part of a scene has a function of a script.
+
+    The same function may give other values now, since a variable that it reads may have changed.
+    """
+    if isinstance(value, Mapping):
+        return any(map(_calls_script, value.values()))
+    if isinstance(value, list | tuple | set | frozenset):
+        return any(map(_calls_script, value))
+    if is_dataclass(value) and not isinstance(value, type):
+        return any(_calls_script(getattr(value, f.name)) for f in fields(value))
+    return callable(value)
 
 
 def _kind(material: Material) -> tuple[Any, ...]:

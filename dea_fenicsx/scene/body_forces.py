@@ -247,7 +247,7 @@ def _check_vector(item: Load, vector: Sequence[float], what: str, scene: Setting
 
 def _check_densities(item: Load, scene: Setting) -> None:
     for name, material in scene.materials.items():
-        if material.density is None:
+        if material.density is None and not material.is_air:  # air without one has no weight
             raise InputError(
                 f"{type(item).__name__} needs the density of each region, but {name!r} has none; "
                 "give Material(..., density=...) in kg/m^3."

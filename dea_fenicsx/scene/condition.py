@@ -62,6 +62,11 @@ class Condition(ABC):
         """Two facet groups that it makes one place; None for most conditions."""
         return None
 
+    @property
+    def rigid_part(self) -> str | None:
+        """The facet group or region that it makes rigid; None for most conditions."""
+        return None
+
     def check(self, scene: Setting) -> None:
         """Raise InputError unless it makes sense in a scene.  Collective.
 

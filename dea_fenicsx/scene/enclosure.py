@@ -62,6 +62,8 @@ class Enclosed:
         s_a and c_a for each coordinate of the mesh.
     volume, area
         The undeformed volume, and the area of the walls.
+    has_openings
+        Whether openings are closed by what carries the pressure to their rims.
     """
 
     label: str
@@ -70,6 +72,7 @@ class Enclosed:
     origin: tuple[float, ...]
     volume: float
     area: float
+    has_openings: bool = False
 
     @property
     def unit(self) -> float:
@@ -144,7 +147,7 @@ def enclosed(
     volume, area, flux = _measures(device, scene.kinematics, facets, shares, origin)
     if not openings:
         _check_closed(label, flux / area, shares, known, scene.kinematics)
-    return Enclosed(label, facets, shares, origin, volume, area)
+    return Enclosed(label, facets, shares, origin, volume, area, bool(openings))
 
 
 def _planes(

@@ -88,7 +88,10 @@ class Stretch(OnSurface, Prescribed):
 @dataclass(frozen=True)
 @in_si(metres="m")
 class Displacement(OnSurface, Prescribed):
-    """Prescribed displacement of a facet group along one axis, in metres at ramp factor 1."""
+    """Prescribed displacement of a facet group along one axis, in metres at ramp factor 1.
+
+    It also moves a region that is `Rigid`.
+    """
 
     where: str
     axes: str
@@ -96,7 +99,8 @@ class Displacement(OnSurface, Prescribed):
     ramp: str = "stretch"
 
     def check(self, scene: Setting) -> None:
-        super().check(scene)
+        if self.where not in {item.rigid_part for item in scene.supports}:
+            super().check(scene)
         check_axes(self, self.axes, scene)
         finite(self.metres, f"The displacement on {self.where!r}")
 

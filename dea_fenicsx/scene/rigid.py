@@ -69,6 +69,10 @@ class Rigid(Support):
     across: tuple[float, ...] | None = None
     centre: tuple[float, ...] | None = None
 
+    @property
+    def rigid_part(self) -> str:
+        return self.where
+
     def check(self, scene: Setting) -> None:
         check_part_name(self, scene)
         axes = tuple(scene.kinematics.axes)

@@ -184,7 +184,9 @@ def _check_names(scene: Scene) -> None:
     for condition in scene.mechanics:
         surfaces |= set(condition.surface_names)
         regions |= set(condition.region_names)
-    lacking = [*sorted(regions - set(device.regions)), *sorted(surfaces - set(device.surfaces))]
+    # A rigid part may be a region, and what moves it names this region.
+    places = {*device.surfaces, *device.regions}
+    lacking = [*sorted(regions - set(device.regions)), *sorted(surfaces - places)]
     if len(lacking) > 1:
         raise InputError(
             f"The scene needs {', '.join(map(repr, lacking))}, which the mesh lacks; "

@@ -66,7 +66,8 @@ class Start:
         velocity
             Rates of all local values in 1/s, 0 but for the displacement.
         driven
-            Acceleration of all local values in 1/s^2 at fixed displacements, or None for 0.
+            Acceleration in 1/s^2 that is known of all local values: at fixed displacements, and the
+            known part of it at nodes of rigid parts.  None for 0.
         """
         problem = self.problem
         still = {k: v for k, v in state.history.items() if k != MOTION}
@@ -74,16 +75,17 @@ class Start:
         given = np.zeros(problem.size) if driven is None else driven
         with problem.at(state):
             matrix, kept = self._matrix()
-            centripetal = self._second_volume(state, velocity)
         ksp = _factor(matrix, problem.comm)
         x, b = matrix.createVecs()
+        velocity = self._kept_volume(state, velocity, kept, (ksp, x, b))
+        centripetal = self._second_volume(state, velocity)
         acceleration = np.zeros(problem.size)
         for _ in range(CORRECTIONS):
             with problem.at(state):
                 unbalanced = problem.unbalanced(problem.residual())
                 dragged = self.mass.times((given + self.drag * velocity)[: problem.owned])
                 rows = -unbalanced - problem.restrict(dragged)
-                carried = self.solver.tangent.times_fixed(given[problem.fixed])
+                carried = self.solver.tangent.times_values(given)
                 rows[kept] = -(centripetal + carried)[kept]
                 b.array[:] = rows
                 ksp.solve(b, x)
@@ -98,6 +100,25 @@ class Start:
             raise SolverError("The acceleration at the start of a motion cannot be found.")
         motion = Motion(velocity, acceleration, acceleration).settled(self.drag)
         return replace(state, history={**still, MOTION: motion})
+
+    def _kept_volume(
+        self, state: State, velocity: np.ndarray, kept: np.ndarray, system: tuple[Any, Any, Any]
+    ) -> np.ndarray:
+        """The velocity after the impulse of the pressure that lets it keep the volume.  Collective.
+
+        M (v - v0) + B^T q = 0 and B v = 0, with the velocity v0 before.  Where a prescribed
+        displacement starts with a velocity of its own, the body has to follow at once.
+        """
+        ksp, x, b = system
+        with self.problem.at(state):
+            b.array[:] = 0.0
+            b.array[kept] = -self.solver.tangent.times_values(velocity)[kept]
+        ksp.solve(b, x)
+        moved, found = np.zeros(len(b.array_r)), self.problem.w.copy()
+        moved[self.moves] = x.array_r[self.moves]
+        with self.problem.at(state):
+            self.problem.spread(moved, found)
+        return np.asarray(velocity + found.x.array)
 
     def _parted(
         self, state: State, change: np.ndarray, given: np.ndarray
@@ -167,7 +188,9 @@ class Start:
         step = TRIAL / largest
         total = np.zeros(len(problem.free))
         for place, weight in ((1.0, 1.0), (0.0, -2.0), (-1.0, 1.0)):
-            with problem.at(state.with_values(state.values + place * step * velocity)):
+            with problem.at(state):
+                # Along a straight line, which nodes of rigid parts leave by their acceleration.
+                problem.w.x.array[:] = state.values + place * step * velocity
                 total += weight * problem.restrict(problem.residual())
         return total / step**2
 

@@ -181,6 +181,18 @@ class Tangent:
         self._along.x.array[self.problem.fixed] = change
         return self._times_given()
 
+    def times_values(self, change: np.ndarray) -> np.ndarray:
+        """Product with a change of all local values, in the free rows.  Collective.
+
+        Nothing follows anything: nodes of rigid parts change as is said.
+        """
+        problem = self.problem
+        self._along.x.array[:] = change
+        self._along.x.scatter_forward()
+        product = problem.restrict(self._along_times())
+        product[problem.circuits.given_rows()] = 0.0
+        return product
+
     def times_lift(self, lifted: np.ndarray) -> np.ndarray:
         """Product with the change of what is given to that of other local values.  Collective.
 
