@@ -82,6 +82,8 @@ def test_blocks(page, place, monkeypatch, capsys):
     for block in blocks(page):
         where = f"{page.name}, line {block.line}"
         if block.language == "python":
+            for optional in re.findall(r"^import (pint)$", block.text, re.M):
+                pytest.importorskip(optional)
             told = io.StringIO()
             code = compile("\n" * block.line + block.text, str(page), "exec")
             with redirect_stdout(told):
