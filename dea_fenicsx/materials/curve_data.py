@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,18 +38,7 @@ class TestData:
     stress: Any
 
     def __post_init__(self) -> None:
-        for name in ("stretch", "stress"):
-            given = getattr(self, name)
-            try:
-                object.__setattr__(self, name, np.asarray(given, dtype=float).ravel())
-            except (TypeError, ValueError, OverflowError) as error:
-                raise InputError(
-                    f"The {name} of the data is {shown(given)}, but must be an array of numbers."
-                ) from error
-        if not isinstance(self.test, str) or self.test not in TESTS:
-            raise InputError(
-                f"There is no test {shown(self.test)}; the tests are {', '.join(TESTS)}."
-            )
+        take_columns(self, self.test, ("stretch", "stress"))
         if len(self.stretch) != len(self.stress):
             raise InputError(
                 f"The {self.test} data have {len(self.stretch)} stretches and {len(self.stress)} "
@@ -100,3 +90,23 @@ def read_data(
         )
     columns = np.array(rows).T
     return TestData(test, columns[0], columns[1] * unit)
+
+
+def take_columns(data: Any, test: object, names: Sequence[str]) -> None:
+    """Turn fields of a dataclass into arrays of one dimension, and check the name of its test.
+
+    Raises
+    ------
+    InputError
+        If a field holds anything but numbers, or there is no such test.
+    """
+    for name in names:
+        given = getattr(data, name)
+        try:
+            object.__setattr__(data, name, np.asarray(given, dtype=float).ravel())
+        except (TypeError, ValueError, OverflowError) as error:
+            raise InputError(
+                f"The {name} of the data is {shown(given)}, but must be an array of numbers."
+            ) from error
+    if not isinstance(test, str) or test not in TESTS:
+        raise InputError(f"There is no test {shown(test)}; the tests are {', '.join(TESTS)}.")

@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.materials.curve_data import take_columns
 from dea_fenicsx.materials.material import Material
 from dea_fenicsx.materials.separators import parsed
-from dea_fenicsx.materials.stretches import TESTS, log_stretches, nominal_stress
+from dea_fenicsx.materials.stretches import log_stretches, nominal_stress
 from dea_fenicsx.materials.viscous import closed_branches
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
@@ -60,18 +61,7 @@ class RateData:
     name: str = ""
 
     def __post_init__(self) -> None:
-        for name in ("time", "stretch", "stress"):
-            given = getattr(self, name)
-            try:
-                object.__setattr__(self, name, np.asarray(given, dtype=float).ravel())
-            except (TypeError, ValueError, OverflowError) as error:
-                raise InputError(
-                    f"The {name} of the data is {shown(given)}, but must be an array of numbers."
-                ) from error
-        if not isinstance(self.test, str) or self.test not in TESTS:
-            raise InputError(
-                f"There is no test {shown(self.test)}; the tests are {', '.join(TESTS)}."
-            )
+        take_columns(self, self.test, ("time", "stretch", "stress"))
         if not len(self.time) == len(self.stretch) == len(self.stress) or not len(self.time):
             raise InputError(
                 f"The {self.test} data have {len(self.time)} times, {len(self.stretch)} stretches "

@@ -106,12 +106,14 @@ class Loads:
         self.factors.setdefault(ramp, factor)
         if self.factors[ramp] is not factor:
             self.further.append((ramp, factor))
-        self.unit_work[ramp] = self.unit_work.get(ramp, 0) + work
-        self.changing.add(ramp)
+        self._add_changing(ramp, work)
 
     def add_travel(self, ramp: str, factor: Any, work: Any) -> None:
         """Add an obstacle that a ramp moves, as `add_strain` adds a pre-stretch."""
         self.travels.append((ramp, factor))
+        self._add_changing(ramp, work)
+
+    def _add_changing(self, ramp: str, work: Any) -> None:
         self.unit_work[ramp] = self.unit_work.get(ramp, 0) + work
         self.changing.add(ramp)
 

@@ -19,7 +19,7 @@ from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import March, Ramp
 from dea_fenicsx.path.ramping import RampWalk
-from dea_fenicsx.path.step_lengths import Ladder
+from dea_fenicsx.path.step_lengths import Ladder, landings
 from dea_fenicsx.path.time_limit import follow_time
 from dea_fenicsx.path.time_stepping import TimeStepper
 from dea_fenicsx.path.verdicts import march_lost, march_stuck, march_too_exact
@@ -115,22 +115,12 @@ class MarchWalk:
         self.adaptive = march.steps is None and bool(self.stepper.memories)
         end = march.seconds
         self.corners = sorted({t for w in self.drive.values() for t in w.corners(0.0, end)})
-        self.stops = self._stops()
+        self.stops = landings(self.corners, march.at, end, self.room)
         self.ladder = Ladder(self._longest())
         self.wall, self.hits = -math.inf, 0  # a time that was not reached, and how often
         self.limit: float | None = None  # time of the limit point ahead, as known so far
         self.rung = self.ladder.at_most(cursor.size) if cursor.size else 0
         self.fresh = not cursor.size  # whether the first step since a jump is still to come
-
-    def _stops(self) -> list[float]:
-        """Times since the beginning of the march at which a step ends."""
-        end = self.march.seconds
-        asked = [t for t in self.march.at if t < end - self.room]
-        found: list[float] = []
-        for t in sorted([*self.corners, *asked]):
-            if not found or t > found[-1] + self.room:
-                found.append(t)
-        return [*found, end]
 
     def _longest(self) -> float:
         """Longest step in s."""

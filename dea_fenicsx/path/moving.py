@@ -21,7 +21,7 @@ from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import Inertia, March
 from dea_fenicsx.path.motion_stepping import MotionStepper
-from dea_fenicsx.path.step_lengths import Ladder
+from dea_fenicsx.path.step_lengths import Ladder, landings
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt
 from dea_fenicsx.support.errors import InputError, SolverError
@@ -61,24 +61,15 @@ class MotionWalk:
         self.inertia: Inertia = march.moving
         self.room = ROUNDING * march.seconds
         self.adaptive = march.steps is None
-        self.stops = self._stops()
+        end = march.seconds
+        corners = {t for wave in self.drive.values() for t in wave.corners(0.0, end)}
+        self.stops = landings(corners, march.at, end, self.room)
         self.ladder = Ladder(self._longest())
         self.stepper = MotionStepper(
             solver, self.drive, cursor.began, self.inertia, self.ladder.longest
         )
         self.rung = self.ladder.at_most(cursor.size) if cursor.size else 0
         self.fresh = not cursor.size  # whether the first step since a jump is still to come
-
-    def _stops(self) -> list[float]:
-        """Times since the beginning of the march at which a step ends."""
-        end = self.march.seconds
-        corners = {t for w in self.drive.values() for t in w.corners(0.0, end)}
-        asked = {t for t in self.march.at if t < end - self.room}
-        found: list[float] = []
-        for t in sorted(corners | asked):
-            if not found or t > found[-1] + self.room:
-                found.append(t)
-        return [*found, end]
 
     def _longest(self) -> float:
         """Longest step in s."""

@@ -15,7 +15,7 @@ so that the error of BDF2 is E/(E + P) of the difference.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +35,21 @@ GROWTH_MARGIN = 1.2
 LONGEST_LAST_STEP = 1.25
 """Largest remainder before a landing, in units of the present step, that is gone in one step."""
 
+
+
+def landings(
+    corners: Iterable[float], asked: Iterable[float], end: float, room: float
+) -> list[float]:
+    """Times at which a step of a march ends: corners of the drive, asked times, and the end.
+
+    Of times that lie closer together than `room`, only the first counts.  Times are in s since the
+    beginning of the march.
+    """
+    found: list[float] = []
+    for t in sorted([*corners, *(t for t in asked if t < end - room)]):
+        if not found or t > found[-1] + room:
+            found.append(t)
+    return [*found, end]
 
 
 @dataclass(frozen=True)

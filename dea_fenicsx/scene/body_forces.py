@@ -66,6 +66,7 @@ class BodyWork(Declaration):
 
     def density(self, at: BodyFields) -> Any:
         """Virtual work per undeformed volume at ramp factor 1, dimensionless."""
+        # The class is no abstract one, for the same reason as `SurfaceWork`.
         raise NotImplementedError(f"{type(self).__name__} must say its density.")
 
 
