@@ -14,6 +14,8 @@ import h5py
 import numpy as np
 
 from dea_fenicsx.results.grids import Grid
+from dea_fenicsx.results.split_grid import SplitGrid
+from dea_fenicsx.results.surface_names import ORIGIN
 
 
 def image(put: Callable[[Any], None]) -> Callable[[Path], None]:
@@ -49,6 +51,12 @@ def put_grid(h5: Any, grid: Grid) -> None:
     h5.attrs["axes"] = " ".join(grid.axes)
     if grid.names:
         h5.attrs["region_names"] = json.dumps({str(tag): name for tag, name in grid.names.items()})
+
+
+def put_split_grid(h5: Any, split: SplitGrid) -> None:
+    """Write a split grid, and the number of each of its nodes in the device's grid."""
+    put_grid(h5, split.grid)
+    h5[ORIGIN] = split.origin.astype(np.int64)
 
 
 def put_fields(h5: Any, nodes: Mapping[str, np.ndarray], cells: Mapping[str, np.ndarray]) -> None:
