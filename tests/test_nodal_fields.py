@@ -14,6 +14,7 @@ import dea_fenicsx as dea
 from dea_fenicsx import pictures
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.results import hdf5
 from dea_fenicsx.results.components import column_names, component
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.reading import check_field, frame_for, frame_times
@@ -238,12 +239,13 @@ def test_a_cut_that_ends_inside_of_a_region():
 # ------------------------------------------------------------------------- what others read
 
 
-def test_outer_faces_and_vtks_reader(tmp_path):
+def test_outer_faces_and_vtks_reader(tmp_path, monkeypatch):
     """Faces between regions are not drawn; VTK's own reader of XDMF reads the document."""
     pyvista = pytest.importorskip("pyvista")
     from dea_fenicsx.pictures.fields import _surface
     from dea_fenicsx.pictures.outside import is_split, outer_faces
 
+    monkeypatch.setattr(hdf5, "PACKED_FROM", 0)
     device = dea.device(BoxStack(H, H, [Layer("a", H), Layer("b", H)], 1))
     film = dea.Material(SOFT, dea.IdealDielectric(3.0))
     scene = dea.Scene(

@@ -197,7 +197,7 @@ class Folder(SharedFolder):
             assert nodes is not None and cells is not None
             hdf5.put_fields(h5, nodes, cells)
             if nodal is not None:
-                hdf5.put_fields(h5.create_group(NODAL), nodal, {})
+                hdf5.put_nodal_fields(h5.create_group(NODAL), nodal)
             for name, (on_nodes, on_cells) in surfaces.items():
                 hdf5.put_fields(h5.create_group(surface_group(name)), on_nodes, on_cells)
 

@@ -17,6 +17,9 @@ from dea_fenicsx.results.grids import Grid
 from dea_fenicsx.results.split_grid import SplitGrid
 from dea_fenicsx.results.surface_names import ORIGIN
 
+PACKED_FROM = 32_768
+"""Bytes from which on fields at nodes are packed."""
+
 
 def image(put: Callable[[Any], None]) -> Callable[[Path], None]:
     """A writer of HDF5 files that builds them in memory.
@@ -64,6 +67,13 @@ def put_fields(h5: Any, nodes: Mapping[str, np.ndarray], cells: Mapping[str, np.
     for group, fields in (("node", nodes), ("cell", cells)):
         for name, values in fields.items():
             h5[f"{group}/{name}"] = values
+
+
+def put_nodal_fields(h5: Any, fields: Mapping[str, np.ndarray]) -> None:
+    """Write fields at the nodes of a split grid; large ones are packed to about half."""
+    for name, values in fields.items():
+        packing = {"compression": 1, "shuffle": True} if values.nbytes > PACKED_FROM else {}
+        h5.create_dataset(f"node/{name}", data=values, **packing)
 
 
 def carry_over(h5: Any, file: Path, prefix: str, name: str) -> list[str]:
