@@ -191,11 +191,9 @@ except Exception as error:
 texts = told()
 load = PythonAnnotation(registrationName="load", Input=run)
 # A run that has grown since has more steps than texts; each is then told by its time.
-# An expression has other functions called min and max than Python has.
-more = len(texts)
-load.Expression = "(%r + ['time %%.4g' %% t_value])[t_index if t_index < %d else %d]" % (
-    texts, more, more
-)
+# In this expression "min" would be that of ParaView's arrays, so that a condition stands there.
+told_later = "'time %.4g' % t_value"
+load.Expression = "%r[int(t_index)] if t_index < %d else %s" % (texts, len(texts), told_later)
 text = Show(load, view)
 text.Color = [0.0, 0.0, 0.0]
 text.FontSize = 20
