@@ -122,6 +122,14 @@ def check_spring_cone(out, printed):
     assert s["blocked_force_N"] == pytest.approx(0.0219, rel=0.02)
 
 
+def check_tube(out, printed):
+    """The blocked force is exact; caps let the ends lengthen a little more."""
+    s = summary(out)
+    assert s["exact_blocked_force_N"] == pytest.approx(0.088275, rel=1e-4)
+    assert s["blocked_force_N"] == pytest.approx(s["exact_blocked_force_N"], rel=1e-4)
+    assert s["strain_of_a_long_tube"] < s["strain"] < 1.02 * s["strain_of_a_long_tube"]
+
+
 def check_viscous_film(out, printed):
     """The exact course in time, whose pull-in is that of the literature's constants."""
     s = summary(out)

@@ -46,6 +46,7 @@ from motion_demo_checks import (
     check_balloon_response,
     check_membrane_modes,
     check_strip_frequency,
+    check_tube,
 )
 
 import dea_fenicsx as dea
@@ -358,6 +359,7 @@ CHECKS = {
     "spring_cone.py": (check_spring_cone, ["--cells", 8]),
     "stiffened_membrane.py": (check_stiffened, ["--models", "gent", "--model", "gent"]),
     "strip_frequency.py": (check_strip_frequency, ["--cells", 12]),
+    "tube.py": (check_tube, ["--steps", 2]),
     "viscous_film.py": (check_viscous_film, ["--rate", 1.6, "--tolerance", 1e-5]),
     "wrinkling_film.py": (check_wrinkles, []),
 }
