@@ -35,6 +35,7 @@ from demo_checks import (
     check_sldea,
     check_spring_cone,
     check_stiffened,
+    check_tube,
     check_viscous_film,
     check_viscous_fit,
     check_wrinkles,
@@ -46,7 +47,6 @@ from motion_demo_checks import (
     check_balloon_response,
     check_membrane_modes,
     check_strip_frequency,
-    check_tube,
 )
 
 import dea_fenicsx as dea

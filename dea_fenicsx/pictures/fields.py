@@ -29,6 +29,9 @@ _TALLEST = 1.1 * _WIDTH
 _LEAST_HEIGHT = 1.8
 """Smallest height of a picture in inches, in which the label of the colour scale has room."""
 
+_NARROWEST = 4.0
+"""Smallest width of a picture in inches, in which its title has room."""
+
 _MOST_PIXELS = 8e6
 """Most pixels of a rendered image; twice as many across as are shown, so that edges are smooth."""
 
@@ -353,7 +356,10 @@ def _compose(
         tallest = max(rows / columns for rows, columns, *_ in shapes)
         height = min(0.8 * _WIDTH / len(panels) * tallest + 0.75, 1.2 * _WIDTH)
         height = max(height, _LEAST_HEIGHT)
-        figure = Figure(figsize=(_WIDTH, height), layout="constrained")
+        width = _WIDTH
+        if len(panels) == 1:  # a tall picture alone leaves no empty paper beside it
+            width = min(_WIDTH, max(_NARROWEST, height / tallest + 2.0))
+        figure = Figure(figsize=(width, height), layout="constrained")
         axes = np.atleast_1d(figure.subplots(1, len(panels)))
         for axis, panel in zip(axes, panels, strict=True):
             axis.imshow(panel.image.pixels, extent=[1e3 * e for e in panel.image.extent])
@@ -369,5 +375,5 @@ def _compose(
                 axis.set_axis_off()
         scale = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(*limits), _COLOURS)
         figure.colorbar(scale, ax=list(axes), label=label, aspect=25)
-        figure.suptitle(title, fontsize=8)
+        figure.suptitle(title, fontsize=8, wrap=True)
         figure.savefig(path, format="png", dpi=dpi)
