@@ -126,8 +126,14 @@ function moved(base, change, factor) {
   });
 }
 
-// The least and the largest coordinates of all steps, with a little room.
+// The least and the largest coordinates of all steps, with a little room; kept for each factor.
+const reached = new Map();
 function reach(arrays, factor) {
+  if (!reached.has(factor)) reached.set(factor, findReach(arrays, factor));
+  return reached.get(factor);
+}
+
+function findReach(arrays, factor) {
   const ends = [0, 1, 2].map(() => [Infinity, -Infinity]);
   data.device.steps.forEach((step, k) => {
     moved(arrays.get("points"), arrays.get(`moved/${k}`), factor).forEach((values, axis) => {
@@ -195,8 +201,8 @@ function drawDevice(arrays, shown) {
   const axis = k => ({title: {text: `${data.axes[k]} (mm)`}, range: ends[k]});
   const scene = {aspectmode: "manual", aspectratio: {x: ratio[0], y: ratio[1], z: ratio[2]},
     xaxis: axis(0), yaxis: axis(1), zaxis: flat ? {visible: false} : axis(2),
-    camera: flat ? {eye: {x: 0, y: 0, z: 1.6}, up: {x: 0, y: 1, z: 0}}
-      : {eye: {x: -1.1, y: -1.5, z: .9}}};
+    camera: flat ? {eye: {x: 0, y: 0, z: 1.7}, up: {x: 0, y: 1, z: 0}}
+      : {eye: {x: -1.25, y: -1.7, z: 1}}};
   const layout = {margin: {l: 0, r: 0, t: 0, b: 0}, uirevision: "kept", scene,
     legend: {x: 0, y: 1}};
   return Plotly.react("device", traces, layout, settings);
