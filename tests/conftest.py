@@ -20,6 +20,11 @@ from dea_fenicsx.support import subprocesses
 
 ROOT = Path(__file__).resolve().parents[1]
 
+# More than half of the suite's time would go into the compiler with the flags of a user's runs, which
+# are for large models.  The variable may be set to other flags, and "default" takes those of a user.
+if os.environ.setdefault("DEA_FENICSX_CFLAGS", "-O1 -g0") == "default":
+    del os.environ["DEA_FENICSX_CFLAGS"]
+
 
 ENGINES = {
     "whole": {"factor": "whole"},
