@@ -20,8 +20,8 @@ from dea_fenicsx.support import subprocesses
 
 ROOT = Path(__file__).resolve().parents[1]
 
-# More than half of the suite's time would go into the compiler with the flags of a user's runs, which
-# are for large models.  The variable may be set to other flags, and "default" takes those of a user.
+# The flags of a user's runs are for large models.  With them, more than half of the suite's time
+# would go into the compiler.  Other flags may be set from outside; "default" means those of a user.
 if os.environ.setdefault("DEA_FENICSX_CFLAGS", "-O1 -g0") == "default":
     del os.environ["DEA_FENICSX_CFLAGS"]
 
