@@ -18,17 +18,19 @@ if TYPE_CHECKING:
     from .dea_hinge import DEAHinge
     from .disc_capacitor import DiscCapacitor
     from .disk_stack import DiskStack
+    from .fingers import FingerStack
     from .hdea import HDEA
     from .helical_cell import HelicalCell
     from .hollow_sphere import HollowSphere
     from .kresling_cell import KreslingCell
     from .membrane_disc import MembraneDisc
     from .stiffened_film import StiffenedFilm, StiffenedSection
+    from .tube import Tube
 
 __all__ = [
-    "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "Geometry", "HDEA", "HelicalCell",
-    "HollowSphere",
-    "KreslingCell", "Layer", "MembraneDisc", "StiffenedFilm", "StiffenedSection", "graded",
+    "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "FingerStack", "Geometry", "HDEA",
+    "HelicalCell", "HollowSphere", "KreslingCell", "Layer", "MembraneDisc", "StiffenedFilm",
+    "StiffenedSection", "Tube", "graded",
 ]  # fmt: skip
 
 _HOME = {
@@ -36,6 +38,7 @@ _HOME = {
     "DEAHinge": "dea_hinge",
     "DiscCapacitor": "disc_capacitor",
     "DiskStack": "disk_stack",
+    "FingerStack": "fingers",
     "HDEA": "hdea",
     "HelicalCell": "helical_cell",
     "HollowSphere": "hollow_sphere",
@@ -43,6 +46,7 @@ _HOME = {
     "MembraneDisc": "membrane_disc",
     "StiffenedFilm": "stiffened_film",
     "StiffenedSection": "stiffened_film",
+    "Tube": "tube",
 }
 
 

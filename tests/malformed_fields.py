@@ -262,6 +262,10 @@ FIELDS = {
     geometry.MembraneDisc: (
         geometry.MembraneDisc, dict(radius=3e-2, electrode_radius=1e-2, thickness=1e-3)),
     geometry.HollowSphere: (geometry.HollowSphere, dict(inner=1e-2, outer=1.2e-2)),
+    geometry.Tube: (geometry.Tube, dict(inner=1e-2, height=1e-2, layers=[Layer("film", 1e-3)])),
+    geometry.FingerStack: (
+        geometry.FingerStack,
+        dict(layers=[Layer("film", 1e-3)], fingers=2, finger=1e-3, gap=1e-3)),
     geometry.HDEA: (geometry.HDEA, {}),
     geometry.HelicalCell: (geometry.HelicalCell, {}),
     exact.Balloon: (exact.Balloon, dict(inner=1e-2, outer=1.2e-2, mu=5e4)),

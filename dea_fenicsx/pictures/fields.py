@@ -13,7 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.results.reading import read_frame
+from dea_fenicsx.pictures.outside import is_split, outer_faces
+from dea_fenicsx.results.axes import FIXED
+from dea_fenicsx.results.components import component
+from dea_fenicsx.results.reading import frame_for
 from dea_fenicsx.support.errors import InputError
 
 DISPLACEMENT = "displacement_m"
@@ -30,8 +33,10 @@ _MOST_PIXELS = 8e6
 """Most pixels of a rendered image; twice as many across as are shown, so that edges are smooth."""
 
 
-def scalar(grid: Any, field: str) -> tuple[np.ndarray, str, bool]:
-    """A field as one number a node or cell.
+def scalar(
+    grid: Any, field: str, axes: tuple[str, str, str] = FIXED
+) -> tuple[np.ndarray, str, bool]:
+    """A field, or a component by its axes, as one number a node or cell.
 
     The magnitude of a vector; von Mises' equivalent of a stress.  Regions without an electric
     field (conductors) become NaN in pictures of it, and are shown in grey.
@@ -40,21 +45,30 @@ def scalar(grid: Any, field: str) -> tuple[np.ndarray, str, bool]:
     -------
     values, name with the unit as suffix, whether they are nodal
     """
-    nodal = field in grid.point_data
-    if not nodal and field not in grid.cell_data:
+    part = component(field, [*grid.point_data, *grid.cell_data], axes)
+    whole = field if part is None else part[0]
+    nodal = whole in grid.point_data
+    if not nodal and whole not in grid.cell_data:
         names = ", ".join(sorted([*grid.point_data, *grid.cell_data]))
         raise InputError(f"There is no field {field!r} in the results; there are: {names}.")
-    values = np.asarray(grid.point_data[field] if nodal else grid.cell_data[field], dtype=float)
+    values = np.array(grid.point_data[whole] if nodal else grid.cell_data[whole], dtype=float)
     name = field
-    if values.ndim > 1 and values.shape[1] == 9:
+    if part is not None:
+        values = values[:, part[1]]
+    elif values.ndim > 1 and values.shape[1] == 9:
         stress = values.reshape(-1, 3, 3)
         deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
         values = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
         name = "von_Mises_stress_Pa"
     elif values.ndim > 1:
         values = np.linalg.norm(values, axis=1)
-    if not nodal and "V_per_m" in field and values.any():
+    if "V_per_m" in field and values.any():
         regions = np.asarray(grid.cell_data["region"])
+        if nodal:  # each node belongs to cells of one region
+            table = grid.cells_dict.popitem()[1]
+            of_nodes = np.zeros(grid.n_points, dtype=regions.dtype)
+            of_nodes[table.ravel()] = np.repeat(regions, table.shape[1])
+            regions = of_nodes
         for region in np.unique(regions):
             if not values[regions == region].any():
                 values[regions == region] = np.nan
@@ -147,6 +161,8 @@ def _surface(mesh: Any, subdivision: int) -> Any:
     import pyvista
     from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
+    if is_split(mesh):
+        mesh = outer_faces(mesh)
     algorithm = vtkDataSetSurfaceFilter()
     algorithm.SetInputData(mesh)
     algorithm.SetNonlinearSubdivisionLevel(subdivision)
@@ -244,9 +260,9 @@ def render(
     view
         Colour scale, frame and resolution; by default what fits this step.
     """
-    frame = read_frame(folder, step)
+    frame = frame_for(folder, step, field)
     grid = frame.grid
-    values, name, nodal = scalar(grid, field)
+    values, name, nodal = scalar(grid, field, words.axes)
     (grid.point_data if nodal else grid.cell_data)["shown"] = values
     if view is None:
         view = View(limits_of(values, name), *points_seen(frame, warp), _DPI)

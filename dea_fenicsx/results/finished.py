@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ from dea_fenicsx.results.columns import check_added
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
 from dea_fenicsx.results.tables import run_html
+from dea_fenicsx.support.errors import InputError
 
 
 class Run:
@@ -50,6 +53,26 @@ class Run:
     def _repr_html_(self) -> str:
         """The run in a notebook: how it ended, its last values and its events."""
         return run_html(self)
+
+    def show(self, fields: Sequence[str] | None = None) -> Any:
+        """The run in a notebook, to turn with the mouse: what `dea report` writes, in a frame.
+
+        Parameters
+        ----------
+        fields
+            Names of the fields to choose from; by default the electric field, the displacement,
+            the stress, J and the potential.
+
+        Raises
+        ------
+        InputError
+            If the run has no folder, or plotly is not installed.
+        """
+        if self.out is None:
+            raise InputError("This run has no folder, so nothing can be shown; give solve out=.")
+        # The pictures come after the results in the order of rooms; they are loaded on demand.
+        report = import_module("dea_fenicsx.pictures.report")
+        return report.Shown(report.page(self.out, fields))
 
     @property
     def out(self) -> Path | None:

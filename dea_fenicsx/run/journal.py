@@ -209,7 +209,8 @@ class Journal:
             "failures": self.found,
             "wall_s": row["wall_s"],
         }  # fmt: skip
-        cells = self.writer.cell_fields()
+        evaluated = self.writer.evaluate()
+        cells = self.writer.cell_fields(evaluated)
         for column, mine in by_cell.items():
             values = self.writer.gather(mine)
             if cells is not None and values is not None:
@@ -218,10 +219,11 @@ class Journal:
         shape = self.writer.vector(step.mode) if step.mode is not None else None
         folder, grid = self.folder, self.writer.grid
         surfaces = self.writer.surface_fields(nodes, cells)
+        nodal = self.writer.nodal_fields(nodes, evaluated)
 
         def write() -> None:
             folder.write_step(
-                step.cursor.step, told, self.history, nodes, cells, state, surfaces
+                step.cursor.step, told, self.history, nodes, cells, state, surfaces, nodal
             )
             if shape is not None:
                 folder.write_mode(step.cursor.step, grid, nodes, shape)

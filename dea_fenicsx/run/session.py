@@ -222,7 +222,10 @@ class _Session:
             folder.keep_origin()
             self.progress.log = folder.path / "run.log"
             blocks = Blocks(writer.named_facets(), electrode_surfaces(self.scene))
-            folder.write(lambda: folder.write_grid(writer.grid, writer.surface_grids, blocks))
+            nodal = writer.split(blocks.facets)
+            folder.write(
+                lambda: folder.write_grid(writer.grid, writer.surface_grids, blocks, nodal)
+            )
         self.progress.say(
             f"{self.scene.device.source or 'device'}: {journal.solver.problem.unknowns} unknowns, "
             f"{self.comm.size} rank{'s' * (self.comm.size > 1)}"
