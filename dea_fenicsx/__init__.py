@@ -28,6 +28,8 @@ if TYPE_CHECKING:
         Table,
         Triangle,
     )
+    from dea_fenicsx.gradients.adjoint import Gradient
+    from dea_fenicsx.gradients.variables import ShapeChange
     from dea_fenicsx.materials import (
         ArrudaBoyce,
         Breakdown,
@@ -166,6 +168,8 @@ _HOME = {
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
         "SolverError",
     ),
+    "gradients.adjoint": ("Gradient",),
+    "gradients.variables": ("ShapeChange",),
     "measure.failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
     "scene.kinematics": (
         "Axisymmetric", "GeneralisedPlaneStrain", "Helical", "PlaneStrain", "ThreeD",

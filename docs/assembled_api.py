@@ -18,6 +18,7 @@ TITLES = {
     "path": "Paths: ramps, traces, marches",
     "drives": "Drives over time",
     "measure": "Observables and failures",
+    "gradients": "Derivatives",
     "run": "Running",
     "results": "Reading results",
     "solvers": "Options of the solver",
