@@ -350,3 +350,15 @@ def check_gripper(out, printed):
     assert s["grip_force_N"] == pytest.approx(4.442e-3, rel=5e-3)
     assert 0 < s["contact_area_m2"] < 5e-6
     assert "each finger pushes" in printed
+
+
+def check_sensitivity(out, printed):
+    s = summary(out)
+    errors = {name: value for name, value in s.items() if name.startswith("tip_by_") and
+              name.endswith("_error")}  # fmt: skip
+    assert len(errors) == 6
+    assert max(errors.values()) < 1e-5  # that of a difference with a step of 0.1 %
+    assert s["pull_in_error"] < 1e-8
+    assert s["adjoint_residual"] < 1e-9
+    assert "differences agree" in printed
+    assert (out / "sensitivity.png").exists()

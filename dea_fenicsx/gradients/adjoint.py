@@ -349,8 +349,9 @@ class Paired:
         if key not in self._by_coefficient:
             space = coefficient.function_space
             each = ufl.TestFunction(space)
-            self._by_coefficient[key] = sum(
-                _vector(ufl.derivative(form, coefficient, each), space) for form in self._forms
+            self._by_coefficient[key] = np.sum(
+                [_vector(ufl.derivative(form, coefficient, each), space) for form in self._forms],
+                axis=0,
             )
         return self._by_coefficient[key]
 
@@ -362,7 +363,9 @@ class Paired:
         if self._by_nodes is None:
             space = nodal_space(self._problem)
             x, each = ufl.SpatialCoordinate(self._problem.mesh), ufl.TestFunction(space)
-            gradient = sum(_vector(ufl.derivative(form, x, each), space) for form in self._forms)
+            gradient = np.sum(
+                [_vector(ufl.derivative(form, x, each), space) for form in self._forms], axis=0
+            )
             owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
             self._by_nodes = space, gradient[:owned]
         return self._by_nodes
