@@ -22,6 +22,7 @@ TITLES = {
     "run": "Running",
     "results": "Reading results",
     "solvers": "Options of the solver",
+    "studies": "Studies over parameters",
     "exact": "Exact states",
     "origami": "Spiral box",
     "design": "Design search",

@@ -260,6 +260,9 @@ FIELDS = {
     dea.Frequency: (lambda **g: solve(record={"it": dea.Frequency(**g)}, changes=HEAVY), {}),
     dea.KineticEnergy: (recorded(dea.KineticEnergy), {}),
     dea.Momentum: (recorded(dea.Momentum), dict(axis="x")),
+    dea.LatinHypercube: (
+        lambda **g: dea.study(scene, dea.LatinHypercube(**g), {}, out="/dev/null/study"),
+        dict(ranges={"x": (0.0, 1.0)}, count=2, seed=1)),
     dea.ShapeChange: (
         lambda **g: derived().sensitivity("up", [dea.ShapeChange(**g)]),
         dict(name="height", velocity=lambda X: 0 * X)),

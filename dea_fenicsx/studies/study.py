@@ -26,6 +26,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.path.items import Item, Ramp
+from dea_fenicsx.results.columns import column_of
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.results.summary import STATUS
 from dea_fenicsx.run.session import solve
@@ -204,7 +205,7 @@ def study(
         if lock:
             lock.release()
     if comm.rank == 0 and not given["quiet"]:
-        failed = sum(row["status"] not in ("completed",) for row in table)
+        failed = sum(not row["status"].startswith("completed") for row in table)
         print(
             f"study: {len(table)} runs, {solved} of them solved now in "
             f"{time.perf_counter() - started:.1f} s, {failed} not completed; {folder}/table.csv"
@@ -243,16 +244,14 @@ def _opened(folder: Path, comm: Any, facts: Mapping[str, Any]) -> FolderLock | N
         lock = FolderLock(folder)
         lock.take()
         place = folder / "study.json"
-        if place.exists():
-            with suppress(ValueError):
-                kept = json.loads(place.read_text("utf-8"))
-                other = [name for name in facts if kept.get(name) != facts[name]]
-                if other:
-                    lock.release()
-                    raise InputError(
-                        f"The folder {folder} holds a study with another {other[0]}; give another "
-                        "folder out=, or the same study."
-                    )
+        kept = _json(place)
+        other = [name for name in facts if kept is not None and kept.get(name) != facts[name]]
+        if other:
+            lock.release()
+            raise InputError(
+                f"The folder {folder} holds a study with another {other[0]}; give another "
+                "folder out=, or the same study."
+            )
         replace_file(place, lambda p: p.write_text(json.dumps(facts, indent=1), "utf-8"))
         return lock
 
@@ -326,16 +325,21 @@ class _Worker:
         if run is None or not run.history:
             return found
         last = run.history[-1]
-        wanted = [n for n in last if any(n == name or n.startswith(f"{name}_")
-                                         for name in self.record)]  # fmt: skip
-        found |= {name: float(last[name]) for name in wanted}
+        wanted = [column_of(name, observable) for name, observable in self.record.items()]
+        found |= {name: float(last[name]) for name in wanted if name in last}
         return found | {"stable": run.summary.get("stable"), "steps": run.summary.get("steps")}
+
+
+def _json(place: Path) -> dict[str, Any] | None:
+    """What a file holds, or None if it is not there or not whole."""
+    with suppress(OSError, ValueError):
+        found = json.loads(place.read_text("utf-8"))
+        if isinstance(found, dict):
+            return found
+    return None
 
 
 def _read(place: Path, point: Mapping[str, Any]) -> dict[str, Any] | None:
     """A row on disk, if it is that of a point."""
-    with suppress(OSError, ValueError):
-        row = json.loads(place.read_text("utf-8"))
-        if isinstance(row, dict) and all(row.get(name) == point[name] for name in point):
-            return row
-    return None
+    row = _json(place)
+    return row if row and all(row.get(name) == point[name] for name in point) else None
