@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 
 import numpy as np
@@ -362,3 +363,20 @@ def check_sensitivity(out, printed):
     assert s["adjoint_residual"] < 1e-9
     assert "differences agree" in printed
     assert (out / "sensitivity.png").exists()
+
+
+def check_study(out, printed):
+    s = summary(out)
+    assert s["runs"] == 4 and s["completed"] + s["failed"] == 4
+    with (out / "table.csv").open() as f:
+        rows = list(csv.DictReader(f))
+    table = {n: np.array([float(row[n]) for row in rows])
+             for n in ("stretch", "thickness", "area_m2")}  # fmt: skip
+    assert sorted(set(table["stretch"])) == [1.0, 4.0]
+    # A film that is stretched 4 times is 16 times thinner: its gain of area at a voltage is larger.
+    gain = table["area_m2"] / (np.pi * (4e-3 * table["stretch"]) ** 2) - 1
+    thick = table["thickness"] == 1e-3
+    (little,), (much,) = (gain[thick & (table["stretch"] == stretch)] for stretch in (1.0, 4.0))
+    assert much > 10 * little > 0
+    assert "largest gain of area" in printed
+    assert (out / "study.png").exists()

@@ -199,7 +199,8 @@ def study(
         rows = _gathered(comm, mine if group.rank == 0 else [])
         solved = sum(new for _, _, new in rows)
         table = [row for _, row, _ in sorted(rows, key=lambda one: one[0])]
-        together(comm, lambda: comm.rank or _finish(folder, table, found), "The table of a study")
+        finishes = comm.rank == 0
+        together(comm, lambda: _finish(folder, table, found, finishes), "The table of a study")
     finally:
         group.Free()
         if lock:
@@ -259,8 +260,12 @@ def _opened(folder: Path, comm: Any, facts: Mapping[str, Any]) -> FolderLock | N
 
 
 def _finish(
-    folder: Path, table: Sequence[Mapping[str, Any]], found: Sequence[Mapping[str, Any]]
-) -> None:
+    folder: Path, table: Sequence[Mapping[str, Any]], found: Sequence[Mapping[str, Any]],
+    writes: bool,
+) -> None:  # fmt: skip
+    """Write the table and the picture, on the rank that writes."""
+    if not writes:
+        return
     names = list(found[0])
     known = {*names, *OWN}
     columns = list(dict.fromkeys(n for row in table for n in row if n not in known))

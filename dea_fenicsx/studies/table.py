@@ -45,18 +45,35 @@ def draw(
         figure = Figure(figsize=(5.0, 2.6 * len(columns)), layout="constrained")
         for axes, column in zip(figure.subplots(len(columns), squeeze=False)[:, 0], columns,
                                 strict=True):  # fmt: skip
-            curves: dict[str, list[tuple[float, float]]] = {}
-            for row in rows:
-                if _is_number(row.get(column)):
-                    label = ", ".join(f"{n} = {_short(row[n])}" for n in others)
-                    curves.setdefault(label, []).append((row[x], row[column]))
-            for label, found in list(curves.items())[:MOST_LINES]:
-                axes.plot(*zip(*sorted(found), strict=True), "o-", ms=3, label=label or None)
-            axes.set_xlabel(x.replace("_", " "))
-            axes.set_ylabel(column.replace("_", " "))
-            if others and curves:
-                axes.legend(fontsize=6.5)
+            _draw_column(axes, rows, x, others, column)
         write_whole(path, lambda p: figure.savefig(p, format="png", dpi=200))
+
+
+def _draw_column(
+    axes: Any, rows: Sequence[Mapping[str, Any]], x: str, others: Sequence[str], column: str
+) -> None:
+    """Draw a column of completed runs; a cross is the last state of a run that was not completed.
+
+    That state belongs to another load.
+    """
+    curves: dict[str, list[tuple[float, float]]] = {}
+    failed = []
+    for row in rows:
+        if not _is_number(row.get(column)):
+            continue
+        if not str(row.get("status", "")).startswith("completed"):
+            failed.append((row[x], row[column]))
+            continue
+        label = ", ".join(f"{n} = {_short(row[n])}" for n in others)
+        curves.setdefault(label, []).append((row[x], row[column]))
+    for label, found in list(curves.items())[:MOST_LINES]:
+        axes.plot(*zip(*sorted(found), strict=True), "o-", ms=3, label=label or None)
+    if failed:
+        axes.plot(*zip(*failed, strict=True), "kx", ms=5, label="not completed")
+    axes.set_xlabel(x.replace("_", " "))
+    axes.set_ylabel(column.replace("_", " "))
+    if failed or (others and curves):
+        axes.legend(fontsize=6.5)
 
 
 def _is_number(value: Any) -> bool:
