@@ -55,6 +55,12 @@ def pressing(kind):
     return lambda **given: solve(record={"x": kind(**given)}, changes={"supports": supports})
 
 
+@functools.cache
+def derived():
+    """A run whose observable has derivatives."""
+    return solve(record={"up": dea.MeanDisplacement("top", "y")})
+
+
 SOURCE = [dea.Source("top", 100.0), dea.Ground("bottom")]
 
 
@@ -254,6 +260,12 @@ FIELDS = {
     dea.Frequency: (lambda **g: solve(record={"it": dea.Frequency(**g)}, changes=HEAVY), {}),
     dea.KineticEnergy: (recorded(dea.KineticEnergy), {}),
     dea.Momentum: (recorded(dea.Momentum), dict(axis="x")),
+    dea.LatinHypercube: (
+        lambda **g: dea.study(scene, dea.LatinHypercube(**g), {}, out="/dev/null/study"),
+        dict(ranges={"x": (0.0, 1.0)}, count=2, seed=1)),
+    dea.ShapeChange: (
+        lambda **g: derived().sensitivity("up", [dea.ShapeChange(**g)]),
+        dict(name="height", velocity=lambda X: 0 * X)),
     geometry.Layer: (geometry.Layer, dict(name="film", thickness=1e-3)),
     geometry.BoxStack: (BoxStack, dict(length=1e-3, width=1e-3, layers=[Layer("film", 1e-3)])),
     geometry.DiskStack: (geometry.DiskStack, dict(radius=1e-2, layers=[Layer("film", 1e-3)])),

@@ -20,6 +20,7 @@ from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
+from dea_fenicsx.results.kept_states import KeptStates
 from dea_fenicsx.results.moment import moment_of
 from dea_fenicsx.results.stored_state import about
 from dea_fenicsx.run.step_checks import Checked, check_step
@@ -55,6 +56,8 @@ class Journal:
         One row for each step.
     found
         The first occurrence of each failure.
+    states
+        The latest states, in memory.
     earlier_s
         Wall time in s of the earlier run that this one continues.
     start
@@ -72,6 +75,7 @@ class Journal:
     identity: Callable[[], dict[str, Any]]
     history: History = field(default_factory=History)
     found: list[dict[str, Any]] = field(default_factory=list)
+    states: KeptStates = field(default_factory=KeptStates)
     earlier_s: float = 0.0
     start: dict[str, Any] | None = None
     started: float = field(default_factory=time.perf_counter)
@@ -136,6 +140,7 @@ class Journal:
             self._note_failure("pull-in", row, None)
         if self.folder and self.writer:
             self._write(step, row, {f.column: values for f, _, values in read})
+        self.states.put(len(self.history) - 1, step.state)
         self._report(row, now - self._step_started, self.share(cursor), counting)
         self._step_started = time.perf_counter()
 

@@ -155,7 +155,8 @@ class _Session:
         cursor = self._load(journal) if self.given.resume and folder else None
         begin = self._begin(journal) if cursor is None else None
         self._open(journal, cursor, begin)
-        result = Run(journal.history, {}, journal.solver.problem, folder)
+        problem, states = journal.solver.problem, journal.states
+        result = Run(journal.history, {}, problem, folder, states, self.record)
         closing = Closing(journal, result, self.given.settings or {})
         closing.summarise("running")
         try:
