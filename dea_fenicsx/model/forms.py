@@ -23,7 +23,7 @@ from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.probe import Prober
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.sheets import Sheets
-from dea_fenicsx.model.terms import EnergyTerm, Term, WorkTerm, terms_of
+from dea_fenicsx.model.terms import EnergyTerm, Term, terms_of
 from dea_fenicsx.model.terms.base import Variation
 from dea_fenicsx.model.terms.springs import SpringWork
 from dea_fenicsx.model.unknowns import Unknowns
