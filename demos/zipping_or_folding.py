@@ -4,7 +4,8 @@
 and turns freely.  Its panels fold inwards until they meet a rod that stands on the axis, and are
 pushed on past that.  It is solved with the rod and without it: the difference of the forces is what
 the contact changes.  The rod is rigid and without friction.  Panels that meet each other are not
-modelled: three creases would meet on the axis at once, and before that the panels bow aside.
+modelled: three creases would meet on the axis at once, and before that the panels bow aside.  At a
+stroke of 7.5 mm the state with all three creases on the rod is not stable any more.
 
 ``--case zip``: a film with an electrode below hangs over a grounded electrode with a layer of
 insulator on it; the air between is meshed.  Half of it is modelled: it is clamped at x = 0, the
@@ -43,7 +44,7 @@ MESH = {"along": 2, "tip": 1, "strip": 1, "through": 1, "relief": 0.2}
 def parse():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/zipping_or_folding")
     parser.add_argument("--case", choices=("storey", "zip"), default="storey", help="what to solve")
-    parser.number("--stroke", 7.5e-3, "m", "storey: how far its upper polygon is pushed down")
+    parser.number("--stroke", 7e-3, "m", "storey: how far its upper polygon is pushed down")
     parser.number("--rod", 3.6e-3, "m", "storey: radius of the rod on its axis")
     parser.count("--steps", 10, "storey: steps of the stroke")
     parser.number("--voltage", 100.0, "V", "zip: voltage that holds the film")

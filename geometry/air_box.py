@@ -91,6 +91,11 @@ class AirBox(Geometry):
         """3, or 2 for a strip."""
         return self.stack.dimension
 
+    @property
+    def order(self) -> int:
+        """Degree of the cells' geometry."""
+        return self.stack.order
+
     def measures(self) -> dict[str, float]:
         """Exact volume (area) of every region and area (length) of every facet group."""
         assert self.sides is not None

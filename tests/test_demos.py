@@ -331,7 +331,7 @@ CHECKS = {
     "speed_vs_error.py": (check_speed_vs_error, []),
     "fit_rubber.py": (check_fit, []),
     "fringe_capacitor.py": (check_fringe, []),
-    "zipping_or_folding.py": (check_folding, ["--steps", 5]),
+    "zipping_or_folding.py": (check_folding, []),
     "fit_viscous.py": (check_viscous_fit, []),
     "harvesting_cycle.py": (check_harvest, ["--leak", 0.2, "--low", 2, "--high", 2.5]),
     "hdea_bending.py": (check_bending, ["--voltage", 4000, "--steps", 1, "--curvature", 5]),
