@@ -66,6 +66,19 @@ def check_fringe(out, printed):
     assert abs(s["charge_balance"]) < 1e-6
 
 
+def check_folding(out, printed):
+    """The panels meet the rod; from there on the force is larger than without it."""
+    s = summary(out)
+    assert s["case"] == "storey" and s["pull_in_voltage_V"] is None
+    assert 5e-3 < s["panels_meet_at_stroke_m"] < 6.5e-3  # own value, 2026-11
+    assert s["stroke_reached_m"] == pytest.approx(7e-3, rel=1e-9)
+    assert s["contact_changes_force_by"] > 0.03
+    assert s["twist_at_stroke_deg"] < s["twist_without_contact_deg"]
+    with_rod, free = (dea.read_history(folder) for folder in (out, out / "without_rod"))
+    before = with_rod["pressure_Pa"] == 0
+    assert np.allclose(with_rod["force_N"][before], free["force_N"][before], rtol=1e-6)
+
+
 def check_zipping(out, printed):
     """The charge of the zipped film beside a beam's; it lets go far below its pull-in."""
     s = summary(out)

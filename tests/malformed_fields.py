@@ -269,6 +269,9 @@ FIELDS = {
     geometry.Layer: (geometry.Layer, dict(name="film", thickness=1e-3)),
     geometry.BoxStack: (BoxStack, dict(length=1e-3, width=1e-3, layers=[Layer("film", 1e-3)])),
     geometry.DiskStack: (geometry.DiskStack, dict(radius=1e-2, layers=[Layer("film", 1e-3)])),
+    geometry.AirBox: (
+        geometry.AirBox, dict(stack=geometry.BoxStack(1e-3, None, [geometry.Layer("film", 1e-3)]),
+                              thickness=1e-3, sides=("top",))),
     geometry.DiscCapacitor: (
         geometry.DiscCapacitor, dict(radius=1e-2, gap=1e-2, box=1e-1, divisions=(2, 2, 2))),
     geometry.MembraneDisc: (

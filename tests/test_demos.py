@@ -20,6 +20,7 @@ from demo_checks import (
     check_disc,
     check_first_actuator,
     check_fit,
+    check_folding,
     check_fringe,
     check_gripper,
     check_harvest,
@@ -333,7 +334,7 @@ CHECKS = {
     "speed_vs_error.py": (check_speed_vs_error, []),
     "fit_rubber.py": (check_fit, []),
     "fringe_capacitor.py": (check_fringe, []),
-    "zipping_or_folding.py": (check_zipping, []),
+    "zipping_or_folding.py": (check_folding, []),
     "fit_viscous.py": (check_viscous_fit, []),
     "harvesting_cycle.py": (check_harvest, ["--leak", 0.2, "--low", 2, "--high", 2.5]),
     "hdea_bending.py": (check_bending, ["--voltage", 4000, "--steps", 1, "--curvature", 5]),
@@ -404,6 +405,13 @@ def test_growth_table_of_ten_layers(start, tmp_path):
     wrong = start(DEMOS / "hdea_ten_layer.py", "--table", 0, "--out", tmp_path)
     assert wrong.returncode == 2
     assert wrong.stderr.strip().endswith("must hold whole numbers of at least 1.")
+
+
+@pytest.mark.demo
+def test_zipping(start, tmp_path):
+    done = start(DEMOS / "zipping_or_folding.py", "--case", "zip", "--out", tmp_path, "--quiet",
+                 check=True)  # fmt: skip
+    check_zipping(tmp_path, done.stdout)
 
 
 @pytest.mark.demo
