@@ -56,6 +56,7 @@ if TYPE_CHECKING:
         ContactForce,
         ContactGap,
         ContactPressure,
+        FrictionWork,
     )
     from dea_fenicsx.measure.currents import ChargeLoss, Current
     from dea_fenicsx.measure.energy import Dissipation, Energy
@@ -187,7 +188,9 @@ _HOME = {
         "OverallContraction", "OverallForce", "OverallStretch", "OverallTorque", "OverallTwist",
     ),
     "results.reading": ("read_history", "read_summary"),
-    "measure.contact": ("ContactArea", "ContactForce", "ContactGap", "ContactPressure"),
+    "measure.contact": (
+        "ContactArea", "ContactForce", "ContactGap", "ContactPressure", "FrictionWork",
+    ),
     "measure.currents": ("ChargeLoss", "Current"),
     "measure.energy": ("Dissipation", "Energy"),
     "measure.line": ("AlongLine", "Curvature"),

@@ -57,7 +57,7 @@ class ContactPoints:
         contact = self._contact
         cell = getattr(basix.CellType, self._mesh.topology.cell_name())
         normals = basix.cell.facet_outward_normals(cell)
-        points = [_facet_points(cell, k) for k in range(len(normals))]
+        points = [facet_points(cell, k) for k in range(len(normals))]
         inverse = ufl.JacobianInverse(self._mesh)
         areas = []
         for normal in normals:
@@ -78,7 +78,7 @@ class ContactPoints:
         return PointValues(mine[..., 0], mine[..., 1], areas)
 
 
-def _facet_points(cell: Any, facet: int) -> np.ndarray:
+def facet_points(cell: Any, facet: int) -> np.ndarray:
     """Quadrature points of a facet of the reference cell, in its coordinates."""
     corners = basix.cell.geometry(cell)[basix.cell.topology(cell)[-2][facet]]
     kind = basix.cell.subentity_types(cell)[-2][facet]
