@@ -77,6 +77,17 @@ class ContactPoints:
         areas = np.take_along_axis(mine[..., 2:], place[:, None, None], axis=2)[..., 0]
         return PointValues(mine[..., 0], mine[..., 1], areas)
 
+    def pressures(self) -> np.ndarray:
+        """Contact force over deformed area of each facet of this rank, in units of stress.
+
+        Collective at the first call.
+        """
+        values, kind = self.values(), getattr(basix.CellType, self._mesh.topology.cell_name())
+        facet = basix.cell.subentity_types(kind)[-2][0]
+        _, weights = basix.make_quadrature(facet, QUADRATURE_DEGREE)
+        pushed = np.maximum(values.pushed, 0.0) @ weights
+        return np.asarray(pushed / (values.area @ weights))
+
 
 def facet_points(cell: Any, facet: int) -> np.ndarray:
     """Quadrature points of a facet of the reference cell, in its coordinates."""

@@ -20,6 +20,7 @@ from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.results.axes import axes_of_fields
+from dea_fenicsx.results.contact_pressure import contact_pressure
 from dea_fenicsx.results.grids import Grid, SurfaceGrid, surface_grid
 from dea_fenicsx.results.moment import NO_MOMENT, Moment, history_of, table_of, width
 from dea_fenicsx.support import compat
@@ -283,6 +284,7 @@ class FieldWriter:
         """J, true field (V/m), Cauchy stress and pressure (Pa): values at the cells' middles.
 
         The stress includes its electrostatic part; the pressure is minus a third of its trace.
+        With obstacles there is the contact pressure (Pa) on the facets of each cell, too.
         Components are ordered by `Grid.axes`: (x, y, z), or (r, z, hoop) in a body of revolution
         and a helical cell.  The strength of the field in MV/m is NaN in regions without a field.
         """
@@ -292,6 +294,8 @@ class FieldWriter:
             values[kernel.cells] = evaluate(problem.mesh, kernel.cells)
             mine[kernel.cells] = kernel.eps is not None
         gathered, live = self.gather(values), self.gather(mine)
+        pressed = contact_pressure(problem, self.owned_cells)
+        pressing = None if pressed is None else self.gather(pressed)
         if gathered is None or live is None:
             return None
         stress: np.ndarray = np.zeros((len(gathered), 3, 3))
@@ -308,6 +312,8 @@ class FieldWriter:
             "cauchy_stress_Pa": stress.reshape(-1, 9),
             "pressure_Pa": -np.trace(stress, axis1=1, axis2=2) / 3,
         }
+        if pressing is not None:
+            fields["contact_pressure_Pa"] = pressing
         if problem.potential is not None:
             fields["electric_field_V_per_m"] = field * problem.scales.field
             strength = np.linalg.norm(field, axis=1) * problem.scales.field
