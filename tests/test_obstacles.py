@@ -191,6 +191,7 @@ REFUSED = {
     "is that of the third direction": dict(shape=dea.Cylinder((0, 3 * L), (1, 0, 0), L)),
     "must have 2: one for each": dict(displacement=(0, 0, 1e-4)),
     "tolerance of the obstacle": dict(tolerance=-1e-6),
+    "rounding allows no less than": dict(tolerance=1e-9),
     "an empty name": dict(displacement=(0, 1e-4), ramp=""),
     "must return one number": dict(shape=lambda x: x),
     "fails for a UFL vector": dict(shape=lambda x: x[2]),
