@@ -135,7 +135,9 @@ if TYPE_CHECKING:
     from dea_fenicsx.scene.sources import Source
     from dea_fenicsx.scene.springs import BistableLaw, CubicLaw, ElasticFoundation, Spring
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
+    from dea_fenicsx.scene.table_law import TableLaw
     from dea_fenicsx.scene.taper import Taper
+    from dea_fenicsx.scene.torsion import TorsionSpring
     from dea_fenicsx.solvers.options import NewtonOptions
     from dea_fenicsx.support.errors import (
         DeaError,
@@ -162,6 +164,8 @@ _HOME = {
     "scene.rigid": ("Force", "Moment", "Rigid", "Turn"),
     "scene.sources": ("Source",),
     "scene.springs": ("BistableLaw", "CubicLaw", "ElasticFoundation", "Spring"),
+    "scene.table_law": ("TableLaw",),
+    "scene.torsion": ("TorsionSpring",),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
     "support.errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",

@@ -213,6 +213,8 @@ FIELDS = {
     dea.Spring: (in_scene(dea.Spring, "supports"), dict(where="top", law=1.0, axis="y")),
     dea.CubicLaw: (dea.CubicLaw, dict(linear=1.0)),
     dea.BistableLaw: (dea.BistableLaw, dict(newtons=1.0, metres=1e-3)),
+    dea.TableLaw: (dea.TableLaw, dict(elongations=(0.0, 1e-3), forces=(0.0, 1.0))),
+    dea.TorsionSpring: (in_scene(dea.TorsionSpring, "supports"), dict(where="top", law=1.0)),
     dea.ElasticFoundation: (
         in_scene(dea.ElasticFoundation, "supports"),
         dict(where="top", newtons_per_cubic_metre=1e6)),
