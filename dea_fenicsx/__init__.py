@@ -58,6 +58,7 @@ if TYPE_CHECKING:
         ContactForce,
         ContactGap,
         ContactPressure,
+        FrictionWork,
     )
     from dea_fenicsx.measure.currents import ChargeLoss, Current
     from dea_fenicsx.measure.energy import Dissipation, Energy
@@ -136,7 +137,9 @@ if TYPE_CHECKING:
     from dea_fenicsx.scene.sources import Source
     from dea_fenicsx.scene.springs import BistableLaw, CubicLaw, ElasticFoundation, Spring
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
+    from dea_fenicsx.scene.table_law import TableLaw
     from dea_fenicsx.scene.taper import Taper
+    from dea_fenicsx.scene.torsion import TorsionSpring
     from dea_fenicsx.solvers.options import NewtonOptions
     from dea_fenicsx.studies.samples import LatinHypercube
     from dea_fenicsx.studies.study import Study, study
@@ -165,6 +168,8 @@ _HOME = {
     "scene.rigid": ("Force", "Moment", "Rigid", "Turn"),
     "scene.sources": ("Source",),
     "scene.springs": ("BistableLaw", "CubicLaw", "ElasticFoundation", "Spring"),
+    "scene.table_law": ("TableLaw",),
+    "scene.torsion": ("TorsionSpring",),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
     "studies.samples": ("LatinHypercube",),
     "studies.study": ("Study", "study"),
@@ -195,7 +200,9 @@ _HOME = {
         "OverallContraction", "OverallForce", "OverallStretch", "OverallTorque", "OverallTwist",
     ),
     "results.reading": ("read_history", "read_summary"),
-    "measure.contact": ("ContactArea", "ContactForce", "ContactGap", "ContactPressure"),
+    "measure.contact": (
+        "ContactArea", "ContactForce", "ContactGap", "ContactPressure", "FrictionWork",
+    ),
     "measure.currents": ("ChargeLoss", "Current"),
     "measure.energy": ("Dissipation", "Energy"),
     "measure.line": ("AlongLine", "Curvature"),

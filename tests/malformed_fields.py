@@ -51,7 +51,8 @@ def touched(kind, kinematics=None):
 
 def pressing(kind):
     """Record an observable of a scene with an obstacle."""
-    supports = [dea.Clamp("bottom"), dea.Obstacle("top", PLANE)]
+    friction = 0.3 if kind is dea.FrictionWork else 0.0
+    supports = [dea.Clamp("bottom"), dea.Obstacle("top", PLANE, friction=friction)]
     return lambda **given: solve(record={"x": kind(**given)}, changes={"supports": supports})
 
 
@@ -206,6 +207,7 @@ FIELDS = {
     dea.ContactArea: (pressing(dea.ContactArea), dict(where="top")),
     dea.ContactPressure: (pressing(dea.ContactPressure), dict(where="top")),
     dea.ContactGap: (pressing(dea.ContactGap), dict(where="top")),
+    dea.FrictionWork: (pressing(dea.FrictionWork), dict(where="top")),
     dea.Rigid: (in_scene(dea.Rigid, "supports"), dict(where="top")),
     dea.Turn: (in_scene(dea.Turn, "prescribed"), dict(where="top", radians=1.0)),
     dea.Moment: (in_scene(dea.Moment, "loads"), dict(where="top", newton_metres=1.0)),
@@ -217,6 +219,8 @@ FIELDS = {
     dea.Spring: (in_scene(dea.Spring, "supports"), dict(where="top", law=1.0, axis="y")),
     dea.CubicLaw: (dea.CubicLaw, dict(linear=1.0)),
     dea.BistableLaw: (dea.BistableLaw, dict(newtons=1.0, metres=1e-3)),
+    dea.TableLaw: (dea.TableLaw, dict(elongations=(0.0, 1e-3), forces=(0.0, 1.0))),
+    dea.TorsionSpring: (in_scene(dea.TorsionSpring, "supports"), dict(where="top", law=1.0)),
     dea.ElasticFoundation: (
         in_scene(dea.ElasticFoundation, "supports"),
         dict(where="top", newtons_per_cubic_metre=1e6)),

@@ -6,6 +6,7 @@ import pytest
 from hard import (  # noqa: F401  (each enters its cases)
     air,
     cavities,
+    contacts,
     devices,
     films,
     marches,
@@ -58,6 +59,8 @@ PART = [
     "mechanism: gravity without density",
     "mechanism: a rigid part on one facet",
     "mechanism: a spring of zero length",
+    "obstacle: a tenth of the layer deep in it at the start",
+    "friction: to and fro three times",
 ]
 
 

@@ -21,6 +21,7 @@ from dea_fenicsx.model.loads import Loads, Surface, loaded_sides
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.probe import Prober
+from dea_fenicsx.model.rigid_parts import RigidPart
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.sheets import Sheets
 from dea_fenicsx.model.terms import EnergyTerm, Term, terms_of
@@ -41,8 +42,8 @@ class Forms:
         The scene, its units, and its unknowns.
     cavities
         Its cavities.
-    springs
-        Terms of springs on rigid parts.
+    springs, parts
+        Terms of springs on rigid parts, and the rigid parts.
 
     Attributes
     ----------
@@ -77,8 +78,8 @@ class Forms:
 
     def __init__(
         self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities,
-        springs: Sequence[SpringWork] = (),
-    ) -> None:
+        springs: Sequence[SpringWork] = (), parts: Sequence[RigidPart] = (),
+    ) -> None:  # fmt: skip
         device, kinematics, elements = scene.device, scene.kinematics, scene.elements
         mesh, degree, works = device.mesh, elements.quadrature_degree, scene.declared.surface_works
         self._mesh, self._owned, self._space = mesh, space.owned, space
@@ -100,7 +101,7 @@ class Forms:
         along = [
             np.concatenate([one_sided(device, n) for n in names]) for names in self.sheets.names
         ]
-        self.contacts = Contacts(scene, scales, space)
+        self.contacts = Contacts(scene, scales, space, parts)
         touching = [contact.facets for contact in self.contacts]
         # A form may hold one list of subdomains for all of its surfaces.
         ds = measure(device, [*sides, *along, *cavities.facets, *touching], degree, "ds")
@@ -173,6 +174,7 @@ class Forms:
         self.memory = Memory(mesh, self.kernels, self.points, self.quadrature)
         self.leaks = LeakMemory(mesh, self.kernels, self.points, self.quadrature, self._scales)
         self.sheets.compile(self._flux)
+        self.contacts.frictions.compile()
 
     def _flux(self, displacement: Any) -> Any:
         """The linear form of the flux of a nominal displacement, int T . Grad N dX."""
@@ -243,7 +245,8 @@ class Forms:
     def unsymmetric(self) -> list[str]:
         """Names of the terms and surface loads whose tangent is not symmetric."""
         terms = [term.name for term in self.terms if not term.symmetric]
-        return [*terms, *self.loads.unsymmetric]
+        rubbing = [f"friction on {c.told.surface!r}" for c in self.contacts if c.friction]
+        return [*terms, *self.loads.unsymmetric, *rubbing]
 
     @property
     def is_symmetric(self) -> bool:

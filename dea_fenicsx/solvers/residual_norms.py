@@ -238,7 +238,8 @@ class References:
         problem = self.problem
         here = problem.state
         values = here.values.copy()
-        parts = [problem.space.parts[contact.name] for contact in problem.forms.contacts]
+        fields = [name for contact in problem.forms.contacts for name in contact.fields]
+        parts = [problem.space.parts[name] for name in fields]
         pressing = [part for found in parts for part in found.values()]
         for part in (problem.pressure, problem.potential, *pressing):
             if part is not None:
