@@ -44,6 +44,8 @@ class Momentum:
         part = problem.displacement[axes.index(self.axis)]
         along = np.zeros(problem.size)
         along[part.dofs] = 1.0
+        if carrying := problem.rigid.carrying(problem.size):
+            along[carrying[axes.index(self.axis)]] = 1.0
 
         def value() -> float:
             if problem.motion is None:

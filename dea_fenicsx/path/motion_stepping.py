@@ -125,6 +125,8 @@ class MotionStepper(TimeStepper):
         self.mask = np.zeros(self.problem.size, dtype=bool)
         for part in self.problem.displacement:
             self.mask[part.dofs] = True
+        for carrying in self.problem.rigid.carrying(self.problem.size):
+            self.mask |= carrying
 
     @property
     def motion(self) -> Motion:
