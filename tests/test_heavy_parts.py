@@ -227,7 +227,7 @@ def on_these_ranks(comm):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, 3])
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_ranks(on_ranks, ranks):
     alone = on_these_ranks(MPI.COMM_SELF)
     assert on_ranks("test_heavy_parts", "on_these_ranks", ranks) == pytest.approx(alone, rel=1e-8)

@@ -113,7 +113,8 @@ class _Maker:
         self._prescribe(told, unknowns, len(shifts), angle)
         for shift in (s for s in self.declared.rigid_shifts if s.surface == name):
             fixed[axes.index(shift.axis) if self.kinematics.cartesian else 0] = True
-        carriers, arms = carrying_points(told, self.space, self.device, self.kinematics, self.values)
+        space, device = self.space, self.device
+        carriers, arms = carrying_points(told, space, device, self.kinematics, self.values)
         dofs = tuple(np.concatenate(pair) for pair in zip(dofs, carriers, strict=True))
         return RigidPart(name, dofs, np.vstack([X - centre, arms]), centre, unknowns, shifts,
                          turning, free_turns, len(arms)), fixed  # fmt: skip

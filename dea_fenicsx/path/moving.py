@@ -17,9 +17,10 @@ from dea_fenicsx.drives.waves import ROUNDING
 from dea_fenicsx.model.motion import MOTION
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
+from dea_fenicsx.path.conserving import ConservingStepper
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
-from dea_fenicsx.path.items import Inertia, March
+from dea_fenicsx.path.items import CONSERVING, Inertia, March
 from dea_fenicsx.path.motion_stepping import MotionStepper
 from dea_fenicsx.path.step_lengths import Ladder, landings
 from dea_fenicsx.solvers.newton import NewtonSolver
@@ -65,9 +66,8 @@ class MotionWalk:
         corners = {t for wave in self.drive.values() for t in wave.corners(0.0, end)}
         self.stops = landings(corners, march.at, end, self.room)
         self.ladder = Ladder(self._longest())
-        self.stepper = MotionStepper(
-            solver, self.drive, cursor.began, self.inertia, self.ladder.longest
-        )
+        kind = ConservingStepper if self.inertia.scheme == CONSERVING else MotionStepper
+        self.stepper = kind(solver, self.drive, cursor.began, self.inertia, self.ladder.longest)
         self.rung = self.ladder.at_most(cursor.size) if cursor.size else 0
         self.fresh = not cursor.size  # whether the first step since a jump is still to come
 
