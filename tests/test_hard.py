@@ -10,6 +10,7 @@ from hard import (  # noqa: F401  (each enters its cases)
     films,
     marches,
     mechanisms,
+    motions,
     repeating,
     runs,
 )
@@ -56,6 +57,11 @@ PART = [
     "periodic: a mean strain of 4 in one go",
     "periodic: both faces held, and free to strain",
     "mechanism: gravity without density",
+    "motion: free flight over a thousand sizes of the body",
+    "motion: time steps a thousand times too long",
+    "motion: time steps a thousand times too long, conserving energy",
+    "motion: a voltage step ten times pull-in, in fixed steps",
+    "motion: more modes than unknowns",
     "mechanism: a rigid part on one facet",
     "mechanism: a spring of zero length",
 ]
