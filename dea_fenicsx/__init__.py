@@ -63,7 +63,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.measure.currents import ChargeLoss, Current
     from dea_fenicsx.measure.energy import Dissipation, Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
-    from dea_fenicsx.measure.in_motion import KineticEnergy, Momentum
+    from dea_fenicsx.measure.in_motion import AngularMomentum, KineticEnergy, Momentum
     from dea_fenicsx.measure.line import AlongLine, Curvature
     from dea_fenicsx.measure.observables import (
         Area,
@@ -212,7 +212,7 @@ _HOME = {
     "measure.rigid_part": ("PartDisplacement", "PartForce", "PartMoment", "PartRotation"),
     "measure.rotation": ("BendingAngle", "Rotation"),
     "measure.vibration": ("Frequency",),
-    "measure.in_motion": ("KineticEnergy", "Momentum"),
+    "measure.in_motion": ("AngularMomentum", "KineticEnergy", "Momentum"),
     "results.finished": ("Run",),
     "run.session": ("solve",),
     "run.modes": ("Modes", "modes"),

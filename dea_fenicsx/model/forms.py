@@ -114,7 +114,7 @@ class Forms:
         ]
         for point in self.points:
             point.energy = self._energy(point)
-        beside = sum(self._integral(k, work) for k, work in self._works())
+        beside = sum(self.integral(k, work) for k, work in self._works())
         at = Surface(
             kinematics, mesh, scales.stress, space.present["u"], space.virtual["u"], virtual_motion
         )
@@ -146,11 +146,11 @@ class Forms:
         for spring in springs:
             if spring.ramp is not None:
                 rates = [spring.rate(point, self._virtual) for point in self.points]
-                work = sum(self._integral(k, rate) for k, rate in enumerate(rates))
+                work = sum(self.integral(k, rate) for k, rate in enumerate(rates))
                 self.loads.add_strain(spring.ramp, spring.factor, work)
         for k, point in enumerate(self.points):
             for ramp, rate in point.rates.items():
-                work = -ufl.derivative(self._integral(k, rate), space.w, space.test)
+                work = -ufl.derivative(self.integral(k, rate), space.w, space.test)
                 work -= self._following(k, partial(ufl.diff, v=point.stretch_factors[ramp]))
                 self.loads.add_strain(ramp, self.kernels[k].prestretch[ramp][0], work)
 
@@ -161,8 +161,8 @@ class Forms:
         """
         mesh = self._mesh
         each = ufl.TestFunction(dolfinx.fem.functionspace(mesh, ("DG", 0)))
-        volumes = sum(self._integral(k, each) for k in range(len(self.points)))
-        swelling = sum(self._integral(k, (p.J - 1) * each) for k, p in enumerate(self.points))
+        volumes = sum(self.integral(k, each) for k in range(len(self.points)))
+        swelling = sum(self.integral(k, (p.J - 1) * each) for k, p in enumerate(self.points))
         self.compiled = compat.compile_form(self.residual)
         self._swelling: Any = compat.compile_form(swelling)
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
@@ -179,17 +179,17 @@ class Forms:
     def _flux(self, displacement: Any) -> Any:
         """The linear form of the flux of a nominal displacement, int T . Grad N dX."""
         return -sum(
-            self._integral(k, ufl.dot(displacement, self._virtual(point.nominal_field)))
+            self.integral(k, ufl.dot(displacement, self._virtual(point.nominal_field)))
             for k, point in enumerate(self.points) if point.kernel.eps is not None
         )  # fmt: skip
 
-    def _integral(self, k: int, density: Any) -> Any:
+    def integral(self, k: int, density: Any) -> Any:
         """The integral of a density over the regions of kernel k."""
         return density * self._weight * self._dx(k)
 
     def _everywhere(self, density: Any) -> Any:
         """The integral of a density over the device."""
-        return sum(self._integral(k, density) for k in range(len(self.kernels)))
+        return sum(self.integral(k, density) for k in range(len(self.kernels)))
 
     def _energy(self, point: MaterialPoint) -> Any:
         """The sum of all terms of the energy that live on a point's kernel."""
@@ -206,7 +206,7 @@ class Forms:
         for k, point in enumerate(self.points):
             terms = [t for t in self._energies(point) if t.work(point, self._virtual) is None]
             if terms:
-                found.append(self._integral(k, _sum([t.density(point) for t in terms])))
+                found.append(self.integral(k, _sum([t.density(point) for t in terms])))
         return ufl.derivative(sum(found), self._space.w, self._space.test)
 
     def _works(self) -> Iterator[tuple[int, Any]]:
@@ -234,7 +234,7 @@ class Forms:
         for term in self.terms:
             if term.lives_on(point.kernel):
                 found = term.following(point, change, self._virtual)
-                total += 0 if found is None else self._integral(k, found)
+                total += 0 if found is None else self.integral(k, found)
         return total
 
     def _virtual(self, expression: Any) -> Any:

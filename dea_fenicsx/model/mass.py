@@ -20,8 +20,10 @@ import numpy as np
 import ufl
 
 from dea_fenicsx.materials import Material
+from dea_fenicsx.model.attached_mass import add_attached
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.motion import Motion
+from dea_fenicsx.model.rigid_parts import RigidParts
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.scene import Scene
@@ -46,6 +48,8 @@ class Mass:
         The scene, its units, and its unknowns.
     materials
         Material of each region, with its present constants.
+    rigid
+        The rigid parts, to which bodies may be attached.
 
     Attributes
     ----------
@@ -64,11 +68,14 @@ class Mass:
     """
 
     def __init__(
-        self, scene: Scene, scales: Scales, space: Unknowns, materials: Mapping[str, Material]
-    ) -> None:
+        self, scene: Scene, scales: Scales, space: Unknowns, materials: Mapping[str, Material],
+        rigid: RigidParts,
+    ) -> None:  # fmt: skip
         check_mass(materials, scene)
         self._petsc = PetscObjects(scene.device.comm)
-        self.matrix = self._petsc.keep("mass", _assembled(scene, scales, space, materials))
+        matrix = _assembled(scene, scales, space, materials)
+        add_attached(matrix, scene.declared.rigid_surfaces, rigid.parts, scales)
+        self.matrix = self._petsc.keep("mass", matrix)
         self._x, self._y = self.matrix.createVecs()
         self._petsc.keep("x", self._x)
         self._petsc.keep("y", self._y)

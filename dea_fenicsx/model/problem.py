@@ -355,7 +355,8 @@ class Problem:
             As of `Mass`.
         """
         if self.mass is None:
-            self.mass = Mass(self.scene, self.scales, self.space, self.parameters.materials)
+            materials = self.parameters.materials
+            self.mass = Mass(self.scene, self.scales, self.space, materials, self.rigid)
         return self.mass
 
     def restrict(self, residual: np.ndarray) -> np.ndarray:

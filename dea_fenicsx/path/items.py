@@ -118,6 +118,10 @@ class Trace:
         return f"trace of {self.what}{end}, at most {self.steps} steps"
 
 
+GENERALISED_ALPHA, CONSERVING = INERTIAL_SCHEMES = ("generalised-alpha", "energy-conserving")
+"""Schemes by which a body moves with inertia."""
+
+
 @dataclass(frozen=True)
 @plain_numbers
 class Inertia:
@@ -138,12 +142,17 @@ class Inertia:
         Velocity in m/s where the march begins: one number for each axis; or a function that takes
         undeformed positions in m, of shape (3, n), and gives numbers of shape (axes, n).  None goes
         on with the velocity of the march before, or begins at rest.
+    scheme
+        ``"generalised-alpha"``, or ``"energy-conserving"``: a step changes the sum of kinetic and
+        total potential energy by the work of loads that change alone, and a free body keeps its
+        momentum and its angular momentum.  Nothing is damped, and the spectral radius is not used.
     """
 
     spectral_radius: float = 0.8
     tolerance: float = 1e-6
     drag: float = 0.0
     velocity: tuple[float, ...] | Callable[[Any], Any] | None = None
+    scheme: str = GENERALISED_ALPHA
 
 
 @dataclass(frozen=True)

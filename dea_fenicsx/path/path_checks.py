@@ -6,8 +6,11 @@ from collections.abc import Mapping, Sequence
 
 from dea_fenicsx.drives.waves import ROUNDING, Wave
 from dea_fenicsx.model.mass import check_mass
+from dea_fenicsx.model.mean_forces import check_conserving
 from dea_fenicsx.path.cavity_amounts import check_amounts
 from dea_fenicsx.path.items import (
+    CONSERVING,
+    INERTIAL_SCHEMES,
     RESPONSES,
     Close,
     Item,
@@ -200,7 +203,10 @@ def _check_inertia(march: March, scene: Scene, path: Sequence[Item]) -> None:
     finite(inertia.drag, "The drag of Inertia")
     if inertia.drag < 0:
         raise InputError(f"The drag of Inertia is {inertia.drag:g} 1/s, but must be at least 0.")
+    one_of(inertia.scheme, INERTIAL_SCHEMES, "The scheme of Inertia")
     check_mass(scene.materials, scene)
+    if inertia.scheme == CONSERVING:
+        check_conserving(scene)
     what = ""
     if any(isinstance(e, Source) for e in scene.electrodes):
         what = "sources"

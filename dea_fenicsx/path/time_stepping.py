@@ -18,6 +18,7 @@ from dea_fenicsx.model.charge_history import TOTAL, ChargeHistory
 from dea_fenicsx.model.charge_memory import ChargeMemory
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.rigid_starts import turn_on
 from dea_fenicsx.model.state import State
 from dea_fenicsx.model.viscous_history import STAGE_SHARE, Rule
 from dea_fenicsx.path.interpolation import lagrange_weights
@@ -136,6 +137,9 @@ class TimeStepper:
             return target
         weights = lagrange_weights(times, target.time)
         values = sum(w * s.values for w, s in zip(weights, self.known, strict=True))
+        share = (target.time - times[-1]) / (times[-1] - times[-2])
+        old, new = (state.values for state in self.known[-2:])
+        turn_on(self.problem.rigid, values, old, new, share)
         return target.with_values(np.asarray(values))
 
     def step(self, seconds: float) -> Attempt:

@@ -33,7 +33,7 @@ class StrainOf:
     def __init__(self, F: Any, scale: Any = 1):
         self.C = scale * dot(F.T, F)
         self._F, self._scale = F, scale
-        self._parts: _Spectrum | None = None
+        self._parts: Spectrum | None = None
 
     @property
     def I1(self) -> Any:
@@ -50,11 +50,11 @@ class StrainOf:
     def power_sum(self, alpha: Any) -> Any:
         """lam1^alpha + lam2^alpha + lam3^alpha, exact at equal stretches too."""
         if self._parts is None:
-            self._parts = _Spectrum(self.C, self._scale**3 * cofactor(self._F)[1] ** 2)
+            self._parts = Spectrum(self.C, self._scale**3 * cofactor(self._F)[1] ** 2)
         return self._parts.power_sum(alpha / 2)
 
 
-class _Spectrum:
+class Spectrum:
     """Sums of powers of the eigenvalues of C, by isolation of the farthest eigenvalue.
 
     Parameters
