@@ -55,6 +55,8 @@ class Journal:
         One row for each step.
     found
         The first occurrence of each failure.
+    notes
+        What is told of an event beside its loads, by the number of its step.
     earlier_s
         Wall time in s of the earlier run that this one continues.
     start
@@ -72,6 +74,7 @@ class Journal:
     identity: Callable[[], dict[str, Any]]
     history: History = field(default_factory=History)
     found: list[dict[str, Any]] = field(default_factory=list)
+    notes: dict[str, dict[str, Any]] = field(default_factory=dict)
     earlier_s: float = 0.0
     start: dict[str, Any] | None = None
     started: float = field(default_factory=time.perf_counter)
@@ -126,6 +129,8 @@ class Journal:
             "wall_s": self.earlier_s + now - self.started
         }
         self.history.append(row)
+        if step.note:
+            self.notes[str(cursor.step)] = dict(step.note)
         worst = {failure.name: found for failure, found, _ in read}
         if step.event in worst:
             self._note_failure(step.event, row, worst[step.event])
@@ -207,6 +212,7 @@ class Journal:
             "start": self.start,
             "references": self.solver.references.sizes,
             "failures": self.found,
+            "notes": self.notes,
             "wall_s": row["wall_s"],
         }  # fmt: skip
         cells = self.writer.cell_fields()
