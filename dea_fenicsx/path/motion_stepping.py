@@ -169,6 +169,7 @@ class MotionStepper(TimeStepper):
         # The forces with which the state was found: those of the acceleration above have a rounding
         # error of eps u/h^2, which is more than the tolerance where a step is very short.
         ahead: Motion = state.history[MOTION]
+        assert ahead.constant is not None
         forces = ahead.stiffness * self._moving(state.values) + ahead.constant
         return self._remembering(state, {MOTION: replace(landed, constant=forces)})
 
