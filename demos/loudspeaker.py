@@ -93,8 +93,9 @@ def main():
                 for f, v, z in zip(hertz, velocity, impedance, strict=True)
             )
         if not args.quiet:
-            print(f"\nresonance at {hertz[peak]:.1f} Hz: the centre moves by "
-                  f"{1e6 * found.modulus('centre_m')[peak]:.2f} um at {args.signal:g} V")  # fmt: skip
+            moved = 1e6 * found.modulus("centre_m")[peak]
+            print(f"\nresonance at {hertz[peak]:.1f} Hz: the centre moves by {moved:.2f} um at "
+                  f"{args.signal:g} V")  # fmt: skip
             print(f"results: {run.out}/response.csv and sound.csv")
 
 
