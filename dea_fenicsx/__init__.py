@@ -90,7 +90,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.mesh.device import Device, device, read_gmsh
     from dea_fenicsx.mesh.from_dolfinx import from_dolfinx
     from dea_fenicsx.mesh.places import InBox, InCylinder, Interior, OnCylinder, OnPlane
-    from dea_fenicsx.path.items import Close, Inertia, March, Open, Ramp, Trace
+    from dea_fenicsx.path.items import Close, Inertia, InMotion, March, Open, Ramp, Trace
     from dea_fenicsx.results.finished import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
@@ -223,7 +223,7 @@ _HOME = {
     "drives.waves": (
         "Chirp", "Constant", "Function", "Rise", "Sine", "Square", "Step", "Table", "Triangle",
     ),
-    "path.items": ("Close", "Inertia", "March", "Open", "Ramp", "Trace"),
+    "path.items": ("Close", "Inertia", "InMotion", "March", "Open", "Ramp", "Trace"),
     "results.per_turn": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}

@@ -261,6 +261,9 @@ FIELDS = {
     dea.PartRotation: (recorded(dea.PartRotation), dict(where="top")),
     dea.Inertia: (
         lambda **g: solve(path=dea.March(1.0, inertia=dea.Inertia(**g)), changes=HEAVY), {}),
+    dea.InMotion: (
+        lambda **g: solve(path=dea.Ramp(at_loss=dea.InMotion(**g)), changes=HEAVY),
+        dict(inertia=dea.Inertia(drag=1.0))),
     dea.Frequency: (lambda **g: solve(record={"it": dea.Frequency(**g)}, changes=HEAVY), {}),
     dea.KineticEnergy: (recorded(dea.KineticEnergy), {}),
     dea.Momentum: (recorded(dea.Momentum), dict(axis="x")),

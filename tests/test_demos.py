@@ -48,7 +48,10 @@ from demo_checks import (
 from motion_demo_checks import (
     check_balloon_motion,
     check_balloon_response,
+    check_beam_in_motion,
+    check_loudspeaker,
     check_membrane_modes,
+    check_snap_in_motion,
     check_strip_frequency,
 )
 
@@ -347,6 +350,10 @@ CHECKS = {
     "kresling_cell.py": (check_cell, ["--mesh", 1, "--steps", 8, "--stroke", 0.01,
                                       "--held-stroke", 0.0002]),
     "kresling_kinematics.py": (check_kresling, []),
+    "beam_in_motion.py": (check_beam_in_motion, ["--steps", 10, "--seconds", 0.2, "--at", 0.1,
+                                                 0.2]),
+    "loudspeaker.py": (check_loudspeaker, ["--frequencies", 12, "--cells", 10]),
+    "snap_in_motion.py": (check_snap_in_motion, ["--tolerance", 1e-3]),
     "membrane_modes.py": (check_membrane_modes, ["--angular", 16, "--radial", 5]),
     "membrane_disc.py": (check_disc, ["--mesh", 1]),
     "minimum_energy_structure.py": (check_minimum_energy, []),

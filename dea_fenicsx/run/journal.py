@@ -58,6 +58,8 @@ class Journal:
         The first occurrence of each failure.
     states
         The latest states, in memory.
+    notes
+        What is told of an event beside its loads, by the number of its step.
     earlier_s
         Wall time in s of the earlier run that this one continues.
     start
@@ -76,6 +78,7 @@ class Journal:
     history: History = field(default_factory=History)
     found: list[dict[str, Any]] = field(default_factory=list)
     states: KeptStates = field(default_factory=KeptStates)
+    notes: dict[str, dict[str, Any]] = field(default_factory=dict)
     earlier_s: float = 0.0
     start: dict[str, Any] | None = None
     started: float = field(default_factory=time.perf_counter)
@@ -130,6 +133,8 @@ class Journal:
             "wall_s": self.earlier_s + now - self.started
         }
         self.history.append(row)
+        if step.note:
+            self.notes[str(cursor.step)] = dict(step.note)
         worst = {failure.name: found for failure, found, _ in read}
         if step.event in worst:
             self._note_failure(step.event, row, worst[step.event])
@@ -212,6 +217,7 @@ class Journal:
             "start": self.start,
             "references": self.solver.references.sizes,
             "failures": self.found,
+            "notes": self.notes,
             "wall_s": row["wall_s"],
         }  # fmt: skip
         evaluated = self.writer.evaluate()

@@ -306,6 +306,7 @@ class _Session:
                 "one does not; start anew without resume, or in another folder."
             )
         journal.history, journal.found = History(told["history"]), told["failures"]
+        journal.notes = dict(told.get("notes", {}))
         journal.earlier_s, journal.start = float(told["wall_s"]), told.get("start")
         return cursor
 
