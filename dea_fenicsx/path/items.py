@@ -226,7 +226,9 @@ class March:
     at
         Times in s since the beginning of the march at which a step ends.
     order
-        2 for BDF2, whose first steps are of SDIRK2; 1 for backward Euler.
+        2 for BDF2, whose first steps are of SDIRK2; 1 for backward Euler; 3 for BDF3, which needs
+        fewer steps for a tolerance below 1e-5.  Order 3 is for viscous strains in steps whose
+        length is adapted; charge keeps to order 2.
     inertia
         Whether the body has inertia, for which each region needs a density; or an `Inertia`.
     """

@@ -134,7 +134,7 @@ class MotionStepper(TimeStepper):
         found: Motion = self.base.history[MOTION]
         return found
 
-    def rule(self) -> Rule:
+    def rule(self, seconds: float) -> Rule:
         return Rule.BDF2 if self.memories and self.levels > 1 else Rule.EULER
 
     def target(self, seconds: float, histories: Histories) -> State:
@@ -156,7 +156,7 @@ class MotionStepper(TimeStepper):
         return target.with_values(np.where(self.mask, there, guess.values))
 
     def step(self, seconds: float) -> Attempt:
-        return self._solve(self.target(seconds, self.ahead(seconds, self.rule())))
+        return self._solve(self.target(seconds, self.ahead(seconds, self.rule(seconds))))
 
     def _judged(self, attempt: Attempt, guess: State) -> Attempt:
         """With inertia, a short step has one solution alone."""

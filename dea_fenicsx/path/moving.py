@@ -177,7 +177,7 @@ class MotionWalk:
         """Whether a step is exact enough; chooses the length of the next one, or of the retry."""
         error = self.stepper.motion_error(settled) / self.inertia.tolerance
         if self.stepper.memories:
-            known = self.stepper.error(settled, self.stepper.rule())
+            known = self.stepper.error(settled, self.stepper.rule(seconds))
             error = max(error, (known or 0.0) / self.march.tolerance)
         allowed = seconds * max(error, 1e-30) ** (-1 / 3)
         if error > 1:

@@ -158,8 +158,13 @@ def _check_march(march: March) -> None:
             f"The march has {march.steps} steps, but needs a whole number from 1 to {MOST_STEPS}, "
             "or None."
         )
-    if march.order not in (1, 2):
-        raise InputError(f"The order of the march is {march.order}, but must be 1 or 2.")
+    if march.order not in (1, 2, 3):
+        raise InputError(f"The order of the march is {march.order}, but must be 1, 2 or 3.")
+    if march.order == 3 and (march.steps is not None or march.moving):
+        raise InputError(
+            "The march has order=3, which is for steps whose length is adapted (steps=None), "
+            "without inertia."
+        )
     for time in march.at:
         finite(time, "A time at which the march is to land")
         if not 0 < time <= march.seconds:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.model.charge_history import ChargeHistory
-from dea_fenicsx.model.memory import LEVELS
+from dea_fenicsx.model.memory import MOST_LEVELS
 from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.viscous_history import Rule, ViscousHistory
@@ -120,7 +120,7 @@ def moment_told(found: Any) -> Moment | None:
 def _are_times(found: Any) -> bool:
     """Whether something is a row of falling times, not too many."""
     return (
-        isinstance(found, list | tuple) and len(found) <= LEVELS
+        isinstance(found, list | tuple) and len(found) <= MOST_LEVELS
         and all(is_number(t) and math.isfinite(t) for t in found)
         and all(a > b for a, b in pairwise(found))
     )  # fmt: skip
