@@ -43,6 +43,7 @@ class Step:
     run is not resumed from it: ``"maximum"`` or ``"minimum"`` where the load is stationary,
     ``"snap"`` where a device has landed behind a limit point, ``"bifurcation"``, ``"landed"`` on a
     requested load of a trace, or an alarm's name.  `mode` is the null vector of a critical point.
+    `held` is the scaled residual of a state with guiding forces (see `guiding`), and else 0.
     """
 
     cursor: Cursor
@@ -52,3 +53,4 @@ class Step:
     last: bool = False
     event: str = ""
     mode: np.ndarray | None = None
+    held: float = 0.0

@@ -42,7 +42,9 @@ class Checked:
     volume_error: float
 
 
-def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -> Checked:
+def check_step(
+    solver: NewtonSolver, step: int, measured: Mapping[str, float], held: float = 0.0
+) -> Checked:
     """Check the problem's present state.  Collective.
 
     Parameters
@@ -53,6 +55,8 @@ def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -
         Number of the step, for the message.
     measured
         Observables that must be finite, by name.
+    held
+        The residual of a state with guiding forces, which may be above the tolerance.
 
     Raises
     ------
@@ -67,7 +71,7 @@ def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -
     probe = problem.probe()
     worst, bounded, bound = volume(problem, solver.options.tolerance * solver.references.volume)
     faults = []
-    if not norm <= RESIDUAL_SUM_MARGIN * solver.options.tolerance:
+    if not norm <= RESIDUAL_SUM_MARGIN * max(solver.options.tolerance, held):
         faults.append(f"its residual {norm:.3g} is above {solver.options.tolerance:g}")
     if not probe.min_J > 0:
         faults.append(f"det F falls to {probe.min_J:.3g}")
