@@ -7,15 +7,39 @@ and beyond them.  Its error is of fourth order in the arc.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 
+from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.roots import root
+from dea_fenicsx.solvers.newton import NewtonSolver
 
-if TYPE_CHECKING:
-    from dea_fenicsx.path.arclength import Branch
+
+class Followed(Protocol):
+    """What a branch is asked for: see `arclength.Branch`."""
+
+    problem: Problem
+    solver: NewtonSolver
+
+    def dot(self, x: np.ndarray, f: float, y: np.ndarray, g: float) -> float:
+        """Scalar product of two directions."""
+
+    def advanced(self, start: Point, end: Point) -> float:
+        """How far a point lies ahead of another one, along the tangent there."""
+
+    def point(
+        self, state: State, along: Point | None, sign: float = 1.0, guide: Any = None
+    ) -> Point | None:
+        """An equilibrium with its tangent."""
+
+    def loaded(self, state: State, factor: float) -> State:
+        """A state with another load."""
+
+    @property
+    def products(self) -> Any:
+        """The scalar products of motions."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +65,14 @@ class Cubic:
     the angle between the two tangents.
     """
 
-    branch: Branch
+    branch: Followed
     start: Point
     end: Point
     arc: float
     turn: float
 
     @classmethod
-    def through(cls, branch: Branch, start: Point, end: Point) -> Cubic:
+    def through(cls, branch: Followed, start: Point, end: Point) -> Cubic:
         turn = branch.dot(end.direction, end.slope, start.direction, start.slope)
         return cls(branch, start, end, branch.advanced(start, end), turn)
 

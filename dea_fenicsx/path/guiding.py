@@ -3,9 +3,10 @@
 Where a symmetric body bifurcates, the tangent has null vectors that are orthogonal to the branch:
 the shapes along which other branches leave.  Near such states the equilibrium hardly determines the
 amplitudes of these shapes, and a small error of the mesh makes them large.  So we hold them: with
-the shapes as columns of C, and with guiding forces g as further unknowns,
+the shapes as columns of C, a matrix M of the products of motions, and guiding forces g as further
+unknowns,
 
-    R(x, f) + C g = 0,     C^T (x - x_start) = 0.
+    R(x, f) + M C g = 0,     C^T M (x - x_start) = 0.
 
 This system is regular at the bifurcation.  On a branch whose symmetry excludes the shapes, g is 0.
 A mesh that has not quite this symmetry leaves forces g of the size of its error.  Behind the
@@ -14,21 +15,16 @@ bifurcations the forces are taken away, and Newton's method must find an equilib
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.model.mass import in_free_unknowns, products_of_motions
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
+from dea_fenicsx.path.cubic import Followed, Point
 from dea_fenicsx.solvers.eigenpairs import eigenpairs
 from dea_fenicsx.support.errors import SolverError
 from dea_fenicsx.support.petsc_objects import PetscObjects
-
-if TYPE_CHECKING:
-    from dea_fenicsx.path.arclength import Branch
-    from dea_fenicsx.path.cubic import Point
 
 GUIDED_SOLVE_TOLERANCE = 1e-8
 """Relative tolerance of the linear solves for the responses to the guiding forces."""
@@ -79,7 +75,7 @@ class Guide:
     """
 
     def __init__(
-        self, branch: Branch, start: Point, shapes: np.ndarray, weighed: np.ndarray
+        self, branch: Followed, start: Point, shapes: np.ndarray, weighed: np.ndarray
     ) -> None:
         self.branch, self.problem = branch, branch.problem
         self.shapes, self.weighed = shapes, weighed
@@ -87,7 +83,7 @@ class Guide:
         self.release()
 
     @classmethod
-    def across(cls, branch: Branch, back: Point, start: Point, count: int) -> Guide | None:
+    def across(cls, branch: Followed, back: Point, start: Point, count: int) -> Guide | None:
         """Hold the softest shapes at a point, but not the branch's own direction.  Collective.
 
         That direction is the chord from an earlier point.  The tangent at the point itself may have

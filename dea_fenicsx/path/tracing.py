@@ -271,8 +271,9 @@ class Tracer:
             spots.append(end)
         turns = start.slope * there.slope < 0
         events = self.sentinel.passed(
-            there.state, branch.place(start, there, arc, step.guide), self.rates, step.count, int(turns)
-        )
+            there.state, branch.place(start, there, arc, step.guide), self.rates, step.count,
+            int(turns),
+        )  # fmt: skip
         slope = float(np.sign(there.factor - start.factor))
         for event in events:
             state, held = self._settled(step, event.state)
