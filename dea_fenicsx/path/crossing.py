@@ -158,7 +158,7 @@ class Crossings:
             if reached is None:
                 return None
             point = reached
-            if branch.advanced(anchor, point) > done:
+            if branch.advanced(anchor, point) > done + AHEAD[0] * self._arc:
                 attempt, there = self._landed(point)
                 if there is not None:
                     arc = branch.advanced(anchor, there)

@@ -10,8 +10,8 @@ import numpy as np
 
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, Point
-from dea_fenicsx.path.crossing import Crossings
-from dea_fenicsx.path.events import Sentinel
+from dea_fenicsx.path.crossing import SOFT_SHAPES, Crossings
+from dea_fenicsx.path.events import Passed, Sentinel
 from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.items import Trace
 from dea_fenicsx.path.load_course import LoadCourse
@@ -270,10 +270,13 @@ class Tracer:
         if end := self._end(step, left):
             spots.append(end)
         turns = start.slope * there.slope < 0
+        before = self.sentinel.excess
         events = self.sentinel.passed(
             there.state, branch.place(start, there, arc, step.guide), self.rates, step.count,
             int(turns),
         )  # fmt: skip
+        if missed := self._missed(step, before, events, int(turns)):
+            step, events = missed
         slope = float(np.sign(there.factor - start.factor))
         for event in events:
             state, held = self._settled(step, event.state)
@@ -281,14 +284,49 @@ class Tracer:
             spots.append(_Spot(event.share * arc, traced))
         return sorted((s for s in spots if s.arc > step.done), key=lambda spot: spot.arc)
 
+    def _missed(
+        self, step: _Reached, before: int | None, events: list[Passed], limits: int
+    ) -> tuple[_Reached, list[Passed]] | None:
+        """The step with the soft shapes held, and its events, if bifurcations were not located.
+
+        A mesh that is not quite symmetric opens them, so that no equilibrium near them has a
+        singular tangent.  With the shapes held the states between pass through them.
+        """
+        found = sum(event.mode is not None for event in events)
+        if not self.sentinel.stability or before is None or step.count is None:
+            return None
+        if found >= min(abs(step.count - before) - limits, 1):
+            return None
+        held = self._with_guide(step)
+        if held is None:
+            return None
+        place = self.branch.place(held.start, held.there, held.arc, held.guide)
+        more = self.sentinel.bifurcations(place, before, step.count, self.rates)
+        if not more:
+            return None
+        others = [event for event in events if event.mode is None]
+        return held, [*others, *more]
+
+    def _with_guide(self, step: _Reached) -> _Reached | None:
+        """A step with the soft shapes held; None if they are held already or cannot be found."""
+        if step.guide is not None or not self.problem.forms.is_symmetric:
+            return None
+        guide = Guide.across(self.branch, step.start, step.there, SOFT_SHAPES)
+        return None if guide is None else replace(step, guide=guide)
+
     def _landings(self, step: _Reached) -> Iterator[_Spot]:
         """Limit point and requested loads within a step."""
         branch, item = self.branch, self.item
-        here, there, arc, guide = step.start, step.there, step.arc, step.guide
+        here, there, arc = step.start, step.there, step.arc
         pieces = [(0.0, here), (arc, there)]
         sign = float(np.sign(there.slope))
-        turns = here.slope * there.slope < 0
-        if turns and (found := branch.limit_point(here, there, arc, guide)) is not None:
+        found = None
+        if here.slope * there.slope < 0:
+            found = branch.limit_point(here, there, arc, step.guide)
+            if found is None and (held := self._with_guide(step)) is not None:
+                step = held
+                found = branch.limit_point(here, there, arc, step.guide)
+        if found is not None:
             limit, s = found
             kind = "maximum" if here.slope > 0 else "minimum"
             pieces.insert(1, (s, limit))
@@ -298,7 +336,7 @@ class Tracer:
         for (low, start), (high, end) in pairwise(pieces):
             for wanted in item.at:
                 if (start.factor - wanted) * (end.factor - wanted) < 0:
-                    attempt = branch.land(start, end, wanted, guide)
+                    attempt = branch.land(start, end, wanted, step.guide)
                     if attempt.converged:
                         share = (wanted - start.factor) / (end.factor - start.factor)
                         traced = Traced(attempt.found, arc, sign, event="landed")
