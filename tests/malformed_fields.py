@@ -292,6 +292,9 @@ FIELDS = {
     geometry.HDEA: (geometry.HDEA, {}),
     geometry.HelicalCell: (geometry.HelicalCell, {}),
     exact.Balloon: (exact.Balloon, dict(inner=1e-2, outer=1.2e-2, mu=5e4)),
+    exact.RoundBalloon: (
+        exact.RoundBalloon, dict(inner=1e-2, outer=1.2e-2, material=RUBBER)
+    ),
     exact.Film: (exact.Film, dict(material=RUBBER, thickness=1e-3)),
     exact.Helicoid: (exact.Helicoid, dict(outer_radius=1e-2, inner_radius=5e-3, elastomer=1e-3)),
     origami.Kresling: (origami.Kresling, dict(side=5e-2, edge=7e-2)),

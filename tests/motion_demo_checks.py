@@ -16,6 +16,17 @@ def check_balloon_motion(out, printed):
     assert (out / "radius_time.png").exists()
 
 
+def check_balloon_branches(out, printed):
+    """The exact limits of the round branch, and the exact place where eggs leave it."""
+    s = dea.read_summary(out)
+    assert s["exact_maximum"] == pytest.approx(0.137950222, abs=1e-9)
+    assert s["exact_minimum"] == pytest.approx(0.076271810, abs=1e-9)
+    assert s["maximum_voltage"] == pytest.approx(s["exact_maximum"], rel=1e-5)
+    assert s["minimum_voltage"] == pytest.approx(s["exact_minimum"], rel=1e-5)
+    assert s["first_bifurcation_mode"] == s["exact_bifurcation_mode"] == 2
+    assert s["first_bifurcation_radius"] == pytest.approx(s["exact_bifurcation_radius"], rel=1e-4)
+
+
 def check_balloon_response(out, printed):
     """The closed form of a sphere with one Maxwell branch."""
     s = dea.read_summary(out)

@@ -46,6 +46,7 @@ from demo_checks import (
     summary,
 )
 from motion_demo_checks import (
+    check_balloon_branches,
     check_balloon_motion,
     check_balloon_response,
     check_beam_in_motion,
@@ -320,6 +321,7 @@ def check_read_results(out, printed):
 
 
 CHECKS = {
+    "balloon_branches.py": (check_balloon_branches, []),
     "balloon_gas.py": (check_balloon, ["--outside-pressure", 0, "--voltage", 0.1]),
     "balloon_motion.py": (check_balloon_motion, ["--voltage", 0.05, "--steps", 120]),
     "balloon_response.py": (check_balloon_response, ["--omega", 3.2]),

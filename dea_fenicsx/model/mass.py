@@ -128,15 +128,7 @@ class Mass:
 
         `free` and `expansion` are those of the problem.
         """
-        if expansion is not None:
-            return self.matrix.ptap(expansion)
-        start = self.matrix.getOwnershipRange()[0]
-        rows = PETSc.IS().createGeneral(
-            (free + start).astype(PETSc.IntType), comm=self.matrix.comm
-        )
-        found = self.matrix.createSubMatrix(rows, rows)
-        rows.destroy()
-        return found
+        return in_free_unknowns(self.matrix, free, expansion)
 
 
 def check_mass(materials: Mapping[str, Material], scene: Scene) -> None:
@@ -168,6 +160,15 @@ def _assembled(
         assert material.density is not None
         unit = scales.stress / scales.length**2
         density.x.array[scene.device.cells_of(name)] = material.density / unit
+    return products_of_motions(scene, space, density)
+
+
+def products_of_motions(scene: Scene, space: Unknowns, density: Any = 1.0) -> Any:
+    """The matrix of int density u . v dX in the owned degrees of freedom.  Collective.
+
+    The caller destroys it.
+    """
+    mesh = scene.device.mesh
     u = space.symbolic(Role.MOTION, ufl.TrialFunction(space.W))
     v = space.symbolic(Role.MOTION, ufl.TestFunction(space.W))
     weight = scene.kinematics.weight(ufl.SpatialCoordinate(mesh))
@@ -176,3 +177,17 @@ def _assembled(
     matrix = dolfinx.fem.petsc.assemble_matrix(form)
     matrix.assemble()
     return matrix
+
+
+def in_free_unknowns(matrix: Any, free: np.ndarray, expansion: Any | None) -> Any:
+    """A matrix of the owned degrees of freedom in the free unknowns, which the caller destroys.
+
+    `free` and `expansion` are those of the problem.  Collective.
+    """
+    if expansion is not None:
+        return matrix.ptap(expansion)
+    start = matrix.getOwnershipRange()[0]
+    rows = PETSc.IS().createGeneral((free + start).astype(PETSc.IntType), comm=matrix.comm)
+    found = matrix.createSubMatrix(rows, rows)
+    rows.destroy()
+    return found

@@ -45,7 +45,8 @@ class Step:
     run is not resumed from it: ``"maximum"`` or ``"minimum"`` where the load is stationary,
     ``"snap"`` where a device has landed behind a limit point, ``"motion"`` on its way there,
     ``"bifurcation"``, ``"landed"`` on a requested load of a trace, or an alarm's name.  `mode` is
-    the null vector of a critical point.  `note` is what the summary tells of the event.
+    the null vector of a critical point.  `note` is what the summary tells of the event.  `held` is
+    the scaled residual of a state with guiding forces (see `guiding`), and else 0.
     """
 
     cursor: Cursor
@@ -56,3 +57,4 @@ class Step:
     event: str = ""
     mode: np.ndarray | None = None
     note: Mapping[str, Any] = field(default_factory=dict)
+    held: float = 0.0

@@ -125,7 +125,7 @@ class Journal:
         spent = self._spent()
         now = time.perf_counter()
         measured = {name: measure() for name, measure in self.measurements.items()}
-        checked = check_step(solver, cursor.step, measured)
+        checked = check_step(solver, cursor.step, measured, step.held)
         read = [(g.failure, *g.measure()) for g in self.gauges]
         row = self._place(step) | measured | self._extremes(checked)
         row |= {failure.column: found.value for failure, found, _ in read}

@@ -51,7 +51,9 @@ class Checked:
     volume_error: float
 
 
-def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -> Checked:
+def check_step(
+    solver: NewtonSolver, step: int, measured: Mapping[str, float], held: float = 0.0
+) -> Checked:
     """Check the problem's present state.  Collective.
 
     Parameters
@@ -62,6 +64,8 @@ def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -
         Number of the step, for the message.
     measured
         Observables that must be finite, by name.
+    held
+        The residual of a state with guiding forces, which may be above the tolerance.
 
     Raises
     ------
@@ -76,7 +80,7 @@ def check_step(solver: NewtonSolver, step: int, measured: Mapping[str, float]) -
     probe = problem.probe()
     worst, bounded, bound = volume(problem, solver.options.tolerance * solver.references.volume)
     faults = []
-    allowed = RESIDUAL_SUM_MARGIN * solver.options.tolerance
+    allowed = RESIDUAL_SUM_MARGIN * max(solver.options.tolerance, held)
     if problem.forms.memory:
         allowed += VISCOUS_MARGIN
     if not norm <= allowed:
