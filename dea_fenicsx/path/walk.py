@@ -177,7 +177,7 @@ class Walk:
             last = done >= item.steps and is_last
             yield Step(
                 cursor, item.what, found.state, found.retries, last, found.event, found.mode,
-                found.held,
+                held=found.held,
             )  # fmt: skip
             if done >= item.steps:
                 left = None if found.last else self.gap(number)
