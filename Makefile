@@ -14,6 +14,8 @@
 # make site   all pages as a web site with search and gallery, into build/site/html
 # make gallery  the pictures and run times of the gallery, by running all demos (ten minutes)
 # make docker the container image (docker/README.md)
+# make dist   source archive and wheel, checked, into dist/
+# make deb    the Debian package, built and tried in the image, into build/deb
 # make clean  remove what the targets above made, except results/
 
 SHELL := /bin/bash
@@ -23,7 +25,7 @@ SHELL := /bin/bash
 READY := .venv/ready-$(firstword $(shell pwd | cksum))
 RUN := PATH="$(CURDIR)/.venv/bin:$$PATH" OMP_NUM_THREADS=1
 
-.PHONY: env demo quick test hard fuzz peers bench bench-compare lint api pictures site gallery docker clean
+.PHONY: env demo quick test hard fuzz peers bench bench-compare lint api pictures site gallery docker dist deb clean
 
 env: $(READY)
 
@@ -90,6 +92,16 @@ gallery: env
 
 docker:
 	docker/build
+
+# Both come from one build, the wheel from the source archive.  The tools live in a venv of their own.
+dist: env
+	rm -rf dist build/tools && .venv/bin/python -m venv build/tools
+	build/tools/bin/python -m pip install --quiet --disable-pip-version-check build twine
+	build/tools/bin/python -m build --outdir dist . >build/dist.log || { tail -n 20 build/dist.log; exit 1; }
+	build/tools/bin/twine check --strict dist/*
+
+deb:
+	packaging/deb container
 
 clean:
 	rm -rf hard_cases.csv peers.csv peers_in_time.csv growth.csv to_error.csv .venv build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

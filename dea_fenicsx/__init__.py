@@ -28,6 +28,8 @@ if TYPE_CHECKING:
         Table,
         Triangle,
     )
+    from dea_fenicsx.gradients.adjoint import Gradient
+    from dea_fenicsx.gradients.variables import ShapeChange
     from dea_fenicsx.materials import (
         ArrudaBoyce,
         Breakdown,
@@ -136,6 +138,8 @@ if TYPE_CHECKING:
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
     from dea_fenicsx.scene.taper import Taper
     from dea_fenicsx.solvers.options import NewtonOptions
+    from dea_fenicsx.studies.samples import LatinHypercube
+    from dea_fenicsx.studies.study import Study, study
     from dea_fenicsx.support.errors import (
         DeaError,
         EquilibriumLost,
@@ -162,10 +166,14 @@ _HOME = {
     "scene.sources": ("Source",),
     "scene.springs": ("BistableLaw", "CubicLaw", "ElasticFoundation", "Spring"),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
+    "studies.samples": ("LatinHypercube",),
+    "studies.study": ("Study", "study"),
     "support.errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
         "SolverError",
     ),
+    "gradients.adjoint": ("Gradient",),
+    "gradients.variables": ("ShapeChange",),
     "measure.failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
     "scene.kinematics": (
         "Axisymmetric", "GeneralisedPlaneStrain", "Helical", "PlaneStrain", "ThreeD",

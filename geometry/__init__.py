@@ -14,28 +14,33 @@ from .base import Geometry, Layer
 from .grading import graded
 
 if TYPE_CHECKING:
+    from .air_box import AirBox
     from .box_stack import BoxStack
     from .dea_hinge import DEAHinge
     from .disc_capacitor import DiscCapacitor
     from .disk_stack import DiskStack
+    from .fingers import FingerStack
     from .hdea import HDEA
     from .helical_cell import HelicalCell
     from .hollow_sphere import HollowSphere
     from .kresling_cell import KreslingCell
     from .membrane_disc import MembraneDisc
     from .stiffened_film import StiffenedFilm, StiffenedSection
+    from .tube import Tube
 
 __all__ = [
-    "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "Geometry", "HDEA", "HelicalCell",
-    "HollowSphere",
-    "KreslingCell", "Layer", "MembraneDisc", "StiffenedFilm", "StiffenedSection", "graded",
+    "AirBox", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "FingerStack", "Geometry",
+    "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer", "MembraneDisc", "StiffenedFilm",
+    "StiffenedSection", "Tube", "graded",
 ]  # fmt: skip
 
 _HOME = {
+    "AirBox": "air_box",
     "BoxStack": "box_stack",
     "DEAHinge": "dea_hinge",
     "DiscCapacitor": "disc_capacitor",
     "DiskStack": "disk_stack",
+    "FingerStack": "fingers",
     "HDEA": "hdea",
     "HelicalCell": "helical_cell",
     "HollowSphere": "hollow_sphere",
@@ -43,6 +48,7 @@ _HOME = {
     "MembraneDisc": "membrane_disc",
     "StiffenedFilm": "stiffened_film",
     "StiffenedSection": "stiffened_film",
+    "Tube": "tube",
 }
 
 

@@ -20,6 +20,11 @@ from dea_fenicsx.support import subprocesses
 
 ROOT = Path(__file__).resolve().parents[1]
 
+# The flags of a user's runs are for large models.  With them, more than half of the suite's time
+# would go into the compiler.  Other flags may be set from outside; "default" means those of a user.
+if os.environ.setdefault("DEA_FENICSX_CFLAGS", "-O1 -g0") == "default":
+    del os.environ["DEA_FENICSX_CFLAGS"]
+
 
 ENGINES = {
     "whole": {"factor": "whole"},
@@ -54,7 +59,8 @@ def pytest_configure(config):
 AROUND = {
     # meshes and results of others, and what a user may do wrong with them
     "cad", "foreign_cells", "foreign_meshes", "foreign_overlap", "malformed", "strange_meshes",
-    "results_of_strangers", "results_safety", "vtk", "geometry_cli",
+    "results_of_strangers", "results_safety", "vtk", "geometry_cli", "report", "paraview",
+    "export",
     # what users look at, and their machine
     "cli", "demos", "docs", "pictures", "progress", "doctor", "compile_cache", "interruption",
     "site", "ending", "import_effects", "reading_alone",
@@ -182,6 +188,14 @@ def block(cells=(1, 1, 1), size=1e-3, thickness=None, order=2):
 def quick_compile(monkeypatch):
     """Compile with little optimisation: for large kernels that run on a few cells only."""
     monkeypatch.setenv("DEA_FENICSX_CFLAGS", "-O1 -g0")
+
+
+@pytest.fixture(scope="module")
+def small_compile():
+    """The same for what is shared by the tests of a file."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DEA_FENICSX_CFLAGS", "-O1 -g0")
+        yield
 
 
 @pytest.fixture(scope="session")

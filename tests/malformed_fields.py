@@ -55,6 +55,12 @@ def pressing(kind):
     return lambda **given: solve(record={"x": kind(**given)}, changes={"supports": supports})
 
 
+@functools.cache
+def derived():
+    """A run whose observable has derivatives."""
+    return solve(record={"up": dea.MeanDisplacement("top", "y")})
+
+
 SOURCE = [dea.Source("top", 100.0), dea.Ground("bottom")]
 
 
@@ -255,14 +261,27 @@ FIELDS = {
     dea.KineticEnergy: (recorded(dea.KineticEnergy), {}),
     dea.Momentum: (recorded(dea.Momentum), dict(axis="x")),
     dea.AngularMomentum: (recorded(dea.AngularMomentum), dict(axis="z")),
+    dea.LatinHypercube: (
+        lambda **g: dea.study(scene, dea.LatinHypercube(**g), {}, out="/dev/null/study"),
+        dict(ranges={"x": (0.0, 1.0)}, count=2, seed=1)),
+    dea.ShapeChange: (
+        lambda **g: derived().sensitivity("up", [dea.ShapeChange(**g)]),
+        dict(name="height", velocity=lambda X: 0 * X)),
     geometry.Layer: (geometry.Layer, dict(name="film", thickness=1e-3)),
     geometry.BoxStack: (BoxStack, dict(length=1e-3, width=1e-3, layers=[Layer("film", 1e-3)])),
     geometry.DiskStack: (geometry.DiskStack, dict(radius=1e-2, layers=[Layer("film", 1e-3)])),
+    geometry.AirBox: (
+        geometry.AirBox, dict(stack=geometry.BoxStack(1e-3, None, [geometry.Layer("film", 1e-3)]),
+                              thickness=1e-3, sides=("top",))),
     geometry.DiscCapacitor: (
         geometry.DiscCapacitor, dict(radius=1e-2, gap=1e-2, box=1e-1, divisions=(2, 2, 2))),
     geometry.MembraneDisc: (
         geometry.MembraneDisc, dict(radius=3e-2, electrode_radius=1e-2, thickness=1e-3)),
     geometry.HollowSphere: (geometry.HollowSphere, dict(inner=1e-2, outer=1.2e-2)),
+    geometry.Tube: (geometry.Tube, dict(inner=1e-2, height=1e-2, layers=[Layer("film", 1e-3)])),
+    geometry.FingerStack: (
+        geometry.FingerStack,
+        dict(layers=[Layer("film", 1e-3)], fingers=2, finger=1e-3, gap=1e-3)),
     geometry.HDEA: (geometry.HDEA, {}),
     geometry.HelicalCell: (geometry.HelicalCell, {}),
     exact.Balloon: (exact.Balloon, dict(inner=1e-2, outer=1.2e-2, mu=5e4)),

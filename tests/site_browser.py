@@ -32,13 +32,16 @@ def high(descriptor: int) -> int:
 class Browser:
     """One page of a browser.  Errors on its console and its requests are kept."""
 
-    def __init__(self, profile: Path):
+    def __init__(self, profile: Path, draws: bool = False):
+        """With `draws`, WebGL is there, drawn without a graphics card."""
+        graphics = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
         to_read, self.write_end = (high(end) for end in os.pipe())
         self.read_end, to_write = (high(end) for end in os.pipe())
         # The browser reads commands from its descriptor 3 and writes answers to 4.
         self.process = subprocess.Popen(
             ["bash", "-c", f'exec "$0" "$@" 3<&{to_read} 4>&{to_write}', str(found()), "--headless",
-             "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
+             "--no-sandbox", *(graphics if draws else ["--disable-gpu"]),
+             "--disable-dev-shm-usage", "--no-first-run",
              "--disable-background-networking", "--disable-component-update",
              "--remote-debugging-pipe", f"--user-data-dir={profile}", "about:blank"],
             pass_fds=(to_read, to_write), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,

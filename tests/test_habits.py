@@ -93,10 +93,16 @@ def test_the_citation_agrees_with_the_project():
     single = dict(re.findall(r'^([a-z-]+): "?([^"\n]+?)"?$', text, re.M))
     project = PROJECT["project"]
     assert single["cff-version"] == "1.2.0" and single["message"] and single["type"] == "software"
-    assert single["title"] == project["name"] and single["abstract"] == project["description"]
+    assert single["title"] == "dea_fenicsx" and project["name"] == "dea-fenicsx"
+    assert single["abstract"] == project["description"]
     assert single["version"] == dea.__version__ and single["license"] == project["license"]
     authors = re.findall(r'^  - name: "?([^"\n]+?)"?$', text, re.M)
     assert authors == [author["name"] for author in project["authors"]]
+
+
+def test_the_conda_recipe_has_the_version():
+    text = (ROOT / "packaging" / "conda" / "recipe.yaml").read_text("utf-8")
+    assert re.findall(r'^  version: "(.*)"$', text, re.M) == [dea.__version__]
 
 
 def test_the_citation_is_yaml():

@@ -77,7 +77,7 @@ def test_a_hard_case_ends_as_it_must(name):
 def test_the_table_holds_what_it_must():
     assert len(CASES) >= 60
     assert {case.expected for case in CASES.values()} == {
-        "completed", "equilibrium lost", "refused", "solver failed",
+        "completed", "equilibrium lost", "refused", "solver failed", "not reached",
     }  # fmt: skip
 
 

@@ -124,6 +124,8 @@ def python(*arguments: str, **extra: str) -> subprocess.CompletedProcess[str]:
         ("contraction", 0.01, "Contraction (%)", 0.01),
         ("stretch", 2.5, "Stretch (-)", 1.0),
         ("min_J", 0.99, "Smallest J (-)", 1.0),
+        ("torque_N_m", 2e-3, "Torque (mN m)", 1e-3),
+        ("field_strength_MV_per_m", 12.0, "Electric field (MV/m)", 1.0),
     ],
 )
 def test_axis_labels(name: str, largest: float, label: str, divisor: float) -> None:

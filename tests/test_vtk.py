@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import importlib
 import json
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -16,7 +15,6 @@ from conftest import clean_environment, needed_mpirun
 
 pyvista = pytest.importorskip("pyvista")
 
-from dea_fenicsx.pictures import paraview  # noqa: E402
 from dea_fenicsx.results.reading import read_frame  # noqa: E402
 from dea_fenicsx.support.cell_types import QUADRATIC  # noqa: E402
 
@@ -234,82 +232,3 @@ def test_grid_and_fields_are_the_same_on_two_ranks(
             for name in one:
                 size = np.abs(one[name]).max()
                 assert np.abs(one[name] - other[name]).max() <= 1e-8 * size, name
-
-
-# --------------------------------------------------------------------- ParaView
-
-PARAVIEW = """
-import sys
-from paraview import servermanager
-from paraview.simple import XDMFReader, Xdmf3ReaderS, Xdmf3ReaderT
-file = sys.argv[1]
-for make, name in ((XDMFReader, "FileNames"), (Xdmf3ReaderS, "FileName"), (Xdmf3ReaderT, "FileName")):
-    reader = make(**{name: [file]})
-    reader.UpdatePipelineInformation()
-    for time in list(reader.TimestepValues):
-        reader.SMProxy.UpdatePipeline(time)
-        data = servermanager.Fetch(reader)
-        u = data.GetPointData().GetArray("displacement_m")
-        print("FOUND", data.GetClassName(), data.GetNumberOfCells(), data.GetNumberOfPoints(),
-              data.GetPointData().GetNumberOfArrays(), data.GetCellData().GetNumberOfArrays(),
-              repr(float(time)), repr(u.GetRange(2)[0]))
-"""  # noqa: E501
-
-
-def test_paraview_readers(clamped: Path, tmp_path: Path) -> None:
-    for tool in ("pvpython", "xvfb-run"):
-        if shutil.which(tool) is None:
-            pytest.skip(f"{tool} is not installed")
-    script = tmp_path / "look.py"
-    script.write_text(PARAVIEW)
-    environment = clean_environment()
-    del environment["PYTHONPATH"]  # pvpython has an interpreter of its own
-    done = subprocess.run(
-        ["xvfb-run", "-a", "pvpython", str(script), str(clamped / "fields.xdmf")],
-        env=environment, capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    found = [line.split()[1:] for line in done.stdout.splitlines() if line.startswith("FOUND")]
-    assert len(found) == 3 * 4  # readers, steps
-    for k, line in enumerate(found):
-        row = rows(clamped)[k % 4]
-        lowest = read_frame(clamped, k % 4).grid.point_data["displacement_m"][:, 2].min()
-        counts = ["4", "75", str(len(NODAL)), str(len(CELLWISE))]
-        assert line[:5] == ["vtkUnstructuredGrid", *counts]
-        assert float(line[5]) == pytest.approx(float(row["time"]))
-        assert float(line[6]) == pytest.approx(lowest, rel=1e-12, abs=1e-20)
-
-
-def test_paraview_shows_the_run(clamped: Path, tmp_path: Path) -> None:
-    """view.py finds its files wherever they went, and shows the warped film in its colour."""
-    moved = Path(shutil.copytree(clamped, tmp_path / "moved"))
-    paraview.write(moved)
-    elsewhere = moved.rename(tmp_path / "elsewhere")
-    for tool in ("pvpython", "xvfb-run"):
-        if shutil.which(tool) is None:
-            pytest.skip(f"{tool} is not installed")
-    environment = clean_environment()
-    del environment["PYTHONPATH"]  # pvpython has an interpreter of its own
-    shot = tmp_path / "shot.png"
-    for _ in range(5):
-        done = subprocess.run(
-            ["xvfb-run", "-a", "pvpython", str(elsewhere / "view.py"), str(shot)],
-            env=environment, capture_output=True, text=True, timeout=120,
-        )  # fmt: skip
-        if "bad X server connection" not in done.stderr:
-            break  # else xvfb-run took the display of a server that was just ending
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "Error" not in done.stderr
-    image = pytest.importorskip("matplotlib.image").imread(shot)[..., :3]
-    assert image.shape == (900, 1600, 3)
-    border = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
-    assert border.min() > 0.95  # nothing is cut off
-    middle = image[:, 200:1400]  # without axes and colour bar
-    drawn = middle.min(axis=-1) < 0.95
-    # a nearly constant field, the largest of all steps: the end of the scale, in shade or not
-    hue = middle / np.maximum(middle.max(axis=-1, keepdims=True), 1e-9)
-    yellow = drawn & (np.abs(hue - [1, 0.91, 0.15]).max(axis=-1) < 0.15)
-    red = (middle[..., 0] > 0.7) & (middle[..., 1] < 0.4)
-    assert 0.1 < drawn.mean() < 0.8
-    assert yellow.sum() > 0.2 * drawn.sum()
-    assert red.any()

@@ -4,6 +4,8 @@
     dea demos [NAME]      the demos; copy one out to edit
     dea mesh FILE         the names in a .msh, .geo or STEP file
     dea show RESULTS      curves and pictures of a run
+    dea report RESULTS    a run as one HTML file
+    dea export RESULTS    a run or a mesh in the files of others
     dea compare A B       two runs, column by column
     dea table             the thesis, number by number
     dea materials [NAME]  the library of materials
@@ -27,7 +29,7 @@ from dea_fenicsx.support.files import clean
 
 __all__ = ["main"]
 
-COMMANDS = ("doctor", "demos", "mesh", "show", "compare", "table", "materials")
+COMMANDS = ("doctor", "demos", "mesh", "show", "report", "export", "compare", "table", "materials")
 
 
 class _Parser(argparse.ArgumentParser):

@@ -12,21 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.results.first_columns import load_column, ordinate, recorded
 from dea_fenicsx.results.reading import field_names, load_columns, read_history, read_summary
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean, listed
 
 HELP = "summary, curves and pictures of a run"
 LONGEST_PATH = 1000
-
-# columns of every history, beside ramps and what the script records
-_COMMON = {
-    "step", "time", "time_s", "ramp", "event", "max_field_V_per_m", "max_field_x_m",
-    "max_field_y_m", "max_field_z_m", "min_J", "volume_error", "residual", "newton_iterations",
-    "krylov_iterations", "factorisations", "retries", "inertia", "inertia_is_of_this_step",
-    "negative_modes", "wall_s",
-}  # fmt: skip
-
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("results", nargs="+", type=Path, metavar="RESULTS",
@@ -112,26 +104,6 @@ def _summary_of(folder: Path) -> dict[str, Any]:
 def _field(folder: Path) -> str:
     names = field_names(folder)
     return "field_strength_V_per_m" if "field_strength_V_per_m" in names else "displacement_m"
-
-
-def recorded(history: dict[str, np.ndarray]) -> list[str]:
-    """Numeric columns of a history but those that every run has."""
-    return [n for n, v in history.items() if n not in _COMMON and v.dtype.kind == "f"]
-
-
-def load_column(history: dict[str, np.ndarray], told: dict[str, Any]) -> str:
-    """The column to draw against: the time in s, else the last ramp's load, else the path."""
-    if "time_s" in history:
-        return "time_s"
-    return next(iter(load_columns(history, told)), "time")
-
-
-def ordinate(history: dict[str, np.ndarray], told: dict[str, Any]) -> str:
-    """The first recorded column that is no load, else the largest field or the smallest J."""
-    loads = load_columns(history, told)
-    free = [n for n in recorded(history) if n not in loads]
-    names = [*free, "max_field_V_per_m", "min_J"]
-    return next((n for n in names if n in history), "time")
 
 
 def summary(folder: Path, history: dict[str, np.ndarray]) -> str:

@@ -100,7 +100,7 @@ class PartMoment:
 
     where: str
     about: str = "z"
-    unit = "N*m"
+    unit = "N_m"
 
     def bind(self, problem: Problem) -> Measurement:
         part, k = _turning_part(self, problem)

@@ -52,6 +52,69 @@ def evaluated_at(
     return value
 
 
+def evaluated_within(
+    expression: Any, kernel: Kernel, middle: np.ndarray, points: np.ndarray, quadrature: np.ndarray
+) -> Callable[[Any, np.ndarray], np.ndarray]:
+    """How to evaluate a vector-valued expression of a kernel at the middle and at other points.
+
+    All points are compiled at once.  For viscous branches the middle follows the rule of
+    `evaluated_at`.  The other points get the values of the polynomial of `linear_terms` that fits
+    those at the quadrature points best.
+
+    Parameters
+    ----------
+    expression, kernel, quadrature
+        As in `evaluated_at`.
+    middle
+        The middle of the reference cell, of shape (dim,).
+    points
+        The other points, of shape (n, dim).
+
+    Returns
+    -------
+    callable
+        Takes the mesh and local cells; gives values of shape (cells, 1 + n, numbers).
+    """
+    numbers = expression.ufl_shape[0]
+    if not kernel.is_viscous:
+        return compat.expression(expression, np.vstack([middle[None, :], points]))
+    everywhere = compat.expression(expression, quadrature)
+    terms = np.hstack([np.ones((len(quadrature), 1)), quadrature - middle])
+    tensor = len(points) == 2 ** points.shape[1]
+    fit = linear_terms(points, tensor) @ np.linalg.pinv(linear_terms(quadrature, tensor))
+    weights = np.vstack([np.linalg.pinv(terms)[0], fit])
+
+    def values(mesh: Any, cells: np.ndarray) -> np.ndarray:
+        if len(cells) == 0:
+            return np.zeros((0, len(weights), numbers))
+        return np.einsum("pq,cqn->cpn", weights, everywhere(mesh, cells))
+
+    return values
+
+
+def linear_terms(places: np.ndarray, tensor: bool) -> np.ndarray:
+    """The terms of a polynomial of degree 1 at some places of a reference cell.
+
+    Parameters
+    ----------
+    places
+        The places, of shape (n, dim).
+    tensor
+        Whether the polynomial has degree 1 in each direction, as on quadrilaterals and hexahedra,
+        with terms such as x y; else it has degree 1 in all directions together.
+
+    Returns
+    -------
+    ndarray of shape (n, terms)
+    """
+    if not tensor:
+        return np.hstack([np.ones((len(places), 1)), places])
+    found = np.ones((len(places), 1))
+    for x in places.T:
+        found = np.hstack([found, found * x[:, None]])
+    return found
+
+
 def evaluated_at_each(
     expression: Any, kernel: Kernel, points: np.ndarray, quadrature: np.ndarray
 ) -> Callable[[Any, np.ndarray, np.ndarray], np.ndarray]:

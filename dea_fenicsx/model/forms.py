@@ -23,7 +23,7 @@ from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.probe import Prober
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.sheets import Sheets
-from dea_fenicsx.model.terms import EnergyTerm, Term, WorkTerm, terms_of
+from dea_fenicsx.model.terms import EnergyTerm, Term, terms_of
 from dea_fenicsx.model.terms.base import Variation
 from dea_fenicsx.model.terms.springs import SpringWork
 from dea_fenicsx.model.unknowns import Unknowns
@@ -113,7 +113,6 @@ class Forms:
         ]
         for point in self.points:
             point.energy = self._energy(point)
-        energy = sum(self.integral(k, p.energy) for k, p in enumerate(self.points))
         beside = sum(self.integral(k, work) for k, work in self._works())
         at = Surface(
             kinematics, mesh, scales.stress, space.present["u"], space.virtual["u"], virtual_motion
@@ -122,7 +121,7 @@ class Forms:
         for work in scene.declared.body_works:
             body = Body(scene, scales, space, virtual_motion)
             self.loads.add_body(work, self._everywhere(work.density(body)))
-        self.residual = ufl.derivative(energy, space.w, space.test) - self.loads.work + beside
+        self.residual = self._variation() - self.loads.work + beside
         self.residual -= self.loads.standing
         if self.sheets:
             self.residual += self.sheets.work(at.weight, ds, len(sides))
@@ -192,20 +191,30 @@ class Forms:
 
     def _energy(self, point: MaterialPoint) -> Any:
         """The sum of all terms of the energy that live on a point's kernel."""
-        kernel = point.kernel
-        energies = (term for term in self.terms if isinstance(term, EnergyTerm))
-        densities = [term.density(point) for term in energies if term.lives_on(kernel)]
-        total = densities[0]
-        for density in densities[1:]:
-            total = total + density
-        return total
+        return _sum([term.density(point) for term in self._energies(point)])
+
+    def _energies(self, point: MaterialPoint) -> list[EnergyTerm]:
+        """The terms of the energy that live on a point's kernel."""
+        alive = (term for term in self.terms if term.lives_on(point.kernel))
+        return [term for term in alive if isinstance(term, EnergyTerm)]
+
+    def _variation(self) -> Any:
+        """The variation of the energy, without the terms that give their own; a linear form."""
+        found = []
+        for k, point in enumerate(self.points):
+            terms = [t for t in self._energies(point) if t.work(point, self._virtual) is None]
+            if terms:
+                found.append(self.integral(k, _sum([t.density(point) for t in terms])))
+        return ufl.derivative(sum(found), self._space.w, self._space.test)
 
     def _works(self) -> Iterator[tuple[int, Any]]:
-        """Virtual work per undeformed volume that is no variation of an energy, by kernel."""
-        for k, (kernel, point) in enumerate(zip(self.kernels, self.points, strict=True)):
+        """Virtual work per undeformed volume that terms give themselves, by kernel."""
+        for k, point in enumerate(self.points):
             for term in self.terms:
-                if isinstance(term, WorkTerm) and term.lives_on(kernel):
-                    yield k, term.work(point, self._virtual)
+                if term.lives_on(point.kernel):
+                    work = term.work(point, self._virtual)
+                    if work is not None:
+                        yield k, work
 
     def tangent(self, direction: Any) -> Any:
         """Derivative of the residual in a direction, a function or a trial function; symbolic."""
@@ -264,6 +273,14 @@ def assembled(vector: Any, form: Any) -> np.ndarray:
     dolfinx.fem.petsc.assemble_vector(vector, form)
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     return np.asarray(vector.array_r)
+
+
+def _sum(densities: Sequence[Any]) -> Any:
+    """The sum of some densities, without a 0 in front of it."""
+    total = densities[0]
+    for density in densities[1:]:
+        total = total + density
+    return total
 
 
 def _cell_values(form: Any) -> np.ndarray:

@@ -23,6 +23,8 @@ Pair = tuple[np.ndarray, np.ndarray]
 # endings of column names: unit, exponents of ten it may be scaled by
 _UNITS: dict[str, tuple[str, tuple[int, ...]]] = {
     "_V_per_m": ("V/m", (6,)),
+    "_MV_per_m": ("MV/m", (0,)),
+    "_N_m": ("N m", (-6, -3, 0, 3)),
     "_V": ("V", (0, 3)),
     "_m": ("m", (-9, -6, -3, 0)),
     "_m3": ("m³", (-9, 0)),

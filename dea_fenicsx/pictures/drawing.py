@@ -49,8 +49,11 @@ def deformed(
     folder
         The run's folder.
     field
-        Name of a field in fields.xdmf; vectors are shown by magnitude, stress by von Mises'.  A run
-        without an electric field shows the displacement instead of this default.
+        Name of a field in fields.xdmf; vectors are shown by magnitude, stress by von Mises'.
+        Components are named by their axes: "cauchy_stress_xx_Pa", "displacement_z_m", and of a
+        body of revolution "cauchy_stress_hoop_Pa".  Fields are drawn by their values at the
+        nodes, if the run has written them in nodal.xdmf, else one colour a cell.  A run without
+        an electric field shows the displacement instead of this default.
     step
         Which step on disk, from 0; negative ones count from the last.
     warp

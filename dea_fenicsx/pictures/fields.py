@@ -13,7 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.results.reading import read_frame
+from dea_fenicsx.pictures.outside import is_split, outer_faces
+from dea_fenicsx.results.axes import FIXED
+from dea_fenicsx.results.components import component
+from dea_fenicsx.results.reading import frame_for
 from dea_fenicsx.support.errors import InputError
 
 DISPLACEMENT = "displacement_m"
@@ -26,12 +29,17 @@ _TALLEST = 1.1 * _WIDTH
 _LEAST_HEIGHT = 1.8
 """Smallest height of a picture in inches, in which the label of the colour scale has room."""
 
+_NARROWEST = 4.0
+"""Smallest width of a picture in inches, in which its title has room."""
+
 _MOST_PIXELS = 8e6
 """Most pixels of a rendered image; twice as many across as are shown, so that edges are smooth."""
 
 
-def scalar(grid: Any, field: str) -> tuple[np.ndarray, str, bool]:
-    """A field as one number a node or cell.
+def scalar(
+    grid: Any, field: str, axes: tuple[str, str, str] = FIXED
+) -> tuple[np.ndarray, str, bool]:
+    """A field, or a component by its axes, as one number a node or cell.
 
     The magnitude of a vector; von Mises' equivalent of a stress.  Regions without an electric
     field (conductors) become NaN in pictures of it, and are shown in grey.
@@ -40,21 +48,30 @@ def scalar(grid: Any, field: str) -> tuple[np.ndarray, str, bool]:
     -------
     values, name with the unit as suffix, whether they are nodal
     """
-    nodal = field in grid.point_data
-    if not nodal and field not in grid.cell_data:
+    part = component(field, [*grid.point_data, *grid.cell_data], axes)
+    whole = field if part is None else part[0]
+    nodal = whole in grid.point_data
+    if not nodal and whole not in grid.cell_data:
         names = ", ".join(sorted([*grid.point_data, *grid.cell_data]))
         raise InputError(f"There is no field {field!r} in the results; there are: {names}.")
-    values = np.asarray(grid.point_data[field] if nodal else grid.cell_data[field], dtype=float)
+    values = np.array(grid.point_data[whole] if nodal else grid.cell_data[whole], dtype=float)
     name = field
-    if values.ndim > 1 and values.shape[1] == 9:
+    if part is not None:
+        values = values[:, part[1]]
+    elif values.ndim > 1 and values.shape[1] == 9:
         stress = values.reshape(-1, 3, 3)
         deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
         values = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
         name = "von_Mises_stress_Pa"
     elif values.ndim > 1:
         values = np.linalg.norm(values, axis=1)
-    if not nodal and "V_per_m" in field and values.any():
+    if "V_per_m" in field and values.any():
         regions = np.asarray(grid.cell_data["region"])
+        if nodal:  # each node belongs to cells of one region
+            table = grid.cells_dict.popitem()[1]
+            of_nodes = np.zeros(grid.n_points, dtype=regions.dtype)
+            of_nodes[table.ravel()] = np.repeat(regions, table.shape[1])
+            regions = of_nodes
         for region in np.unique(regions):
             if not values[regions == region].any():
                 values[regions == region] = np.nan
@@ -147,6 +164,8 @@ def _surface(mesh: Any, subdivision: int) -> Any:
     import pyvista
     from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
 
+    if is_split(mesh):
+        mesh = outer_faces(mesh)
     algorithm = vtkDataSetSurfaceFilter()
     algorithm.SetInputData(mesh)
     algorithm.SetNonlinearSubdivisionLevel(subdivision)
@@ -244,9 +263,9 @@ def render(
     view
         Colour scale, frame and resolution; by default what fits this step.
     """
-    frame = read_frame(folder, step)
+    frame = frame_for(folder, step, field)
     grid = frame.grid
-    values, name, nodal = scalar(grid, field)
+    values, name, nodal = scalar(grid, field, words.axes)
     (grid.point_data if nodal else grid.cell_data)["shown"] = values
     if view is None:
         view = View(limits_of(values, name), *points_seen(frame, warp), _DPI)
@@ -337,7 +356,10 @@ def _compose(
         tallest = max(rows / columns for rows, columns, *_ in shapes)
         height = min(0.8 * _WIDTH / len(panels) * tallest + 0.75, 1.2 * _WIDTH)
         height = max(height, _LEAST_HEIGHT)
-        figure = Figure(figsize=(_WIDTH, height), layout="constrained")
+        width = _WIDTH
+        if len(panels) == 1:  # a tall picture alone leaves no empty paper beside it
+            width = min(_WIDTH, max(_NARROWEST, height / tallest + 2.0))
+        figure = Figure(figsize=(width, height), layout="constrained")
         axes = np.atleast_1d(figure.subplots(1, len(panels)))
         for axis, panel in zip(axes, panels, strict=True):
             axis.imshow(panel.image.pixels, extent=[1e3 * e for e in panel.image.extent])
@@ -353,5 +375,5 @@ def _compose(
                 axis.set_axis_off()
         scale = matplotlib.cm.ScalarMappable(matplotlib.colors.Normalize(*limits), _COLOURS)
         figure.colorbar(scale, ax=list(axes), label=label, aspect=25)
-        figure.suptitle(title, fontsize=8)
+        figure.suptitle(title, fontsize=8, wrap=True)
         figure.savefig(path, format="png", dpi=dpi)

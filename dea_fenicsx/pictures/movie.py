@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.pictures.fields import View, Words, limits_of, points_seen, render, scalar
-from dea_fenicsx.results.reading import frame_times, read_frame
+from dea_fenicsx.results.reading import frame_for, frame_times
 from dea_fenicsx.support.errors import InputError
 
 ENDINGS = (".gif", ".mp4")
@@ -47,7 +47,7 @@ def film(
     from PIL import Image
 
     count = len(frame_times(folder))
-    view = _view_of_all(folder, field, warp, count)
+    view = _view_of_all(folder, field, warp, count, words.axes)
     images = []
     with tempfile.TemporaryDirectory() as scratch:
         for step in range(count):
@@ -59,12 +59,14 @@ def film(
     (_gif if ending.lower() == ".gif" else _mp4)(images, rate, path)
 
 
-def _view_of_all(folder: Path, field: str, warp: float, count: int) -> View:
+def _view_of_all(
+    folder: Path, field: str, warp: float, count: int, axes: tuple[str, str, str]
+) -> View:
     low, high = np.inf, -np.inf
     outside, section = [], []
     for step in range(count):
-        frame = read_frame(folder, step)
-        values, name, _ = scalar(frame.grid, field)
+        frame = frame_for(folder, step, field)
+        values, name, _ = scalar(frame.grid, field, axes)
         if np.nanmax(np.abs(values), initial=0.0) > 0:
             a, b = limits_of(values, name)
             low, high = min(low, a), max(high, b)

@@ -11,6 +11,7 @@ import numpy as np
 
 from dea_fenicsx.pictures.curves import spoken, write_whole
 from dea_fenicsx.results.history import field_times
+from dea_fenicsx.results.reading import FIELDS as FIELDS_DOCUMENT
 from dea_fenicsx.results.reading import (
     field_names,
     frame_times,
@@ -18,6 +19,7 @@ from dea_fenicsx.results.reading import (
     read_history,
     read_summary,
 )
+from dea_fenicsx.results.untrusted import read_xml
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean
 
@@ -29,6 +31,9 @@ FIELDS = tuple(LABELS)
 """Fields that colour the device: the first one that a run has.  Earlier runs have V/m only."""
 
 DISPLACEMENT = "displacement_m"
+
+MOST_CELLS = 20_000
+"""Cells beyond which the script colours by cell: ParaView draws inner faces of split grids too."""
 
 _MACRO = '''\
 """Open this run in ParaView: the device warped by its displacement, coloured by a field.
@@ -51,6 +56,7 @@ from paraview.simple import *
 FOLDER = {folder!r}  # where the run was when this was written
 FIELD, LABEL = {field!r}, {label!r}
 WARP = 1.0
+NODAL = {nodal!r}  # whether to colour by nodal.xdmf; devices of many cells are slow with it
 REGIONS = {regions!r}  # number of each region in the array "region", and its name
 WRITTEN = {written!r}  # what was to be told of each step when this was written
 LOADS = {loads!r}  # columns of history.csv that hold the loads, and how they are called
@@ -104,6 +110,13 @@ def fit(view, sources):
 
 run = Xdmf3ReaderS(registrationName="run", FileName=[os.path.join(FOLDER, "fields.xdmf")])
 run.UpdatePipelineInformation()
+coloured, where = run, "CELLS"
+if NODAL and os.path.exists(os.path.join(FOLDER, "nodal.xdmf")):
+    # the fields at nodes, which jump between regions
+    coloured, where = Xdmf3ReaderS(
+        registrationName="fields at nodes", FileName=[os.path.join(FOLDER, "nodal.xdmf")]
+    ), "POINTS"
+    coloured.UpdatePipelineInformation()
 GetAnimationScene().UpdateAnimationUsingDataTimeSteps()
 
 view = GetActiveViewOrCreate("RenderView")
@@ -128,13 +141,13 @@ ColorBy(undeformed, None)
 undeformed.AmbientColor = undeformed.DiffuseColor = [0.84, 0.15, 0.16]
 undeformed.LineWidth = 2.0
 
-warped = WarpByVector(registrationName="warped", Input=run)
+warped = WarpByVector(registrationName="warped", Input=coloured)
 warped.Vectors = ["POINTS", {displacement!r}]
 warped.ScaleFactor = WARP
 surface = ExtractSurface(registrationName="device", Input=warped)
 surface.NonlinearSubdivisionLevel = 3
 device = Show(surface, view)
-ColorBy(device, ("CELLS", FIELD))
+ColorBy(device, (where, FIELD))
 colours = GetColorTransferFunction(FIELD)
 colours.ApplyPreset("Viridis (matplotlib)", True)
 colours.NanColor = [0.72, 0.72, 0.72]  # parts without a field
@@ -178,7 +191,9 @@ except Exception as error:
 texts = told()
 load = PythonAnnotation(registrationName="load", Input=run)
 # A run that has grown since has more steps than texts; each is then told by its time.
-load.Expression = "(%r + ['time %%.4g' %% t_value])[min(int(t_index), %d)]" % (texts, len(texts))
+# In this expression "min" would be that of ParaView's arrays, so that a condition stands there.
+told_later = "'time %.4g' % t_value"
+load.Expression = "%r[int(t_index)] if t_index < %d else %s" % (texts, len(texts), told_later)
 text = Show(load, view)
 text.Color = [0.0, 0.0, 0.0]
 text.FontSize = 20
@@ -250,6 +265,15 @@ def regions(folder: Path) -> list[tuple[int, str]]:
     return []
 
 
+def is_small(folder: Path) -> bool:
+    """Whether a run's device has so few cells that ParaView can draw the faces inside of it too."""
+    try:
+        grids = read_xml(folder / FIELDS_DOCUMENT).findall("./Domain/Grid/Grid/Topology")
+        return int(grids[-1].attrib["NumberOfElements"]) <= MOST_CELLS
+    except (InputError, IndexError, KeyError, ValueError):
+        return False
+
+
 def write(folder: str | os.PathLike) -> Path:
     """Write view.py into a results folder and return its path.
 
@@ -265,6 +289,6 @@ def write(folder: str | os.PathLike) -> Path:
     field = next((name for name in FIELDS if name in names), "J")
     text = _MACRO.format(
         folder=str(place), field=field, displacement=DISPLACEMENT, label=LABELS.get(field, "J (-)"),
-        written=written(place), loads=loads(place), regions=regions(place),
+        written=written(place), loads=loads(place), regions=regions(place), nodal=is_small(place),
     )  # fmt: skip
     return write_whole(place / "view.py", lambda file: file.write_text(text, "utf-8"))

@@ -1,4 +1,4 @@
-"""Fields of a state for pictures: on the nodes of a grid, and one value a cell.
+"""Fields of a state for pictures: at the nodes of a grid, and one value a cell.
 
 The grid is of first or second degree, see `FieldWriter`.  It is numbered by the mesh file's own
 order of cells, so results are the same on any number of ranks.
@@ -11,27 +11,24 @@ from typing import Any
 
 import basix
 import numpy as np
-import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import group_size
-from dea_fenicsx.model.cell_values import evaluated_at
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.results.axes import axes_of_fields
 from dea_fenicsx.results.grids import Grid, SurfaceGrid, surface_grid
 from dea_fenicsx.results.moment import NO_MOMENT, Moment, history_of, table_of, width
+from dea_fenicsx.results.split_grid import SplitGrid, count_is_small, split
+from dea_fenicsx.results.within_cells import Evaluated, Fields, WithinCells
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.cell_types import BY_DEGREE
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import known
 
-__all__ = ["FieldWriter", "Grid", "SurfaceGrid"]
-
-Fields = dict[str, np.ndarray]
-"""Values by the name of the field."""
+__all__ = ["FieldWriter", "Fields", "Grid", "SurfaceGrid"]
 
 
 class FieldWriter:
@@ -74,7 +71,9 @@ class FieldWriter:
         names = (surfaces,) if isinstance(surfaces, str) else tuple(dict.fromkeys(surfaces))
         self._check_surfaces(names)
         self._choose_nodes()
-        self._prepare_cell_expressions()
+        self._within = WithinCells(problem, self.owned_cells)
+        self.split_grid: SplitGrid | None = None
+        self._has_split = False
         self.grid = self._build_grid()
         self.surface_grids = self._build_surfaces(names)
 
@@ -224,23 +223,6 @@ class FieldWriter:
             for name, grid in self.surface_grids.items()
         }
 
-    def _prepare_cell_expressions(self) -> None:
-        problem = self.problem
-        middle = basix.cell.geometry(getattr(basix.CellType, self.kind)).mean(axis=0)
-        self._cell_expressions = []
-        for k, s in enumerate(problem.states):
-            sigma = problem.states[k].cauchy_stress
-            entries = [
-                s.J,
-                *(s.true_field[i] for i in range(3)),
-                *(sigma[i, j] for i, j in _VOIGT),
-            ]
-            self._cell_expressions.append(
-                evaluated_at(
-                    ufl.as_vector(entries), problem.kernels[k], middle, problem.forms.quadrature
-                )
-            )
-
     def vector(self, state: np.ndarray) -> np.ndarray | None:
         """The displacement part of a state, dimensionless, at the grid's nodes."""
         components = [self.gather(self._nodal(c, state)) for c in self.parts]
@@ -279,41 +261,67 @@ class FieldWriter:
         part = self.problem.potential
         return None if part is None else self.gather(self._nodal(part, self.problem.w.x.array))
 
-    def cell_fields(self) -> dict[str, np.ndarray] | None:
+    def evaluate(self) -> Evaluated:
+        """J, the electric field and the stress of the present state in the owned cells."""
+        return self._within.evaluate()
+
+    def cell_fields(self, values: Evaluated | None = None) -> Fields | None:
         """J, true field (V/m), Cauchy stress and pressure (Pa): values at the cells' middles.
 
         The stress includes its electrostatic part; the pressure is minus a third of its trace.
         Components are ordered by `Grid.axes`: (x, y, z), or (r, z, hoop) in a body of revolution
         and a helical cell.  The strength of the field in MV/m is NaN in regions without a field.
+
+        Parameters
+        ----------
+        values
+            What `evaluate` gave, if it has been called for this state.
         """
-        problem = self.problem
-        values, mine = np.zeros((self.owned_cells, 10)), np.zeros(self.owned_cells)
-        for kernel, evaluate in zip(problem.kernels, self._cell_expressions, strict=True):
-            values[kernel.cells] = evaluate(problem.mesh, kernel.cells)
-            mine[kernel.cells] = kernel.eps is not None
-        gathered, live = self.gather(values), self.gather(mine)
+        values = self.evaluate() if values is None else values
+        gathered, live = self.gather(values.middle), self.gather(values.live)
         if gathered is None or live is None:
             return None
-        stress: np.ndarray = np.zeros((len(gathered), 3, 3))
-        for k, (i, j) in enumerate(_VOIGT):
-            stress[:, i, j] = stress[:, j, i] = gathered[:, 4 + k]
-        field = gathered[:, 1:4]
-        if problem.scene.kinematics.axis_of_rotation:
-            # the picture's plane is (r, z); the hoop direction comes last there
-            turn = [0, 2, 1]
-            stress, field = stress[:, turn][:, :, turn], field[:, turn]
-        stress *= problem.scales.stress
-        fields = {
-            "J": gathered[:, 0],
-            "cauchy_stress_Pa": stress.reshape(-1, 9),
-            "pressure_Pa": -np.trace(stress, axis1=1, axis2=2) / 3,
-        }
-        if problem.potential is not None:
-            fields["electric_field_V_per_m"] = field * problem.scales.field
-            strength = np.linalg.norm(field, axis=1) * problem.scales.field
-            fields["field_strength_V_per_m"] = strength
-            fields["field_strength_MV_per_m"] = np.where(live > 0, strength / 1e6, np.nan)
-        return fields
+        return self._within.named(gathered, live)
+
+    def split(self, surfaces: Mapping[str, SurfaceGrid]) -> SplitGrid | None:
+        """The grid for `nodal_fields`, split at the faces of regions and at surfaces (rank 0).
+
+        None on all other ranks, and if it would have too many nodes.
+        """
+        self.split_grid = None
+        if self.grid is not None and count_is_small(self._connectivity):
+            tables = [surface.nodes[surface.cells] for surface in surfaces.values()]
+            self.split_grid = split(self.grid, self._connectivity, tables)
+        self._has_split = bool(self.problem.comm.bcast(self.split_grid is not None, root=0))
+        return self.split_grid
+
+    def nodal_fields(
+        self, nodes: Fields | None, values: Evaluated | None = None
+    ) -> Fields | None:
+        """The fields of `cell_fields` at the nodes of the split grid, in single precision.
+
+        Each value is the mean over the cells on one side of regions and named surfaces; in each
+        cell it is that of the polynomial of degree 1 through the values at the Gauss points.
+
+        Parameters
+        ----------
+        nodes
+            What `node_fields` gave; these fields are taken over.
+        values
+            As in `cell_fields`.
+        """
+        if not self._has_split:
+            return None
+        values = self.evaluate() if values is None else values
+        inner, live = self.gather(values.inner), self.gather(values.live)
+        if inner is None or live is None or nodes is None or self.split_grid is None:
+            return None
+        grid, to_nodes = self.split_grid, self._within.to_nodes(self.degree)
+        lives = np.zeros(len(grid.origin))
+        lives[grid.table.ravel()] = np.repeat(live, grid.table.shape[1])
+        named = self._within.named(grid.averages(inner, to_nodes), lives)
+        found = {name: field[grid.origin] for name, field in nodes.items()} | named
+        return {name: field.astype(np.float32) for name, field in found.items()}
 
     # -------------------------------------------------------------- whole states
 
@@ -353,9 +361,6 @@ class FieldWriter:
         carry.x.scatter_forward()
         history = history_of(problem, mine[:, table.shape[1] :], moment)
         return State(carry.x.array.copy(), factors, moment.now, history=history)
-
-
-_VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 def _degree(part: Component) -> int:

@@ -4,6 +4,7 @@
     fields.h5       its numbers (while the run lasts: one small file a step in parts/)
     electrodes.xdmf the electrodes that are surfaces, each a block by its name; no numbers
     surfaces.xdmf   all other named surfaces in the same way
+    nodal.xdmf      the same as fields.xdmf with all fields at the nodes, if they are not too many
     fields_X.xdmf   the same on the surface X, where the writer of fields has surfaces
     history.csv     a row for each accepted step
     summary.json    settings, versions, sizes, final observables
@@ -38,8 +39,11 @@ from dea_fenicsx.results.history import field_times
 from dea_fenicsx.results.plain_text import json_value, number_text
 from dea_fenicsx.results.reading import read_history, read_summary
 from dea_fenicsx.results.shared_folder import SharedFolder
+from dea_fenicsx.results.split_grid import SplitGrid
 from dea_fenicsx.results.surface_blocks import DOCUMENTS, Blocks, step_xml
 from dea_fenicsx.results.surface_names import (
+    NODAL,
+    NODAL_DOCUMENT,
     SURFACES,
     surface_document,
     surface_group,
@@ -52,7 +56,7 @@ __all__ = ["RUN_FILES", "Folder", "read_history", "read_summary", "replace_file"
 
 RUN_FILES = (
     "fields.xdmf", "fields.h5", "history.csv", "summary.json", "checkpoint.npz", "parts", "modes",
-    "run.log", *DOCUMENTS,
+    "run.log", NODAL_DOCUMENT, *DOCUMENTS,
 )  # fmt: skip
 
 
@@ -77,6 +81,7 @@ class Folder(SharedFolder):
         self.origin: dict[str, Any] = {}
         self._summary: bytes | None = None
         self._surfaces: tuple[str, ...] = ()
+        self._nodal = False
 
     def start(self) -> None:
         """Make room for a new run: an earlier run's files move into a folder previous...
@@ -140,8 +145,11 @@ class Folder(SharedFolder):
         grid: Grid | None,
         surfaces: Mapping[str, Grid] = MappingProxyType({}),
         blocks: Blocks | None = None,
+        nodal: SplitGrid | None = None,
     ) -> None:
         """Write the undeformed grid, those of surfaces by their names, and blocks (rank 0).
+
+        `nodal` is the split grid of the fields at nodes.
 
         Surfaces that a run had before it was resumed without them keep their grids.
         """
@@ -154,12 +162,15 @@ class Folder(SharedFolder):
             hdf5.put_grid(h5, grid)
             if blocks is not None:
                 blocks.put(h5)
+            if nodal is not None:
+                hdf5.put_split_grid(h5.create_group(NODAL), nodal)
             for name, surface in surfaces.items():
                 hdf5.put_grid(h5.create_group(surface_group(name)), surface)
             earlier = self._where(self.path / "parts" / "grid.h5", "grid/", False)
             groups = hdf5.carry_over(h5, *earlier, SURFACES)
             self._surfaces = tuple(surface_of(group) for group in groups)
 
+        self._nodal = nodal is not None
         replace_file(self.path / "parts" / "grid.h5", hdf5.image(put))
 
     def write_step(
@@ -171,11 +182,13 @@ class Folder(SharedFolder):
         cells: dict[str, np.ndarray] | None,
         state: np.ndarray | None,
         surfaces: Mapping[str, tuple[Fields, Fields]] = MappingProxyType({}),
+        nodal: Fields | None = None,
     ) -> None:
         """Write an accepted step: fields first, the checkpoint that vouches for them last.
 
         Without anything told there is no checkpoint, and a run is resumed from the step before.
-        `surfaces` has the fields at nodes and of cells for each surface.
+        `surfaces` has the fields at nodes and of cells for each surface, `nodal` those on the
+        split grid.
         """
         if self.comm.rank != 0:
             return
@@ -183,6 +196,8 @@ class Folder(SharedFolder):
         def put_fields(h5: Any) -> None:
             assert nodes is not None and cells is not None
             hdf5.put_fields(h5, nodes, cells)
+            if nodal is not None:
+                hdf5.put_nodal_fields(h5.create_group(NODAL), nodal)
             for name, (on_nodes, on_cells) in surfaces.items():
                 hdf5.put_fields(h5.create_group(surface_group(name)), on_nodes, on_cells)
 
@@ -261,6 +276,8 @@ class Folder(SharedFolder):
         if self.comm.rank != 0:
             return
         self._write_document("fields.xdmf", "device", "", history, whole)
+        if self._nodal:
+            self._write_document(NODAL_DOCUMENT, "device", f"{NODAL}/", history, whole)
         for name in self._surfaces:
             group = f"{surface_group(name)}/"
             self._write_document(surface_document(name), name, group, history, whole)

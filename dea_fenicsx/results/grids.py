@@ -63,7 +63,7 @@ def surface_grid(grid: Grid, connectivity: np.ndarray, pairs: np.ndarray) -> Sur
         Number of a cell and number of the facet within it, shape (n, 2); both sides of a facet may
         be there.
     """
-    facet, closure = _facet_nodes(grid.kind, grid.degree)
+    facet, closure = facet_nodes(grid.kind, grid.degree)
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
     table = connectivity[pairs[:, 0][:, None], closure[pairs[:, 1]]]
     _, first = np.unique(np.sort(table, axis=1), axis=0, return_index=True)
@@ -83,7 +83,7 @@ def surface_grid(grid: Grid, connectivity: np.ndarray, pairs: np.ndarray) -> Sur
     )  # fmt: skip
 
 
-def _facet_nodes(kind: str, degree: int) -> tuple[str, np.ndarray]:
+def facet_nodes(kind: str, degree: int) -> tuple[str, np.ndarray]:
     """Shape of a cell's facets, and the cell's nodes on each, in the facet's own order.
 
     Returns

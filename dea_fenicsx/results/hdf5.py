@@ -14,6 +14,11 @@ import h5py
 import numpy as np
 
 from dea_fenicsx.results.grids import Grid
+from dea_fenicsx.results.split_grid import SplitGrid
+from dea_fenicsx.results.surface_names import ORIGIN
+
+PACKED_FROM = 32_768
+"""Bytes from which on fields at nodes are packed."""
 
 
 def image(put: Callable[[Any], None]) -> Callable[[Path], None]:
@@ -51,11 +56,24 @@ def put_grid(h5: Any, grid: Grid) -> None:
         h5.attrs["region_names"] = json.dumps({str(tag): name for tag, name in grid.names.items()})
 
 
+def put_split_grid(h5: Any, split: SplitGrid) -> None:
+    """Write a split grid, and the number of each of its nodes in the device's grid."""
+    put_grid(h5, split.grid)
+    h5[ORIGIN] = split.origin.astype(np.int64)
+
+
 def put_fields(h5: Any, nodes: Mapping[str, np.ndarray], cells: Mapping[str, np.ndarray]) -> None:
     """Write fields at the nodes and of the cells of a grid."""
     for group, fields in (("node", nodes), ("cell", cells)):
         for name, values in fields.items():
             h5[f"{group}/{name}"] = values
+
+
+def put_nodal_fields(h5: Any, fields: Mapping[str, np.ndarray]) -> None:
+    """Write fields at the nodes of a split grid; large ones are packed to about half."""
+    for name, values in fields.items():
+        packing = {"compression": 1, "shuffle": True} if values.nbytes > PACKED_FROM else {}
+        h5.create_dataset(f"node/{name}", data=values, **packing)
 
 
 def carry_over(h5: Any, file: Path, prefix: str, name: str) -> list[str]:

@@ -14,8 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.results.axes import ABOUT_AN_AXIS, FIXED, axes_told
+from dea_fenicsx.results.components import component
 from dea_fenicsx.results.history import Columns, columns_of
-from dea_fenicsx.results.surface_names import surface_document
+from dea_fenicsx.results.surface_names import NODAL_DOCUMENT, surface_document
 from dea_fenicsx.results.untrusted import read_data, read_xml
 from dea_fenicsx.support.cell_types import BY_XDMF, LINES
 from dea_fenicsx.support.errors import InputError
@@ -153,9 +155,15 @@ def _grid(folder: Path, step: int, name: str = FIELDS) -> ET.Element:
 
 
 def check_field(folder: Path, field: str, step: int = -1) -> None:
-    """Raise InputError unless fields.xdmf has that field at that step."""
+    """Raise InputError unless fields.xdmf has that field, or what it is a component of, at a step.
+
+    Components are named by the axes of the run's fields, see `components`.
+    """
     names = [a.attrib["Name"] for a in _grid(folder, step).findall("Attribute")]
-    if field not in names:
+    axes = FIXED
+    with suppress(InputError):
+        axes = axes_told(read_summary(folder))
+    if field not in names and component(field, names, axes) is None:
         raise InputError(
             f"There is no field {field!r} in the results; there are: {listed(sorted(names))}."
         )
@@ -174,7 +182,7 @@ def field_names(folder: str | os.PathLike) -> list[str]:
 
 
 def read_frame(
-    folder: str | os.PathLike, step: int = -1, surface: str | None = None
+    folder: str | os.PathLike, step: int = -1, surface: str | None = None, nodal: bool = False
 ) -> Frame:
     """Read a step of a run from fields.xdmf and the HDF5 files it names, without VTK's readers.
 
@@ -186,6 +194,9 @@ def read_frame(
         Which of the steps on disk, from 0; negative ones count from the last.
     surface
         A surface that the run has written for itself; None for the whole device.
+    nodal
+        Whether to read nodal.xdmf, where all fields are at nodes.  At the faces between regions
+        and at named surfaces each side has nodes of its own, so that a field can jump there.
 
     Raises
     ------
@@ -195,7 +206,8 @@ def read_frame(
     import pyvista
 
     folder = Path(folder)
-    file = folder / (FIELDS if surface is None else surface_document(surface))
+    whole = NODAL_DOCUMENT if nodal else FIELDS
+    file = folder / (whole if surface is None else surface_document(surface))
     xml = _grid(folder, step, file.name)
 
     def data(element: ET.Element | None) -> np.ndarray:
@@ -223,6 +235,29 @@ def read_frame(
     # the surface of a device in space lies in no plane, that of a flat one consists of lines
     flat = cell.flat and (surface is None or kind in LINES)
     return Frame(grid, flat, _time(file, xml))
+
+
+def frame_for(folder: str | os.PathLike, step: int, field: str) -> Frame:
+    """A step with a field at the nodes if the run has written it there, else as in fields.xdmf.
+
+    Both are of the same time, so that a run that is writing at this moment gives no other step.
+    """
+    folder = Path(folder)
+    time = _time(folder / FIELDS, _grid(folder, step))
+    if (folder / NODAL_DOCUMENT).is_file():
+        with suppress(InputError):
+            grids = _grids(folder, NODAL_DOCUMENT)
+            times = [_time(folder / NODAL_DOCUMENT, grid) for grid in grids]
+            found = read_frame(folder, times.index(time), nodal=True) if time in times else None
+            if found is not None and _has(found.grid, field):
+                return found
+    return read_frame(folder, step)
+
+
+def _has(grid: Any, field: str) -> bool:
+    """Whether a grid has a field at its nodes, or what the field may be a component of."""
+    names = list(grid.point_data)
+    return field in names or any(component(field, names, axes) for axes in (FIXED, ABOUT_AN_AXIS))
 
 
 def _check_grid(file: Path, cells: np.ndarray, points: np.ndarray, nodes: int) -> None:

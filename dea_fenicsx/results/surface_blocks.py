@@ -75,7 +75,7 @@ def step_xml(
     found = xdmf.fields_in(file, prefix, xdmf.stamp(file)) or {"node": {}}
     source = f"{mesh_file.relative_to(root).as_posix()}:/{mesh_prefix}"
     place = f"{file.relative_to(root).as_posix()}:/{prefix}node/"
-    values = [xdmf.attribute(n, shape, f"{place}{n}") for n, shape in found["node"].items()]
+    values = [xdmf.attribute(n, size, f"{place}{n}") for n, size in found["node"].items()]
     lines = [f'   <Grid Name={quoteattr(name)} GridType="Collection" CollectionType="Spatial">',
              f'    <Time Value="{time:.12g}"/>']  # fmt: skip
     for key, shape, kind, _ in wanted:

@@ -4,6 +4,15 @@ from __future__ import annotations
 
 from urllib.parse import quote, unquote
 
+NODAL = "nodal"
+"""Group in the HDF5 files of the split grid and of its fields."""
+
+ORIGIN = "node"
+"""Name of the numbers that the nodes of a split grid have in the device's grid."""
+
+NODAL_DOCUMENT = "nodal.xdmf"
+"""The document of the fields at nodes; that of a surface has another beginning."""
+
 SURFACES = "surfaces"
 """The group that holds those of all surfaces."""
 

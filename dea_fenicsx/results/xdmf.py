@@ -15,6 +15,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import h5py
 
+from dea_fenicsx.results.surface_names import ORIGIN
 from dea_fenicsx.support.cell_types import BY_DEGREE
 
 FACETS = "facets"
@@ -51,6 +52,7 @@ class MeshFile:
     kind : XDMF's name of the cells
     facets : of each named surface its key, the shape of its table, XDMF's name of its cells, and
         whether it is an electrode
+    origin : whether it is split and has the numbers of its nodes in another grid
     note : its regions, and the axes by which components are ordered
     """
 
@@ -58,6 +60,7 @@ class MeshFile:
     points: tuple[int, int]
     kind: str
     facets: tuple[tuple[str, tuple[int, int], str, bool], ...]
+    origin: bool
     note: str
 
 
@@ -68,14 +71,20 @@ class MeshFile:
 @lru_cache(maxsize=20_000)
 def fields_in(
     file: Path, prefix: str, changed: Stamp
-) -> dict[str, dict[str, tuple[int, ...]]] | None:
-    """Shapes of the fields at nodes and of cells in a group of a file; None if it is not there."""
+) -> dict[str, dict[str, tuple[tuple[int, ...], int]]] | None:
+    """The fields at nodes and of cells in a group of a file; None if it is not there.
+
+    Each has its shape and the bytes of a number.
+    """
     with h5py.File(file, locking=False) as h5:
         if prefix and prefix not in h5:
             return None
         where = h5[prefix] if prefix else h5
         return {
-            group: {name: data.shape for name, data in where.get(group, {}).items()}
+            group: {
+                name: (data.shape, data.dtype.itemsize)
+                for name, data in where.get(group, {}).items()
+            }
             for group in ("node", "cell")
         }
 
@@ -95,8 +104,9 @@ def mesh_in(file: Path, prefix: str, changed: Stamp) -> MeshFile:
             for key, table in where.get(FACETS, {}).items()
         )  # fmt: skip
         return MeshFile(
-            where["cells"].shape, where["points"].shape, kind, facets, _note(where.attrs)
-        )
+            where["cells"].shape, where["points"].shape, kind, facets, ORIGIN in where,
+            _note(where.attrs),
+        )  # fmt: skip
 
 
 def note_of(mesh: tuple[Path, str]) -> str:
@@ -131,13 +141,17 @@ def grid_xml(
     head = f'   <Grid Name="{name}" GridType="Uniform">\n    <Time Value="{time:.12g}"/>\n'
     lines = [
         *geometry(here.kind, here.cells, f"{source}cells", here.points, f"{source}points"),
-        _attribute("region", "Scalar", "Cell", here.cells[:1], "Int", f"{source}regions"),
+        _attribute("region", "Scalar", "Cell", _item(here.cells[:1], "Int", f"{source}regions")),
         *(
-            attribute(field, shape, f"{place}{group}/{field}", group.capitalize())
-            for group, shapes in found.items()
-            for field, shape in shapes.items()
+            [_attribute(ORIGIN, "Scalar", "Node", _item(here.points[:1], "Int", source + ORIGIN))]
+            if here.origin else []
         ),
-    ]
+        *(
+            attribute(field, size, f"{place}{group}/{field}", group.capitalize())
+            for group, sizes in found.items()
+            for field, size in sizes.items()
+        ),
+    ]  # fmt: skip
     return head + "\n".join([*lines, "   </Grid>\n"])
 
 
@@ -173,27 +187,27 @@ def geometry(
     ]
 
 
-def attribute(name: str, shape: tuple[int, ...], where: str, center: str = "Node") -> str:
-    """A field at nodes or of cells: its name, its shape and where it lies."""
+def attribute(
+    name: str, size: tuple[tuple[int, ...], int], where: str, center: str = "Node"
+) -> str:
+    """A field at nodes or of cells: its name, its shape with the bytes of a number, its place."""
+    shape, precision = size
     kind = _KINDS[shape[1] if len(shape) > 1 else 1]
-    return _attribute(name, kind, center, shape, "Float", where)
+    return _attribute(name, kind, center, _item(shape, "Float", where, precision))
 
 
-def _item(shape: tuple[int, ...], kind: str, where: str) -> str:
+def _item(shape: tuple[int, ...], kind: str, where: str, precision: int = 8) -> str:
     size = " ".join(map(str, shape))
-    precision = 8
     return (
         f'     <DataItem Dimensions="{size}" NumberType="{kind}" Precision="{precision}" '
         f'Format="HDF">{escape(where)}</DataItem>'
     )
 
 
-def _attribute(
-    name: str, kind: str, center: str, shape: tuple[int, ...], number: str, where: str
-) -> str:
+def _attribute(name: str, kind: str, center: str, item: str) -> str:
     return (
         f'    <Attribute Name={quoteattr(name)} AttributeType="{kind}" Center="{center}">\n'
-        f"{_item(shape, number, where)}\n    </Attribute>"
+        f"{item}\n    </Attribute>"
     )
 
 

@@ -20,6 +20,7 @@ from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
+from dea_fenicsx.results.kept_states import KeptStates
 from dea_fenicsx.results.moment import moment_of
 from dea_fenicsx.results.stored_state import about
 from dea_fenicsx.run.step_checks import Checked, check_step
@@ -55,6 +56,8 @@ class Journal:
         One row for each step.
     found
         The first occurrence of each failure.
+    states
+        The latest states, in memory.
     earlier_s
         Wall time in s of the earlier run that this one continues.
     start
@@ -72,6 +75,7 @@ class Journal:
     identity: Callable[[], dict[str, Any]]
     history: History = field(default_factory=History)
     found: list[dict[str, Any]] = field(default_factory=list)
+    states: KeptStates = field(default_factory=KeptStates)
     earlier_s: float = 0.0
     start: dict[str, Any] | None = None
     started: float = field(default_factory=time.perf_counter)
@@ -136,6 +140,7 @@ class Journal:
             self._note_failure("pull-in", row, None)
         if self.folder and self.writer:
             self._write(step, row, {f.column: values for f, _, values in read})
+        self.states.put(len(self.history) - 1, step.state)
         self._report(row, now - self._step_started, self.share(cursor), counting)
         self._step_started = time.perf_counter()
 
@@ -209,7 +214,8 @@ class Journal:
             "failures": self.found,
             "wall_s": row["wall_s"],
         }  # fmt: skip
-        cells = self.writer.cell_fields()
+        evaluated = self.writer.evaluate()
+        cells = self.writer.cell_fields(evaluated)
         for column, mine in by_cell.items():
             values = self.writer.gather(mine)
             if cells is not None and values is not None:
@@ -218,10 +224,11 @@ class Journal:
         shape = self.writer.vector(step.mode) if step.mode is not None else None
         folder, grid = self.folder, self.writer.grid
         surfaces = self.writer.surface_fields(nodes, cells)
+        nodal = self.writer.nodal_fields(nodes, evaluated)
 
         def write() -> None:
             folder.write_step(
-                step.cursor.step, told, self.history, nodes, cells, state, surfaces
+                step.cursor.step, told, self.history, nodes, cells, state, surfaces, nodal
             )
             if shape is not None:
                 folder.write_mode(step.cursor.step, grid, nodes, shape)

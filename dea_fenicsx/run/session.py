@@ -155,7 +155,8 @@ class _Session:
         cursor = self._load(journal) if self.given.resume and folder else None
         begin = self._begin(journal) if cursor is None else None
         self._open(journal, cursor, begin)
-        result = Run(journal.history, {}, journal.solver.problem, folder)
+        problem, states = journal.solver.problem, journal.states
+        result = Run(journal.history, {}, problem, folder, states, self.record)
         closing = Closing(journal, result, self.given.settings or {})
         closing.summarise("running")
         try:
@@ -222,7 +223,10 @@ class _Session:
             folder.keep_origin()
             self.progress.log = folder.path / "run.log"
             blocks = Blocks(writer.named_facets(), electrode_surfaces(self.scene))
-            folder.write(lambda: folder.write_grid(writer.grid, writer.surface_grids, blocks))
+            nodal = writer.split(blocks.facets)
+            folder.write(
+                lambda: folder.write_grid(writer.grid, writer.surface_grids, blocks, nodal)
+            )
         self.progress.say(
             f"{self.scene.device.source or 'device'}: {journal.solver.problem.unknowns} unknowns, "
             f"{self.comm.size} rank{'s' * (self.comm.size > 1)}"

@@ -136,6 +136,15 @@ def cofactor(F: Any) -> tuple[Any, Any]:
     return as_matrix([[bc[i], ca[i], ab[i]] for i in range(3)]), dot(a, bc)
 
 
+def change_of_cofactor(F: Any, G: Any) -> Any:
+    """The derivative of the cofactor of F in the direction G; both are 3 x 3."""
+    a, b, c = (as_vector([F[i, j] for i in range(3)]) for j in range(3))
+    d, e, f = (as_vector([G[i, j] for i in range(3)]) for j in range(3))
+    bc, ca, ab = (_cross(b, f) + _cross(e, c), _cross(c, d) + _cross(f, a),
+                  _cross(a, e) + _cross(d, b))  # fmt: skip
+    return as_matrix([[bc[i], ca[i], ab[i]] for i in range(3)])
+
+
 def _cross(a: Any, b: Any) -> Any:
     return as_vector(
         [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]

@@ -18,8 +18,8 @@ from dea_fenicsx.exact import elastic_stress
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0
 
-COMPLETED, LOST, REFUSED, FAILED = VERDICTS = (
-    "completed", "equilibrium lost", "refused", "solver failed",
+COMPLETED, LOST, REFUSED, FAILED, NOT_REACHED = VERDICTS = (
+    "completed", "equilibrium lost", "refused", "solver failed", "not reached",
 )  # fmt: skip
 
 
@@ -55,6 +55,8 @@ def verdict(it: Case) -> tuple[str, str]:
         return REFUSED, str(error)
     except dea.EquilibriumLost as error:
         return LOST, str(error)
+    except dea.NotReached as error:
+        return NOT_REACHED, str(error)
     except dea.SolverError as error:
         return FAILED, str(error)
     except AssertionError as error:
