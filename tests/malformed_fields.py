@@ -267,13 +267,13 @@ FIELDS = {
     dea.Frequency: (lambda **g: solve(record={"it": dea.Frequency(**g)}, changes=HEAVY), {}),
     dea.KineticEnergy: (recorded(dea.KineticEnergy), {}),
     dea.Momentum: (recorded(dea.Momentum), dict(axis="x")),
+    dea.AngularMomentum: (recorded(dea.AngularMomentum), dict(axis="z")),
     dea.LatinHypercube: (
         lambda **g: dea.study(scene, dea.LatinHypercube(**g), {}, out="/dev/null/study"),
         dict(ranges={"x": (0.0, 1.0)}, count=2, seed=1)),
     dea.ShapeChange: (
         lambda **g: derived().sensitivity("up", [dea.ShapeChange(**g)]),
         dict(name="height", velocity=lambda X: 0 * X)),
-    dea.AngularMomentum: (recorded(dea.AngularMomentum), dict(axis="z")),
     geometry.Layer: (geometry.Layer, dict(name="film", thickness=1e-3)),
     geometry.BoxStack: (BoxStack, dict(length=1e-3, width=1e-3, layers=[Layer("film", 1e-3)])),
     geometry.DiskStack: (geometry.DiskStack, dict(radius=1e-2, layers=[Layer("film", 1e-3)])),
