@@ -103,6 +103,14 @@ def test_nothing_creeps(there_and_back):
         assert many[name] == pytest.approx(there_and_back.history[6][name], rel=1e-8)
 
 
+def test_along_an_arc(there_and_back):
+    """A trace leads over the onset of sliding to the state of a ramp."""
+    trace = dea.Trace("shear", first=0.2, until=("shear_factor", 1.0), steps=60)
+    row = solved(layer(), [PRESSED, trace]).history[-1]
+    for name in ("t_N", "u_m", "w_J"):
+        assert row[name] == pytest.approx(there_and_back.history[6][name], rel=1e-6)
+
+
 # -------------------------------------------------------------- a block that is not homogeneous
 
 def pushed(comm=MPI.COMM_SELF):
