@@ -78,8 +78,10 @@ class AirBox(Geometry):
             raise InputError(
                 f"AirBox: region is {self.region!r}, the name of a layer; call the air otherwise."
             )
-        volumes = {self.region} | {layer.name for layer in self.stack.layers}
-        refuse_clash("AirBox", volumes, set(self.measures()) - volumes)
+        layers = {layer.name for layer in self.stack.layers}
+        facets = set(self.stack.measures()) - layers
+        facets |= {"walls", *(f"{side}_air" for side in all_sides)}
+        refuse_clash("AirBox", layers | {self.region}, facets)
 
     def _pairs(self) -> list[tuple[str, str]]:
         """The two sides of the stack along each direction."""
