@@ -28,6 +28,8 @@ if TYPE_CHECKING:
         Table,
         Triangle,
     )
+    from dea_fenicsx.gradients.adjoint import Gradient
+    from dea_fenicsx.gradients.variables import ShapeChange
     from dea_fenicsx.materials import (
         ArrudaBoyce,
         Breakdown,
@@ -56,11 +58,12 @@ if TYPE_CHECKING:
         ContactForce,
         ContactGap,
         ContactPressure,
+        FrictionWork,
     )
     from dea_fenicsx.measure.currents import ChargeLoss, Current
     from dea_fenicsx.measure.energy import Dissipation, Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
-    from dea_fenicsx.measure.in_motion import KineticEnergy, Momentum
+    from dea_fenicsx.measure.in_motion import AngularMomentum, KineticEnergy, Momentum
     from dea_fenicsx.measure.line import AlongLine, Curvature
     from dea_fenicsx.measure.observables import (
         Area,
@@ -87,7 +90,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.mesh.device import Device, device, read_gmsh
     from dea_fenicsx.mesh.from_dolfinx import from_dolfinx
     from dea_fenicsx.mesh.places import InBox, InCylinder, Interior, OnCylinder, OnPlane
-    from dea_fenicsx.path.items import Close, Inertia, March, Open, Ramp, Trace
+    from dea_fenicsx.path.items import Close, Inertia, InMotion, March, Open, Ramp, Trace
     from dea_fenicsx.results.finished import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
@@ -134,8 +137,12 @@ if TYPE_CHECKING:
     from dea_fenicsx.scene.sources import Source
     from dea_fenicsx.scene.springs import BistableLaw, CubicLaw, ElasticFoundation, Spring
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
+    from dea_fenicsx.scene.table_law import TableLaw
     from dea_fenicsx.scene.taper import Taper
+    from dea_fenicsx.scene.torsion import TorsionSpring
     from dea_fenicsx.solvers.options import NewtonOptions
+    from dea_fenicsx.studies.samples import LatinHypercube
+    from dea_fenicsx.studies.study import Study, study
     from dea_fenicsx.support.errors import (
         DeaError,
         EquilibriumLost,
@@ -161,11 +168,17 @@ _HOME = {
     "scene.rigid": ("Force", "Moment", "Rigid", "Turn"),
     "scene.sources": ("Source",),
     "scene.springs": ("BistableLaw", "CubicLaw", "ElasticFoundation", "Spring"),
+    "scene.table_law": ("TableLaw",),
+    "scene.torsion": ("TorsionSpring",),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
+    "studies.samples": ("LatinHypercube",),
+    "studies.study": ("Study", "study"),
     "support.errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
         "SolverError",
     ),
+    "gradients.adjoint": ("Gradient",),
+    "gradients.variables": ("ShapeChange",),
     "measure.failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
     "scene.kinematics": (
         "Axisymmetric", "GeneralisedPlaneStrain", "Helical", "PlaneStrain", "ThreeD",
@@ -187,7 +200,9 @@ _HOME = {
         "OverallContraction", "OverallForce", "OverallStretch", "OverallTorque", "OverallTwist",
     ),
     "results.reading": ("read_history", "read_summary"),
-    "measure.contact": ("ContactArea", "ContactForce", "ContactGap", "ContactPressure"),
+    "measure.contact": (
+        "ContactArea", "ContactForce", "ContactGap", "ContactPressure", "FrictionWork",
+    ),
     "measure.currents": ("ChargeLoss", "Current"),
     "measure.energy": ("Dissipation", "Energy"),
     "measure.line": ("AlongLine", "Curvature"),
@@ -197,7 +212,7 @@ _HOME = {
     "measure.rigid_part": ("PartDisplacement", "PartForce", "PartMoment", "PartRotation"),
     "measure.rotation": ("BendingAngle", "Rotation"),
     "measure.vibration": ("Frequency",),
-    "measure.in_motion": ("KineticEnergy", "Momentum"),
+    "measure.in_motion": ("AngularMomentum", "KineticEnergy", "Momentum"),
     "results.finished": ("Run",),
     "run.session": ("solve",),
     "run.modes": ("Modes", "modes"),
@@ -208,7 +223,7 @@ _HOME = {
     "drives.waves": (
         "Chirp", "Constant", "Function", "Rise", "Sine", "Square", "Step", "Table", "Triangle",
     ),
-    "path.items": ("Close", "Inertia", "March", "Open", "Ramp", "Trace"),
+    "path.items": ("Close", "Inertia", "InMotion", "March", "Open", "Ramp", "Trace"),
     "results.per_turn": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}

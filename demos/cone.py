@@ -78,10 +78,11 @@ def main():
     except dea.InputError:  # no membrane is in equilibrium there
         thin = None
     tops = [row for row in run.history if row["event"] == "maximum"]
+    unit = args.thickness * B * np.sqrt(args.mu / (3.0 * EPSILON_0))  # V at the field 1
     run.add(
         deflection=None if args.trace and args.field else run["deflection_m"] / B,
         thin_membrane_deflection=thin,
-        pull_in_field=args.field * tops[0]["voltage_factor"] if tops else None,
+        pull_in_field=tops[0]["voltage_V"] / unit if tops else None,
         pull_in_deflection=tops[0]["deflection_m"] / B if tops else None,
     )
     if MPI.COMM_WORLD.rank == 0 and not args.quiet:

@@ -58,7 +58,7 @@ def parse():
     parser.number("--rate", None, "1/s", "rate of the nominal field, in units of sqrt(G/eps)")
     parser.number("--field", None, "-", "constant nominal field, in units of sqrt(G/eps)")
     parser.count("--mesh", 1, "1 for one hexahedron, 2 for tetrahedra of any shape", (1, 2))
-    parser.number("--tolerance", 1e-6, "-", "largest error of a step in the viscous strains")
+    parser.number("--tolerance", 1e-8, "-", "largest error of a step in the viscous strains")
     parser.number("--mu", 15.36e3, "Pa", "equilibrium shear modulus G; the branches go with it")
     parser.number("--thickness", 1e-3, "m", "thickness of the film")
     return parser, parser.parse_args()
@@ -90,7 +90,7 @@ def main():
             f"--field is {args.field:g}, under which the film does not pull in within "
             f"{seconds:.3g} s; below {slow:.5f} it never does."
         )
-    path = dea.March(seconds, {"voltage": drive}, tolerance=args.tolerance)
+    path = dea.March(seconds, {"voltage": drive}, tolerance=args.tolerance, order=3)
     run = solved(parser, args, film, unit, path)
     run.add(**findings(args, run, course, unit))
     if MPI.COMM_WORLD.rank == 0:

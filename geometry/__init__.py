@@ -14,6 +14,7 @@ from .base import Geometry, Layer
 from .grading import graded
 
 if TYPE_CHECKING:
+    from .air_box import AirBox
     from .box_stack import BoxStack
     from .dea_hinge import DEAHinge
     from .disc_capacitor import DiscCapacitor
@@ -28,12 +29,13 @@ if TYPE_CHECKING:
     from .tube import Tube
 
 __all__ = [
-    "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "FingerStack", "Geometry", "HDEA",
-    "HelicalCell", "HollowSphere", "KreslingCell", "Layer", "MembraneDisc", "StiffenedFilm",
+    "AirBox", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "FingerStack", "Geometry",
+    "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer", "MembraneDisc", "StiffenedFilm",
     "StiffenedSection", "Tube", "graded",
 ]  # fmt: skip
 
 _HOME = {
+    "AirBox": "air_box",
     "BoxStack": "box_stack",
     "DEAHinge": "dea_hinge",
     "DiscCapacitor": "disc_capacitor",

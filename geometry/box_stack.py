@@ -12,7 +12,7 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._structured import StructuredMesh, joined_ends, lattice
+from ._structured import Floats, Ints, StructuredMesh, joined_ends, lattice
 from .base import Geometry, Layer, checked_layers, refuse_clash
 from .grading import check_ends, graded
 
@@ -137,6 +137,12 @@ class BoxStack(Geometry):
 
     def mesh(self) -> StructuredMesh:
         """Nodes, cells and named parts as plain arrays."""
+        mesh, cell = lattice(self.cell_ends(), self.order)
+        self.name_parts(mesh, cell)
+        return mesh
+
+    def cell_ends(self) -> list[Floats]:
+        """Ends of the cells in m along x, y (in space only) and through the layers."""
         assert isinstance(self.divisions, tuple)
         assert isinstance(self.grading, tuple) and isinstance(self.ends, tuple)
         starts = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in self.layers])])
@@ -152,20 +158,33 @@ class BoxStack(Geometry):
             for size, n, g, e in zip(sizes, self.divisions, self.grading, self.ends, strict=True)
         ]
         ends[0] = ends[0] + self.x0
-        last = len(sizes)  # the direction through the layers
-        mesh, cell = lattice([*ends, through], self.order)
+        return [*ends, through]
 
+    def name_parts(self, mesh: StructuredMesh, cell: Sequence[Ints]) -> None:
+        """Name the layers and the facets of the stack in a mesh that may be larger.
+
+        Parameters
+        ----------
+        mesh
+            The mesh.
+        cell
+            Logical indices of every cell, counted from the first cell of the stack.
+        """
+        assert isinstance(self.divisions, tuple)
         bounds = np.cumsum([0] + [layer.divisions for layer in self.layers])
+        counts = [*self.divisions, int(bounds[-1])]
+        last = len(counts) - 1  # the direction through the layers
+        inside = np.all([(c >= 0) & (c < n) for c, n in zip(cell, counts, strict=True)], axis=0)
         for i, layer in enumerate(self.layers):
-            mesh.add_region(layer.name, (cell[last] >= bounds[i]) & (cell[last] < bounds[i + 1]))
+            here = (cell[last] >= bounds[i]) & (cell[last] < bounds[i + 1])
+            mesh.add_region(layer.name, inside & here)
         for axis, letter in enumerate("xy"[:last]):
-            mesh.add_facets(f"{letter}_min", cell[axis] == 0, axis, 0)
-            mesh.add_facets(f"{letter}_max", cell[axis] == self.divisions[axis] - 1, axis, 1)
-        mesh.add_facets("bottom", cell[last] == 0, last, 0)
-        mesh.add_facets("top", cell[last] == bounds[-1] - 1, last, 1)
+            mesh.add_facets(f"{letter}_min", inside & (cell[axis] == 0), axis, 0)
+            mesh.add_facets(f"{letter}_max", inside & (cell[axis] == counts[axis] - 1), axis, 1)
+        mesh.add_facets("bottom", inside & (cell[last] == 0), last, 0)
+        mesh.add_facets("top", inside & (cell[last] == bounds[-1] - 1), last, 1)
         for i in range(1, len(self.layers)):
-            mesh.add_facets(f"interface_{i}", cell[last] == bounds[i] - 1, last, 1)
-        return mesh
+            mesh.add_facets(f"interface_{i}", inside & (cell[last] == bounds[i] - 1), last, 1)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 
 import numpy as np
@@ -63,6 +64,19 @@ def check_fringe(out, printed):
     assert s["capacitance_over_eps0_a"] == pytest.approx(5.55210894, rel=5e-3)
     assert s["parallel_plates_over_eps0_a"] == pytest.approx(np.pi / 2, rel=1e-12)
     assert abs(s["charge_balance"]) < 1e-6
+
+
+def check_folding(out, printed):
+    """The panels meet the rod; from there on the force is larger than without it."""
+    s = summary(out)
+    assert s["case"] == "storey" and s["pull_in_voltage_V"] is None
+    assert 5e-3 < s["panels_meet_at_stroke_m"] < 6.5e-3  # own value, 2026-11
+    assert s["stroke_reached_m"] == pytest.approx(7e-3, rel=1e-9)
+    assert s["contact_changes_force_by"] > 0.03
+    assert s["twist_at_stroke_deg"] < s["twist_without_contact_deg"]
+    with_rod, free = (dea.read_history(folder) for folder in (out, out / "without_rod"))
+    before = with_rod["pressure_Pa"] == 0
+    assert np.allclose(with_rod["force_N"][before], free["force_N"][before], rtol=1e-6)
 
 
 def check_zipping(out, printed):
@@ -358,3 +372,32 @@ def check_gripper(out, printed):
     assert s["grip_force_N"] == pytest.approx(4.442e-3, rel=5e-3)
     assert 0 < s["contact_area_m2"] < 5e-6
     assert "each finger pushes" in printed
+
+
+def check_sensitivity(out, printed):
+    s = summary(out)
+    errors = {name: value for name, value in s.items() if name.startswith("tip_by_") and
+              name.endswith("_error")}  # fmt: skip
+    assert len(errors) == 6
+    assert max(errors.values()) < 1e-5  # that of a difference with a step of 0.1 %
+    assert s["pull_in_error"] < 1e-8
+    assert s["adjoint_residual"] < 1e-9
+    assert "differences agree" in printed
+    assert (out / "sensitivity.png").exists()
+
+
+def check_study(out, printed):
+    s = summary(out)
+    assert s["runs"] == 4 and s["completed"] + s["failed"] == 4
+    with (out / "table.csv").open() as f:
+        rows = list(csv.DictReader(f))
+    table = {n: np.array([float(row[n]) for row in rows])
+             for n in ("stretch", "thickness", "area_m2")}  # fmt: skip
+    assert sorted(set(table["stretch"])) == [1.0, 4.0]
+    # A film that is stretched 4 times is 16 times thinner: its gain of area at a voltage is larger.
+    gain = table["area_m2"] / (np.pi * (4e-3 * table["stretch"]) ** 2) - 1
+    thick = table["thickness"] == 1e-3
+    (little,), (much,) = (gain[thick & (table["stretch"] == stretch)] for stretch in (1.0, 4.0))
+    assert much > 10 * little > 0
+    assert "largest gain of area" in printed
+    assert (out / "study.png").exists()

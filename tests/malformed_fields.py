@@ -51,8 +51,15 @@ def touched(kind, kinematics=None):
 
 def pressing(kind):
     """Record an observable of a scene with an obstacle."""
-    supports = [dea.Clamp("bottom"), dea.Obstacle("top", PLANE)]
+    friction = 0.3 if kind is dea.FrictionWork else 0.0
+    supports = [dea.Clamp("bottom"), dea.Obstacle("top", PLANE, friction=friction)]
     return lambda **given: solve(record={"x": kind(**given)}, changes={"supports": supports})
+
+
+@functools.cache
+def derived():
+    """A run whose observable has derivatives."""
+    return solve(record={"up": dea.MeanDisplacement("top", "y")})
 
 
 SOURCE = [dea.Source("top", 100.0), dea.Ground("bottom")]
@@ -200,6 +207,7 @@ FIELDS = {
     dea.ContactArea: (pressing(dea.ContactArea), dict(where="top")),
     dea.ContactPressure: (pressing(dea.ContactPressure), dict(where="top")),
     dea.ContactGap: (pressing(dea.ContactGap), dict(where="top")),
+    dea.FrictionWork: (pressing(dea.FrictionWork), dict(where="top")),
     dea.Rigid: (in_scene(dea.Rigid, "supports"), dict(where="top")),
     dea.Turn: (in_scene(dea.Turn, "prescribed"), dict(where="top", radians=1.0)),
     dea.Moment: (in_scene(dea.Moment, "loads"), dict(where="top", newton_metres=1.0)),
@@ -211,6 +219,8 @@ FIELDS = {
     dea.Spring: (in_scene(dea.Spring, "supports"), dict(where="top", law=1.0, axis="y")),
     dea.CubicLaw: (dea.CubicLaw, dict(linear=1.0)),
     dea.BistableLaw: (dea.BistableLaw, dict(newtons=1.0, metres=1e-3)),
+    dea.TableLaw: (dea.TableLaw, dict(elongations=(0.0, 1e-3), forces=(0.0, 1.0))),
+    dea.TorsionSpring: (in_scene(dea.TorsionSpring, "supports"), dict(where="top", law=1.0)),
     dea.ElasticFoundation: (
         in_scene(dea.ElasticFoundation, "supports"),
         dict(where="top", newtons_per_cubic_metre=1e6)),
@@ -251,12 +261,25 @@ FIELDS = {
     dea.PartRotation: (recorded(dea.PartRotation), dict(where="top")),
     dea.Inertia: (
         lambda **g: solve(path=dea.March(1.0, inertia=dea.Inertia(**g)), changes=HEAVY), {}),
+    dea.InMotion: (
+        lambda **g: solve(path=dea.Ramp(at_loss=dea.InMotion(**g)), changes=HEAVY),
+        dict(inertia=dea.Inertia(drag=1.0))),
     dea.Frequency: (lambda **g: solve(record={"it": dea.Frequency(**g)}, changes=HEAVY), {}),
     dea.KineticEnergy: (recorded(dea.KineticEnergy), {}),
     dea.Momentum: (recorded(dea.Momentum), dict(axis="x")),
+    dea.LatinHypercube: (
+        lambda **g: dea.study(scene, dea.LatinHypercube(**g), {}, out="/dev/null/study"),
+        dict(ranges={"x": (0.0, 1.0)}, count=2, seed=1)),
+    dea.ShapeChange: (
+        lambda **g: derived().sensitivity("up", [dea.ShapeChange(**g)]),
+        dict(name="height", velocity=lambda X: 0 * X)),
+    dea.AngularMomentum: (recorded(dea.AngularMomentum), dict(axis="z")),
     geometry.Layer: (geometry.Layer, dict(name="film", thickness=1e-3)),
     geometry.BoxStack: (BoxStack, dict(length=1e-3, width=1e-3, layers=[Layer("film", 1e-3)])),
     geometry.DiskStack: (geometry.DiskStack, dict(radius=1e-2, layers=[Layer("film", 1e-3)])),
+    geometry.AirBox: (
+        geometry.AirBox, dict(stack=geometry.BoxStack(1e-3, None, [geometry.Layer("film", 1e-3)]),
+                              thickness=1e-3, sides=("top",))),
     geometry.DiscCapacitor: (
         geometry.DiscCapacitor, dict(radius=1e-2, gap=1e-2, box=1e-1, divisions=(2, 2, 2))),
     geometry.MembraneDisc: (
@@ -269,6 +292,9 @@ FIELDS = {
     geometry.HDEA: (geometry.HDEA, {}),
     geometry.HelicalCell: (geometry.HelicalCell, {}),
     exact.Balloon: (exact.Balloon, dict(inner=1e-2, outer=1.2e-2, mu=5e4)),
+    exact.RoundBalloon: (
+        exact.RoundBalloon, dict(inner=1e-2, outer=1.2e-2, material=RUBBER)
+    ),
     exact.Film: (exact.Film, dict(material=RUBBER, thickness=1e-3)),
     exact.Helicoid: (exact.Helicoid, dict(outer_radius=1e-2, inner_radius=5e-3, elastomer=1e-3)),
     origami.Kresling: (origami.Kresling, dict(side=5e-2, edge=7e-2)),

@@ -10,9 +10,12 @@ from dea_fenicsx.materials import EPSILON_0
 
 
 def rubber(viscous=(), **changes):
-    """A neo-Hookean dielectric."""
-    given = {"density": 1.0, "viscous": viscous} | changes
-    return dea.Material(dea.NeoHookean(1.0), dea.IdealDielectric(1 / EPSILON_0), **given)
+    """A neo-Hookean dielectric, unless changes say otherwise."""
+    given = {
+        "elastic": dea.NeoHookean(1.0), "electric": dea.IdealDielectric(1 / EPSILON_0),
+        "density": 1.0, "viscous": viscous,
+    }  # fmt: skip
+    return dea.Material(**(given | changes))
 
 
 def sphere(volts=0.0, pressure=0.0, part="half", cells=(2, 6), comm=MPI.COMM_SELF, **material):

@@ -209,6 +209,7 @@ EXAMPLES = {
     "Cavity": ("top", None, 1e-9, None, 1e5, 1.0, None, 0.0, "", "z"),
     "Force": ("x_max", (1.0, 2.0)),
     "Spring": ("x_max", 10.0, "x"), "ElasticFoundation": ("x_max", 1e6),
+    "TorsionSpring": ("x_max", 1e-3),
     "Gravity": ((0.0, 0.0, -9.81),), "Centrifugal": (10.0,),
     "BodyForce": ("film", (0.0, 0.0, 1.0)),
 }  # fmt: skip

@@ -20,6 +20,7 @@ from demo_checks import (
     check_disc,
     check_first_actuator,
     check_fit,
+    check_folding,
     check_fringe,
     check_gripper,
     check_harvest,
@@ -31,10 +32,12 @@ from demo_checks import (
     check_prestretch,
     check_pull_in,
     check_pump,
+    check_sensitivity,
     check_single_layer,
     check_sldea,
     check_spring_cone,
     check_stiffened,
+    check_study,
     check_tube,
     check_viscous_film,
     check_viscous_fit,
@@ -43,9 +46,13 @@ from demo_checks import (
     summary,
 )
 from motion_demo_checks import (
+    check_balloon_branches,
     check_balloon_motion,
     check_balloon_response,
+    check_beam_in_motion,
+    check_loudspeaker,
     check_membrane_modes,
+    check_snap_in_motion,
     check_strip_frequency,
 )
 
@@ -314,6 +321,7 @@ def check_read_results(out, printed):
 
 
 CHECKS = {
+    "balloon_branches.py": (check_balloon_branches, []),
     "balloon_gas.py": (check_balloon, ["--outside-pressure", 0, "--voltage", 0.1]),
     "balloon_motion.py": (check_balloon_motion, ["--voltage", 0.05, "--steps", 120]),
     "balloon_response.py": (check_balloon_response, ["--omega", 3.2]),
@@ -331,7 +339,7 @@ CHECKS = {
     "speed_vs_error.py": (check_speed_vs_error, []),
     "fit_rubber.py": (check_fit, []),
     "fringe_capacitor.py": (check_fringe, []),
-    "zipping_or_folding.py": (check_zipping, []),
+    "zipping_or_folding.py": (check_folding, []),
     "fit_viscous.py": (check_viscous_fit, []),
     "harvesting_cycle.py": (check_harvest, ["--leak", 0.2, "--low", 2, "--high", 2.5]),
     "hdea_bending.py": (check_bending, ["--voltage", 4000, "--steps", 1, "--curvature", 5]),
@@ -344,6 +352,10 @@ CHECKS = {
     "kresling_cell.py": (check_cell, ["--mesh", 1, "--steps", 8, "--stroke", 0.01,
                                       "--held-stroke", 0.0002]),
     "kresling_kinematics.py": (check_kresling, []),
+    "beam_in_motion.py": (check_beam_in_motion, ["--steps", 10, "--seconds", 0.2, "--at", 0.1,
+                                                 0.2]),
+    "loudspeaker.py": (check_loudspeaker, ["--frequencies", 12, "--cells", 10]),
+    "snap_in_motion.py": (check_snap_in_motion, ["--tolerance", 1e-3]),
     "membrane_modes.py": (check_membrane_modes, ["--angular", 16, "--radial", 5]),
     "membrane_disc.py": (check_disc, ["--mesh", 1]),
     "minimum_energy_structure.py": (check_minimum_energy, []),
@@ -351,6 +363,7 @@ CHECKS = {
     "own_material.py": (check_own_material, []),
     "prestretch.py": (check_prestretch, []),
     "pull_in.py": (check_pull_in, []),
+    "sensitivity.py": (check_sensitivity, ["--cells", 4]),
     "pump.py": (check_pump, ["--steps", 4]),
     "read_results.py": (check_read_results, []),
     "sldea.py": (check_sldea, []),
@@ -358,6 +371,7 @@ CHECKS = {
     "snap_through.py": (check_snap_through, ["--mesh", "irregular"]),
     "spring_cone.py": (check_spring_cone, ["--cells", 8]),
     "stiffened_membrane.py": (check_stiffened, ["--models", "gent", "--model", "gent"]),
+    "study.py": (check_study, ["--thicknesses", 2, "--stretches", 2, "--materials", 1]),
     "strip_frequency.py": (check_strip_frequency, ["--cells", 12]),
     "tube.py": (check_tube, ["--steps", 2]),
     "viscous_film.py": (check_viscous_film, ["--rate", 1.6, "--tolerance", 1e-5]),
@@ -400,6 +414,13 @@ def test_growth_table_of_ten_layers(start, tmp_path):
     wrong = start(DEMOS / "hdea_ten_layer.py", "--table", 0, "--out", tmp_path)
     assert wrong.returncode == 2
     assert wrong.stderr.strip().endswith("must hold whole numbers of at least 1.")
+
+
+@pytest.mark.demo
+def test_zipping(start, tmp_path):
+    done = start(DEMOS / "zipping_or_folding.py", "--case", "zip", "--out", tmp_path, "--quiet",
+                 check=True)  # fmt: skip
+    check_zipping(tmp_path, done.stdout)
 
 
 @pytest.mark.demo

@@ -20,6 +20,7 @@ import pytest
 
 from dea_fenicsx.geometry import (
     HDEA,
+    AirBox,
     BoxStack,
     DEAHinge,
     DiscCapacitor,
@@ -94,10 +95,15 @@ DEVICES |= {
     "stiffened section": StiffenedSection(),
     "stiffened section inside": StiffenedSection(offset=0.0, strip=(0.0, 9e-3)),
     "cell films": HelicalCell(films=True),
+    "air box": AirBox(BoxStack(1.0, 2.0, [Layer("a", 0.1), Layer("b", 0.3)], (3, 2)), 0.5,
+                      sides=("x_max", "y_min", "y_max", "top"), divisions=2),
+    "air box, strip": AirBox(BoxStack(1.0, None, [Layer("a", 0.1)] * 2, 5, order=1), 2.0),
 }
 OUTER = {
     "box": {"x_min", "x_max", "y_min", "y_max", "bottom", "top"},
     "strip": {"x_min", "x_max", "bottom", "top"},
+    "air box": {"walls", "x_min", "x_min_air", "bottom", "bottom_air"},
+    "air box, strip": {"walls"},
     "disk": {"bottom", "top", "side"},
     "disk inset": {"bottom", "top", "side"},
     "disk margin": {"bottom_active", "bottom_margin", "top_active", "top_margin", "side"},

@@ -6,10 +6,12 @@ import pytest
 from hard import (  # noqa: F401  (each enters its cases)
     air,
     cavities,
+    contacts,
     devices,
     films,
     marches,
     mechanisms,
+    motions,
     repeating,
     runs,
 )
@@ -56,8 +58,15 @@ PART = [
     "periodic: a mean strain of 4 in one go",
     "periodic: both faces held, and free to strain",
     "mechanism: gravity without density",
+    "motion: free flight over a thousand sizes of the body",
+    "motion: time steps a thousand times too long",
+    "motion: time steps a thousand times too long, conserving energy",
+    "motion: a voltage step ten times pull-in, in fixed steps",
+    "motion: more modes than unknowns",
     "mechanism: a rigid part on one facet",
     "mechanism: a spring of zero length",
+    "obstacle: a tenth of the layer deep in it at the start",
+    "friction: to and fro three times",
 ]
 
 

@@ -50,6 +50,24 @@ def test_second_order_in_displacement_velocity_and_pressure():
     assert np.abs(np.diff(p, 3)).max() < 0.02 * np.ptp(p)
 
 
+def test_second_order_after_a_jump_of_the_drive():
+    """The pressure falls to half at once in the midst of the march."""
+    drive = {"load": dea.Step(0.5, at=0.4, low=1.0)}
+    record = RADIUS | {
+        "p": dea.AtPoint((1.1, 0.0), "pressure"), "energy": dea.KineticEnergy()
+    }
+    runs = []
+    for steps in (20, 40, 80):
+        march = dea.March(0.8, drive, steps=steps, inertia=True)
+        scene = sphere(pressure=0.05, cells=(1, 2))
+        runs.append(dea.solve(scene, march, record, quiet=True, stability="never"))
+    for column in ("a_m", "p_Pa", "energy_J"):
+        coarse, middle, fine = (run[column] for run in runs)
+        assert 3.3 < (coarse - middle) / (middle - fine) < 4.7, column
+    after = runs[1].column("p_Pa")[runs[1].column("time_s") > 0.4 + 1e-9]
+    assert np.abs(np.diff(after, 3)).max() < 0.02 * np.ptp(after)
+
+
 def test_free_flight():
     """A free body that is thrown flies on without strain, at rest or spinning slowly."""
     record = {

@@ -11,6 +11,7 @@ from mpi4py import MPI
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.model import contact
+from dea_fenicsx.results.fields import FieldWriter
 
 MU, L = 5e4, 1e-3
 RUBBER = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(3.0))
@@ -190,6 +191,7 @@ REFUSED = {
     "is that of the third direction": dict(shape=dea.Cylinder((0, 3 * L), (1, 0, 0), L)),
     "must have 2: one for each": dict(displacement=(0, 0, 1e-4)),
     "tolerance of the obstacle": dict(tolerance=-1e-6),
+    "rounding allows no less than": dict(tolerance=1e-9),
     "an empty name": dict(displacement=(0, 1e-4), ramp=""),
     "must return one number": dict(shape=lambda x: x),
     "fails for a UFL vector": dict(shape=lambda x: x[2]),
@@ -275,3 +277,18 @@ def test_resuming(tmp_path):
     assert len(dea.read_history(tmp_path)["step"]) == 4
     again = dea.solve(dented(), WHOLE, record(-1), tmp_path, resume=True, quiet=True, options=TIGHT)
     assert again.history[-1]["f_N"] == pytest.approx(wanted["f_N"], rel=1e-9)
+
+
+def test_the_pressure_is_a_field():
+    """In a homogeneous block it is minus the true stress in each cell at the plane, 0 elsewhere."""
+    device, kinematics, supports, shape, way, *_ = PATCHES["plane strain"]
+    obstacle = dea.Obstacle("bottom", shape, displacement=way)
+    scene = dea.Scene(
+        device(), {"film": RUBBER}, kinematics=kinematics, supports=[*supports, obstacle]
+    )
+    run = dea.solve(scene, dea.Ramp("obstacle", steps=1), {}, quiet=True, options=TIGHT)
+    writer = FieldWriter(run.problem)
+    low = writer.grid.points[writer.grid.cells][..., 1].min(axis=1) < 1e-9
+    pressure = writer.cell_fields()["contact_pressure_Pa"]
+    assert pressure[low] == pytest.approx(-nominal(0.8, "plane") * 0.8, rel=1e-9)
+    assert low.any() and not pressure[~low].any()

@@ -36,6 +36,7 @@ from dea_fenicsx.exact.linear import (
 )
 from dea_fenicsx.exact.marching import march
 from dea_fenicsx.exact.pull_in_map import PullInMap, pull_in_map
+from dea_fenicsx.exact.round_balloon import RoundBalloon, RoundState, ShapeChange
 from dea_fenicsx.exact.states import (
     elastic_stress,
     maxwell_pressure,
@@ -98,6 +99,9 @@ __all__ = [
     "Harvest",
     "MODES",
     "Balloon",
+    "RoundBalloon",
+    "RoundState",
+    "ShapeChange",
     "disc_capacitance",
     "plate_capacitance",
 ]

@@ -55,8 +55,8 @@ class ElectrodeCharge:
         self.problem = problem
         assert problem.potential is not None
         self._phi = dolfinx.fem.Function(problem.potential.space)
-        shape = _profile_of(problem, electrode)
-        cells = _cells_of(problem, electrode, shape.x.array)
+        self._profile = shape = _profile_of(problem, electrode)
+        self._cells = cells = _cells_of(problem, electrode, shape.x.array)
         self._form = compat.compile_form(_flux(problem, cells, self._phi, shape, rate))
         late = _delayed_flux(problem, cells, shape) if rate == 1 else 0
         self._late = compat.compile_form(late) if late != 0 else None
@@ -69,6 +69,11 @@ class ElectrodeCharge:
             return found
         mine = float(np.real(dolfinx.fem.assemble_scalar(self._late)))
         return found + self.problem.comm.allreduce(mine, op=MPI.SUM) * self.problem.scales.charge
+
+    def form(self) -> Any:
+        """The form of the charge in the state's own potential, dimensionless, symbolic."""
+        phi = self.problem.space.symbolic(Role.POTENTIAL, self.problem.w)
+        return _flux(self.problem, self._cells, phi, self._profile)
 
     def of(self, potential: np.ndarray) -> float:
         """In C, in a potential by its local values, ghosts included, dimensionless.  Collective."""

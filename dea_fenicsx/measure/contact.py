@@ -21,7 +21,9 @@ from dea_fenicsx.support.validation import known, one_of
 
 @dataclass(frozen=True)
 class ContactForce:
-    """Force in N with which obstacles push a surface along an axis, int f dg/dx_a dA.
+    """Force in N with which obstacles act on a surface along an axis, int (f dg/dx + t)_a dA.
+
+    It is that of the contact pressure and of friction.
 
     In plane kinematics it is the force on the kinematics' depth, in axisymmetry that on the full
     circle.
@@ -50,10 +52,40 @@ class ContactForce:
             )
         component = 2 if kinematics.axis_of_rotation else axes.index(self.axis)
         forms = [
-            contact.integral(contact.force * contact.direction[component])
+            contact.integral(contact.traction[component])
             for contact in contacts_at(problem, self.where)
         ]
         return _integral(problem, sum(forms), problem.scales.force)
+
+
+@dataclass(frozen=True)
+class FrictionWork:
+    """Energy in J that friction on obstacles has turned into heat since the start of the path.
+
+    Parameters
+    ----------
+    where
+        A facet group of an `Obstacle` with friction, or several.
+    """
+
+    where: str | tuple[str, ...]
+    unit = "J"
+
+    def bind(self, problem: Problem) -> Measurement:
+        rubbing = [one.friction for one in contacts_at(problem, self.where) if one.friction]
+        if not rubbing:
+            raise InputError(
+                f"The obstacle at {label_of(self.where)!r} has no friction; give it friction=, or "
+                "leave FrictionWork out."
+            )
+        places = [problem.frictions.index(one) for one in rubbing]
+
+        def value() -> float:
+            mine = sum(float(problem.rubbed.spent[k].sum()) for k in places)
+            unit = problem.scales.force * problem.scales.length
+            return problem.comm.allreduce(mine, op=MPI.SUM) * unit
+
+        return value
 
 
 @dataclass(frozen=True)

@@ -93,6 +93,16 @@ class Energy:
         if self.what == CONTACT and problem.forms.contacts:
             contacts = problem.forms.contacts
             return integral(problem, sum(one.integral(one.energy) for one in contacts))
+        return integral(problem, self.form(problem))
+
+    def form(self, problem: Problem) -> Any:
+        """The energy of regions as a form, dimensionless, symbolic; not that of loads.
+
+        Raises
+        ------
+        InputError
+            For an energy or a region that there is not.
+        """
         terms = self._terms(problem)
 
         def density(k: int, point: MaterialPoint) -> list[Any]:
@@ -100,7 +110,7 @@ class Energy:
             found = [term.stored(point) for term in terms if term.lives_on(kernel)]
             return [one for one in found if one is not None]
 
-        return integral(problem, over_regions(problem, self.regions, density))
+        return over_regions(problem, self.regions, density)
 
     def _terms(self, problem: Problem) -> list[Term]:
         """The problem's terms that are part of this energy."""

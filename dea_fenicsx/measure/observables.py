@@ -177,7 +177,8 @@ class Reaction:
     axis: str
     unit = "N"
 
-    def bind(self, problem: Problem) -> Measurement:
+    def rows(self, problem: Problem) -> np.ndarray:
+        """Owned degrees of freedom whose residuals add up to the reaction.  Collective."""
         dofs = _displacement_dofs(problem, self.where, self.axis)
         dofs = dofs[dofs < problem.owned]
         if problem.conditions.pairs is not None:  # both ends of a helical cell are one place
@@ -194,7 +195,10 @@ class Reaction:
                 f"{label_of(self.where)!r} is not held along {self.axis}, so it has no reaction; "
                 "name a group that a support or a prescribed displacement holds."
             )
+        return dofs
 
+    def bind(self, problem: Problem) -> Measurement:
+        dofs = self.rows(problem)
         forces = holding_forces(problem)
         a = problem.scene.kinematics.axes.index(self.axis)
         cut = cut_parts(problem, dofs, a)

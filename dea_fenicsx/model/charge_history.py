@@ -102,8 +102,11 @@ class ChargeHistory:
         return replace(self, leaks=self.leaks[:1], wires=self.wires[:1], times=self.times[:1])
 
     def ahead(self, span: float, rule: Rule = Rule.BDF2) -> ChargeHistory:
-        """The same for a state that lies later by a time in s."""
-        return replace(self, span=span, rule=rule)
+        """The same for a state that lies later by a time in s.
+
+        Leakage is of second order, so that wires follow BDF2 where viscous strains follow BDF3.
+        """
+        return replace(self, span=span, rule=Rule.BDF2 if rule is Rule.BDF3 else rule)
 
     def switched(self, wire: int, closed: bool) -> ChargeHistory:
         """The same with a switch in another position."""

@@ -34,6 +34,7 @@ from dea_fenicsx.model.tied_unknowns import (
 )
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.support.errors import InputError
 
 
 class Conditions:
@@ -208,6 +209,12 @@ def _held(
     # If several parts can move, the largest is the free body, and the others are refused.
     bodies, others = (free[:1], free[1:]) if declared.holds_rigid_motions else ([], free)
     refuse_free_parts(others, device, "Fix or Clamp" if bodies else "Fix, Clamp or FreeBody")
+    if declared.rigid_surfaces and declared.holds_rigid_motions and not released:
+        name = declared.rigid_surfaces[0].surface
+        raise InputError(
+            f"Rigid on {name!r} and FreeBody() do not go together but in a path of marches with "
+            'inertia alone; hold the rigid part, as in Rigid(..., held="xy"), or another surface.'
+        )
     if not bodies:
         return None
     body = held_body(bodies[0], device, [work for _, work in declared.surface_works])

@@ -1,4 +1,4 @@
-"""Contact of surfaces with rigid obstacles, without friction.
+"""Contact of surfaces with rigid obstacles; for friction see `friction`.
 
 The contact pressure p, nominal, is a continuous field on the surface, linear in each facet.  With
 the gap g to the obstacle it makes the augmented Lagrangian
@@ -16,7 +16,7 @@ of the pressure gives one, whether the surface touches there or not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -26,9 +26,12 @@ import ufl
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.device import Device, one_sided
+from dea_fenicsx.model.carriers import seen_from
 from dea_fenicsx.model.contact_points import QUADRATURE_DEGREE, ContactPoints
 from dea_fenicsx.model.fields import Field, Role, softness
+from dea_fenicsx.model.friction import Friction, Frictions
 from dea_fenicsx.model.kernels import measure
+from dea_fenicsx.model.rigid_parts import RigidPart
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.contact_declarations import UnilateralContact
@@ -64,6 +67,13 @@ def contact_fields(scene: Scene) -> Iterator[Field]:
             name, basix.ufl.element("Lagrange", cell, 1), Role.INTERNAL, negative=True,
             residual_scale=scale, mass=softness, surface=told.surface,
         )  # fmt: skip
+        if told.friction:
+            axes = tuple(scene.kinematics.axes)
+            yield Field(
+                traction_of(name), basix.ufl.element("Lagrange", cell, 1, shape=(len(axes),)),
+                Role.INTERNAL, axes, negative=True, residual_scale=scale, mass=softness,
+                surface=told.surface,
+            )  # fmt: skip
 
 
 def contacts(scene: Scene) -> list[UnilateralContact]:
@@ -80,6 +90,11 @@ def names(scene: Scene) -> list[str]:
             name, number = f"contact {told.surface} {number}", number + 1
         found.append(name)
     return found
+
+
+def traction_of(name: str) -> str:
+    """The name of the field of tangential tractions that belongs to a contact."""
+    return f"friction{name.removeprefix('contact')}"
 
 
 def facet_sizes(device: Device, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -118,6 +133,8 @@ class Contact:
         Name of the pressure's field.
     told
         What the obstacle declares.
+    parts
+        The rigid parts.
 
     Attributes
     ----------
@@ -125,6 +142,9 @@ class Contact:
         As given.
     facets
         Its facets, each with the cell from which it is seen, see `one_sided`.
+    place, place_at_rest
+        The place of a point as seen from the obstacle, and the same in the undeformed device,
+        dimensionless 3-vectors.
     factor
         The ramp's factor, as a constant of the form.
     touches
@@ -145,11 +165,14 @@ class Contact:
         p, p - r g and f, per undeformed area.
     points
         What evaluates them at the points of integration.
+    friction
+        Its friction, or None.
     """
 
     def __init__(
-        self, scene: Scene, scales: Scales, space: Unknowns, name: str, told: UnilateralContact
-    ) -> None:
+        self, scene: Scene, scales: Scales, space: Unknowns, name: str, told: UnilateralContact,
+        parts: Sequence[RigidPart] = (),
+    ) -> None:  # fmt: skip
         self._scene, self._scales = scene, scales
         mesh = self._mesh = scene.device.mesh
         self.told, self.name = told, name
@@ -159,11 +182,15 @@ class Contact:
         self.offset = dolfinx.fem.Constant(mesh, 0.0)
         self._share = ufl.variable(self.factor)
         unit = dolfinx.fem.Constant(mesh, scales.length)
+        self.place_at_rest = _place(scene.kinematics, 0 * u, x)
         place = _place(scene.kinematics, u, x)
+        if told.carrier is not None:
+            place = self._seen_from_carrier(space, parts, place)
         self._place = ufl.variable(ufl.as_vector([
             unit * place[i] - (self._share * self._number(moved) if moved else 0)
             for i, moved in enumerate(told.travel)
         ]))  # fmt: skip
+        self.place = self._place / unit
         metres = told.gap(self._place, self._number)
         self.direction = ufl.diff(metres, self._place)
         self.gap = metres / unit + self.offset
@@ -180,6 +207,18 @@ class Contact:
         F = ufl.Identity(3) + kinematics.displacement_gradient(u, x, motion)
         self._cofactor = cofactor(F)[0]
         self.points = ContactPoints(mesh, self)
+        self.friction = None
+        if told.friction:
+            self.friction = Friction(self, mesh, kinematics, space.present[traction_of(name)])
+
+    def _seen_from_carrier(self, space: Unknowns, parts: Sequence[RigidPart], place: Any) -> Any:
+        """A place as seen from the rigid part that carries the obstacle."""
+        name = self.told.carrier
+        part = next(part for part in parts if part.name == name)
+        declared = self._scene.declared.rigid_surfaces
+        surface = next(one for one in declared if one.surface == name)
+        q = space.present[surface.field]
+        return seen_from(part, surface.turns, q, place, self.told.along)
 
     def _number(self, value: float) -> Any:
         """A number as a constant of the form, so that another value needs no compilation."""
@@ -206,9 +245,20 @@ class Contact:
         self._r.x.scatter_forward()
 
     @property
+    def fields(self) -> list[str]:
+        """Names of its fields: the pressure, and with friction the tangential traction."""
+        return [self.name, *([traction_of(self.name)] if self.friction else [])]
+
+    @property
     def energy(self) -> Any:
         """The augmented Lagrangian per undeformed area."""
         return (self.force**2 - self.pressure**2) / (2 * self.stiffness)
+
+    @property
+    def traction(self) -> Any:
+        """The force on the surface per undeformed area with that of friction, a 3-vector."""
+        found = self.force * self.direction
+        return found if self.friction is None else found + self.friction.traction
 
     def excess(self) -> tuple[float, float]:
         """The gap of a pressed point that exceeds its tolerance most, with this tolerance.
@@ -228,13 +278,19 @@ class Contact:
         return worst[1:] if worst[0] > 1 else (0.0, 0.0)
 
     def virtual_work(self, space: Unknowns) -> Any:
-        """The variation of the augmented Lagrangian."""
-        return ufl.derivative(self.integral(self.energy), space.w, space.test)
+        """The variation of the augmented Lagrangian, and the virtual work of friction."""
+        found = ufl.derivative(self.integral(self.energy), space.w, space.test)
+        if self.friction is not None:
+            found += self.friction.virtual_work(space.w, space.test)
+        return found
 
     def work_of_travel(self, space: Unknowns) -> Any:
         """Minus the derivative of the virtual work by the factor of the obstacle's ramp."""
         rate = ufl.diff(self.energy, self._share)
-        return -ufl.derivative(self.integral(rate), space.w, space.test)
+        found = -ufl.derivative(self.integral(rate), space.w, space.test)
+        if self.friction is not None:
+            found += self.friction.rate(self._share, space.w, space.test)
+        return found
 
     def area(self, normal: Any) -> Any:
         """Deformed area per undeformed area of a surface with a normal, in components of x."""
@@ -256,20 +312,31 @@ class Contacts(list[Contact]):
 
     Parameters
     ----------
-    scene, scales, space
-        The scene, its units, and its unknowns.
+    scene, scales, space, parts
+        The scene, its units, its unknowns, and the rigid parts.
     """
 
-    def __init__(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
+    def __init__(
+        self, scene: Scene, scales: Scales, space: Unknowns, parts: Sequence[RigidPart] = ()
+    ) -> None:
         super().__init__(
-            Contact(scene, scales, space, name, told)
+            Contact(scene, scales, space, name, told, parts)
             for name, told in zip(names(scene), contacts(scene), strict=True)
         )
+        self.frictions = Frictions(c.friction for c in self if c.friction is not None)
 
     def touching(self) -> np.ndarray:
-        """Whether each point of integration of this rank is pressed in the present state."""
-        found = [contact.points.values().pushed.ravel() > 0 for contact in self]
-        return np.concatenate([np.empty(0, dtype=bool), *found])
+        """Whether each point of integration of this rank is pressed in the present state.
+
+        With friction there is a second value for each point: whether it is pressed and slides.
+        """
+        found = [np.empty(0, dtype=bool)]
+        for contact in self:
+            pressed = contact.points.values().pushed > 0
+            found.append(pressed.ravel())
+            if contact.friction is not None:
+                found.append((pressed & contact.friction.slides()).ravel())
+        return np.concatenate(found)
 
     @contextmanager
     def softened(self, factor: float) -> Iterator[None]:

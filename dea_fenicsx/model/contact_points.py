@@ -57,7 +57,7 @@ class ContactPoints:
         contact = self._contact
         cell = getattr(basix.CellType, self._mesh.topology.cell_name())
         normals = basix.cell.facet_outward_normals(cell)
-        points = [_facet_points(cell, k) for k in range(len(normals))]
+        points = [facet_points(cell, k) for k in range(len(normals))]
         inverse = ufl.JacobianInverse(self._mesh)
         areas = []
         for normal in normals:
@@ -77,8 +77,19 @@ class ContactPoints:
         areas = np.take_along_axis(mine[..., 2:], place[:, None, None], axis=2)[..., 0]
         return PointValues(mine[..., 0], mine[..., 1], areas)
 
+    def pressures(self) -> np.ndarray:
+        """Contact force over deformed area of each facet of this rank, in units of stress.
 
-def _facet_points(cell: Any, facet: int) -> np.ndarray:
+        Collective at the first call.
+        """
+        values, kind = self.values(), getattr(basix.CellType, self._mesh.topology.cell_name())
+        facet = basix.cell.subentity_types(kind)[-2][0]
+        _, weights = basix.make_quadrature(facet, QUADRATURE_DEGREE)
+        pushed = np.maximum(values.pushed, 0.0) @ weights
+        return np.asarray(pushed / (values.area @ weights))
+
+
+def facet_points(cell: Any, facet: int) -> np.ndarray:
     """Quadrature points of a facet of the reference cell, in its coordinates."""
     corners = basix.cell.geometry(cell)[basix.cell.topology(cell)[-2][facet]]
     kind = basix.cell.subentity_types(cell)[-2][facet]

@@ -151,6 +151,10 @@ def declared_fields(scene: Scene) -> list[Field]:
         shape = (len(names),) if len(names) > 1 else None
         element = basix.ufl.element("DG", cell, 0, shape=shape)
         found.append(Field(part.field, element, Role.GLOBAL, names))
+        if part.attached:
+            names = carriers_of_part(kinematics)
+            element = basix.ufl.element("DG", cell, 0, shape=(len(names),))
+            found.append(Field(part.attached_field, element, Role.GLOBAL, names))
     for pair in scene.declared.periodic_faces:
         element = basix.ufl.element("DG", cell, 0, shape=(len(axes),))
         found.append(Field(pair.field, element, Role.GLOBAL, axes))
@@ -174,6 +178,13 @@ def unknowns_of_part(kinematics: Kinematics) -> tuple[str, ...]:
     return {
         0: axes[-1:], 1: (*axes, "angle"), 3: (*axes, *(f"rotation {axis}" for axis in axes))
     }[kinematics.rotations]  # fmt: skip
+
+
+def carriers_of_part(kinematics: Kinematics) -> tuple[str, ...]:
+    """Names of the components of the points that carry an attached mass, point after point."""
+    axes = tuple(kinematics.axes)
+    points = 1 + (len(axes) if kinematics.rotations == 3 else kinematics.rotations)
+    return tuple(f"point {k} {axis}" for k in range(points) for axis in axes)
 
 
 GAS_ROUNDING = 1e-3

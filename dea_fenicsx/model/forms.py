@@ -21,9 +21,10 @@ from dea_fenicsx.model.loads import Loads, Surface, loaded_sides
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.probe import Prober
+from dea_fenicsx.model.rigid_parts import RigidPart
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.sheets import Sheets
-from dea_fenicsx.model.terms import EnergyTerm, Term, WorkTerm, terms_of
+from dea_fenicsx.model.terms import EnergyTerm, Term, terms_of
 from dea_fenicsx.model.terms.base import Variation
 from dea_fenicsx.model.terms.springs import SpringWork
 from dea_fenicsx.model.unknowns import Unknowns
@@ -41,8 +42,8 @@ class Forms:
         The scene, its units, and its unknowns.
     cavities
         Its cavities.
-    springs
-        Terms of springs on rigid parts.
+    springs, parts
+        Terms of springs on rigid parts, and the rigid parts.
 
     Attributes
     ----------
@@ -77,8 +78,8 @@ class Forms:
 
     def __init__(
         self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities,
-        springs: Sequence[SpringWork] = (),
-    ) -> None:
+        springs: Sequence[SpringWork] = (), parts: Sequence[RigidPart] = (),
+    ) -> None:  # fmt: skip
         device, kinematics, elements = scene.device, scene.kinematics, scene.elements
         mesh, degree, works = device.mesh, elements.quadrature_degree, scene.declared.surface_works
         self._mesh, self._owned, self._space = mesh, space.owned, space
@@ -100,7 +101,7 @@ class Forms:
         along = [
             np.concatenate([one_sided(device, n) for n in names]) for names in self.sheets.names
         ]
-        self.contacts = Contacts(scene, scales, space)
+        self.contacts = Contacts(scene, scales, space, parts)
         touching = [contact.facets for contact in self.contacts]
         # A form may hold one list of subdomains for all of its surfaces.
         ds = measure(device, [*sides, *along, *cavities.facets, *touching], degree, "ds")
@@ -113,8 +114,7 @@ class Forms:
         ]
         for point in self.points:
             point.energy = self._energy(point)
-        energy = sum(self._integral(k, p.energy) for k, p in enumerate(self.points))
-        beside = sum(self._integral(k, work) for k, work in self._works())
+        beside = sum(self.integral(k, work) for k, work in self._works())
         at = Surface(
             kinematics, mesh, scales.stress, space.present["u"], space.virtual["u"], virtual_motion
         )
@@ -122,7 +122,7 @@ class Forms:
         for work in scene.declared.body_works:
             body = Body(scene, scales, space, virtual_motion)
             self.loads.add_body(work, self._everywhere(work.density(body)))
-        self.residual = ufl.derivative(energy, space.w, space.test) - self.loads.work + beside
+        self.residual = self._variation() - self.loads.work + beside
         self.residual -= self.loads.standing
         if self.sheets:
             self.residual += self.sheets.work(at.weight, ds, len(sides))
@@ -146,11 +146,11 @@ class Forms:
         for spring in springs:
             if spring.ramp is not None:
                 rates = [spring.rate(point, self._virtual) for point in self.points]
-                work = sum(self._integral(k, rate) for k, rate in enumerate(rates))
+                work = sum(self.integral(k, rate) for k, rate in enumerate(rates))
                 self.loads.add_strain(spring.ramp, spring.factor, work)
         for k, point in enumerate(self.points):
             for ramp, rate in point.rates.items():
-                work = -ufl.derivative(self._integral(k, rate), space.w, space.test)
+                work = -ufl.derivative(self.integral(k, rate), space.w, space.test)
                 work -= self._following(k, partial(ufl.diff, v=point.stretch_factors[ramp]))
                 self.loads.add_strain(ramp, self.kernels[k].prestretch[ramp][0], work)
 
@@ -161,8 +161,8 @@ class Forms:
         """
         mesh = self._mesh
         each = ufl.TestFunction(dolfinx.fem.functionspace(mesh, ("DG", 0)))
-        volumes = sum(self._integral(k, each) for k in range(len(self.points)))
-        swelling = sum(self._integral(k, (p.J - 1) * each) for k, p in enumerate(self.points))
+        volumes = sum(self.integral(k, each) for k in range(len(self.points)))
+        swelling = sum(self.integral(k, (p.J - 1) * each) for k, p in enumerate(self.points))
         self.compiled = compat.compile_form(self.residual)
         self._swelling: Any = compat.compile_form(swelling)
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
@@ -174,38 +174,49 @@ class Forms:
         self.memory = Memory(mesh, self.kernels, self.points, self.quadrature)
         self.leaks = LeakMemory(mesh, self.kernels, self.points, self.quadrature, self._scales)
         self.sheets.compile(self._flux)
+        self.contacts.frictions.compile()
 
     def _flux(self, displacement: Any) -> Any:
         """The linear form of the flux of a nominal displacement, int T . Grad N dX."""
         return -sum(
-            self._integral(k, ufl.dot(displacement, self._virtual(point.nominal_field)))
+            self.integral(k, ufl.dot(displacement, self._virtual(point.nominal_field)))
             for k, point in enumerate(self.points) if point.kernel.eps is not None
         )  # fmt: skip
 
-    def _integral(self, k: int, density: Any) -> Any:
+    def integral(self, k: int, density: Any) -> Any:
         """The integral of a density over the regions of kernel k."""
         return density * self._weight * self._dx(k)
 
     def _everywhere(self, density: Any) -> Any:
         """The integral of a density over the device."""
-        return sum(self._integral(k, density) for k in range(len(self.kernels)))
+        return sum(self.integral(k, density) for k in range(len(self.kernels)))
 
     def _energy(self, point: MaterialPoint) -> Any:
         """The sum of all terms of the energy that live on a point's kernel."""
-        kernel = point.kernel
-        energies = (term for term in self.terms if isinstance(term, EnergyTerm))
-        densities = [term.density(point) for term in energies if term.lives_on(kernel)]
-        total = densities[0]
-        for density in densities[1:]:
-            total = total + density
-        return total
+        return _sum([term.density(point) for term in self._energies(point)])
+
+    def _energies(self, point: MaterialPoint) -> list[EnergyTerm]:
+        """The terms of the energy that live on a point's kernel."""
+        alive = (term for term in self.terms if term.lives_on(point.kernel))
+        return [term for term in alive if isinstance(term, EnergyTerm)]
+
+    def _variation(self) -> Any:
+        """The variation of the energy, without the terms that give their own; a linear form."""
+        found = []
+        for k, point in enumerate(self.points):
+            terms = [t for t in self._energies(point) if t.work(point, self._virtual) is None]
+            if terms:
+                found.append(self.integral(k, _sum([t.density(point) for t in terms])))
+        return ufl.derivative(sum(found), self._space.w, self._space.test)
 
     def _works(self) -> Iterator[tuple[int, Any]]:
-        """Virtual work per undeformed volume that is no variation of an energy, by kernel."""
-        for k, (kernel, point) in enumerate(zip(self.kernels, self.points, strict=True)):
+        """Virtual work per undeformed volume that terms give themselves, by kernel."""
+        for k, point in enumerate(self.points):
             for term in self.terms:
-                if isinstance(term, WorkTerm) and term.lives_on(kernel):
-                    yield k, term.work(point, self._virtual)
+                if term.lives_on(point.kernel):
+                    work = term.work(point, self._virtual)
+                    if work is not None:
+                        yield k, work
 
     def tangent(self, direction: Any) -> Any:
         """Derivative of the residual in a direction, a function or a trial function; symbolic."""
@@ -223,7 +234,7 @@ class Forms:
         for term in self.terms:
             if term.lives_on(point.kernel):
                 found = term.following(point, change, self._virtual)
-                total += 0 if found is None else self._integral(k, found)
+                total += 0 if found is None else self.integral(k, found)
         return total
 
     def _virtual(self, expression: Any) -> Any:
@@ -234,7 +245,8 @@ class Forms:
     def unsymmetric(self) -> list[str]:
         """Names of the terms and surface loads whose tangent is not symmetric."""
         terms = [term.name for term in self.terms if not term.symmetric]
-        return [*terms, *self.loads.unsymmetric]
+        rubbing = [f"friction on {c.told.surface!r}" for c in self.contacts if c.friction]
+        return [*terms, *self.loads.unsymmetric, *rubbing]
 
     @property
     def is_symmetric(self) -> bool:
@@ -264,6 +276,14 @@ def assembled(vector: Any, form: Any) -> np.ndarray:
     dolfinx.fem.petsc.assemble_vector(vector, form)
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     return np.asarray(vector.array_r)
+
+
+def _sum(densities: Sequence[Any]) -> Any:
+    """The sum of some densities, without a 0 in front of it."""
+    total = densities[0]
+    for density in densities[1:]:
+        total = total + density
+    return total
 
 
 def _cell_values(form: Any) -> np.ndarray:

@@ -14,6 +14,7 @@ from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.scene.declared import Declared
 from dea_fenicsx.scene.springs import FoundationWork, SpringForce
+from dea_fenicsx.scene.torsion import TorsionMoment
 
 TRIAL, FINE = 1e-6, 1e-9
 """Elongations over the size of the device at which the stiffness of a force law is taken."""
@@ -68,7 +69,9 @@ def spring_directions(
     """
     found = []
     for told in springs:
-        if told.surface != name or told.to is not None or not _is_stiff(told, length):
+        if told.surface != name or told.to is not None or isinstance(told, TorsionMoment):
+            continue
+        if not _is_stiff(told, length):
             continue
         if told.axis is not None:
             found.append(np.eye(len(axes))[axes.index(told.axis)])

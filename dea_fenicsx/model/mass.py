@@ -20,8 +20,10 @@ import numpy as np
 import ufl
 
 from dea_fenicsx.materials import Material
+from dea_fenicsx.model.attached_mass import add_attached
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.motion import Motion
+from dea_fenicsx.model.rigid_parts import RigidParts
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.scene import Scene
@@ -46,6 +48,8 @@ class Mass:
         The scene, its units, and its unknowns.
     materials
         Material of each region, with its present constants.
+    rigid
+        The rigid parts, to which bodies may be attached.
 
     Attributes
     ----------
@@ -64,11 +68,14 @@ class Mass:
     """
 
     def __init__(
-        self, scene: Scene, scales: Scales, space: Unknowns, materials: Mapping[str, Material]
-    ) -> None:
+        self, scene: Scene, scales: Scales, space: Unknowns, materials: Mapping[str, Material],
+        rigid: RigidParts,
+    ) -> None:  # fmt: skip
         check_mass(materials, scene)
         self._petsc = PetscObjects(scene.device.comm)
-        self.matrix = self._petsc.keep("mass", _assembled(scene, scales, space, materials))
+        matrix = _assembled(scene, scales, space, materials)
+        add_attached(matrix, scene.declared.rigid_surfaces, rigid.parts, scales)
+        self.matrix = self._petsc.keep("mass", matrix)
         self._x, self._y = self.matrix.createVecs()
         self._petsc.keep("x", self._x)
         self._petsc.keep("y", self._y)
@@ -121,15 +128,7 @@ class Mass:
 
         `free` and `expansion` are those of the problem.
         """
-        if expansion is not None:
-            return self.matrix.ptap(expansion)
-        start = self.matrix.getOwnershipRange()[0]
-        rows = PETSc.IS().createGeneral(
-            (free + start).astype(PETSc.IntType), comm=self.matrix.comm
-        )
-        found = self.matrix.createSubMatrix(rows, rows)
-        rows.destroy()
-        return found
+        return in_free_unknowns(self.matrix, free, expansion)
 
 
 def check_mass(materials: Mapping[str, Material], scene: Scene) -> None:
@@ -161,6 +160,15 @@ def _assembled(
         assert material.density is not None
         unit = scales.stress / scales.length**2
         density.x.array[scene.device.cells_of(name)] = material.density / unit
+    return products_of_motions(scene, space, density)
+
+
+def products_of_motions(scene: Scene, space: Unknowns, density: Any = 1.0) -> Any:
+    """The matrix of int density u . v dX in the owned degrees of freedom.  Collective.
+
+    The caller destroys it.
+    """
+    mesh = scene.device.mesh
     u = space.symbolic(Role.MOTION, ufl.TrialFunction(space.W))
     v = space.symbolic(Role.MOTION, ufl.TestFunction(space.W))
     weight = scene.kinematics.weight(ufl.SpatialCoordinate(mesh))
@@ -169,3 +177,17 @@ def _assembled(
     matrix = dolfinx.fem.petsc.assemble_matrix(form)
     matrix.assemble()
     return matrix
+
+
+def in_free_unknowns(matrix: Any, free: np.ndarray, expansion: Any | None) -> Any:
+    """A matrix of the owned degrees of freedom in the free unknowns, which the caller destroys.
+
+    `free` and `expansion` are those of the problem.  Collective.
+    """
+    if expansion is not None:
+        return matrix.ptap(expansion)
+    start = matrix.getOwnershipRange()[0]
+    rows = PETSc.IS().createGeneral((free + start).astype(PETSc.IntType), comm=matrix.comm)
+    found = matrix.createSubMatrix(rows, rows)
+    rows.destroy()
+    return found

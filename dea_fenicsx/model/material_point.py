@@ -96,6 +96,11 @@ class MaterialPoint:
         ]  # fmt: skip
         return ufl.dot(F, ufl.diag(ufl.as_vector([ufl.exp(power) for power in powers])))
 
+    @property
+    def prestretch(self) -> Any:
+        """The pre-stretch, 3 x 3, symmetric."""
+        return self._stretched(ufl.Identity(3))
+
     def gradient_of_change(self, change: Any) -> Any:
         """The change of F with that of the displacement, a vector; 3 x 3.
 

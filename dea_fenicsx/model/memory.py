@@ -26,7 +26,10 @@ from dea_fenicsx.model.viscous_history import (
 from dea_fenicsx.support import compat
 
 LEVELS = 4
-"""Number of accepted times whose viscous strains are kept: a parabola and one more."""
+"""Number of accepted times that are kept: a parabola and one more."""
+
+MOST_LEVELS = 5
+"""The same of viscous strains after a step of BDF3: a cubic and one more."""
 
 RELAXED = 1e30
 """Length of a step in s that stands for an infinite one: each branch with a tau relaxes in it."""
@@ -166,8 +169,9 @@ class Memory:
         new, past = self.strained(history), int(history.rule is Rule.STAGE)
         if np.isinf(history.span):
             return ViscousHistory((new,), (time,))
-        strains = (new, *history.strains[past:])[:LEVELS]
-        return ViscousHistory(strains, (time, *history.times[past:])[:LEVELS])
+        kept = MOST_LEVELS if history.rule is Rule.BDF3 else LEVELS
+        strains = (new, *history.strains[past:])[:kept]
+        return ViscousHistory(strains, (time, *history.times[past:])[:kept])
 
     def weigh(self, volumes: np.ndarray, materials: Mapping[str, Material], cells_of: Any) -> None:
         """Take the volumes of the owned cells and the moduli, by which errors are weighted."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.materials import Material
+from dea_fenicsx.materials import EPSILON_0, Material
 from dea_fenicsx.materials.base import constants
 from dea_fenicsx.materials.viscous import Branch, Maxwell
 from dea_fenicsx.model.flowing_branches import spherical_slope
@@ -188,21 +188,45 @@ class Parameters(MutableMapping[str, float]):
         known(name, self._handles, "constant", "the problem")
         return self._handles[name]
 
-    def _store(self, handle: _Handle, material: Material) -> None:
-        """Put a constant into the coefficient that holds it, in the cells of its region."""
+    def coefficient(self, name: str) -> tuple[Any, np.ndarray, float] | None:
+        """The coefficient of the forms that holds a constant, its cells, and its unit.
+
+        In these local cells the coefficient is the constant, in SI units, times the unit.  None for
+        a constant of a branch that is solved for at each quadrature point.
+        """
+        handle = self._handle(name)
+        material, kernel = self.materials[handle.region], self._kernels[handle.region]
+        cells = self._device.cells_of(handle.region)
+        if handle.part != "viscous":
+            coefficient, _ = self._held(handle, material)
+            unit = {"electric": EPSILON_0 / self._scales.permittivity, "": 1 / self._scales.stress}
+            return coefficient, cells, unit.get(handle.part, 1.0)
+        for branch in kernel.branches:
+            if branch.place == handle.parts[1]:
+                return getattr(branch, handle.name), cells, 1.0
+        return None
+
+    def _held(self, handle: _Handle, material: Material) -> tuple[Any, float]:
+        """The coefficient that holds a constant, and what it is to hold, dimensionless.
+
+        Not for constants of viscous branches.
+        """
         kernel, scales = self._kernels[handle.region], self._scales
         if handle.part == "electric":
-            coefficient, value = kernel.eps, material.dielectric.permittivity()
-            value /= scales.permittivity
-        elif handle.part == "viscous":
+            return kernel.eps, material.dielectric.permittivity() / scales.permittivity
+        if handle.part == "":
+            return kernel.kappa, handle.read(material) / scales.stress
+        coefficient = getattr(kernel.elastic, handle.name)
+        if handle.place is not None:
+            coefficient = coefficient[handle.place]
+        return coefficient, handle.read(material)
+
+    def _store(self, handle: _Handle, material: Material) -> None:
+        """Put a constant into the coefficient that holds it, in the cells of its region."""
+        if handle.part == "viscous":
             self._store_viscous(handle, material)
             return
-        elif handle.part == "":
-            coefficient, value = kernel.kappa, handle.read(material) / scales.stress
-        else:
-            coefficient, value = getattr(kernel.elastic, handle.name), handle.read(material)
-            if handle.place is not None:
-                coefficient = coefficient[handle.place]
+        coefficient, value = self._held(handle, material)
         cells: np.ndarray = self._device.cells_of(handle.region)
         assert coefficient is not None
         coefficient.x.array[cells] = value

@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.mesh.neighbours import extent
+from dea_fenicsx.model.attached_mass import carrying_points
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
@@ -112,8 +113,11 @@ class _Maker:
         self._prescribe(told, unknowns, len(shifts), angle)
         for shift in (s for s in self.declared.rigid_shifts if s.surface == name):
             fixed[axes.index(shift.axis) if self.kinematics.cartesian else 0] = True
-        return RigidPart(name, dofs, X - centre, centre, unknowns, shifts, turning,
-                         free_turns), fixed  # fmt: skip
+        space, device = self.space, self.device
+        carriers, arms = carrying_points(told, space, device, self.kinematics, self.values)
+        dofs = tuple(np.concatenate(pair) for pair in zip(dofs, carriers, strict=True))
+        return RigidPart(name, dofs, np.vstack([X - centre, arms]), centre, unknowns, shifts,
+                         turning, free_turns, len(arms)), fixed  # fmt: skip
 
     def _any(self, mask: np.ndarray) -> bool:
         return bool(self._comm.allreduce(bool(np.any(mask)), op=MPI.LOR))
@@ -247,4 +251,4 @@ def _prevented(
         held = np.array(found)[fixed].reshape(int(fixed.sum()), u.shape[2])
         return np.vstack([held, directions @ u[:, 0]])
 
-    return Joined(part.dofs[0], rows)
+    return Joined(part.dofs[0][: part.meshed], rows)

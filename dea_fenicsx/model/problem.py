@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from dea_fenicsx.model.contact import contact_fields
 from dea_fenicsx.model.contact_start import depths
 from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.forms import Forms, assembled
+from dea_fenicsx.model.friction import FrictionHistory
 from dea_fenicsx.model.load_balance import check_cell, check_free_body
 from dea_fenicsx.model.mass import Mass
 from dea_fenicsx.model.memory import Memory
@@ -78,6 +80,8 @@ class Problem:
         The cavities.
     charges, circuits
         The charges that depend on the past, and the wires of electrodes that sources feed.
+    frictions
+        The surfaces that rub on an obstacle.
     rest
         The undeformed state without loads, in which it begins.
     depths
@@ -103,7 +107,7 @@ class Problem:
         self.released = released
         told, parts = scene.declared.springs, self.conditions.rigid.parts
         springs = spring_terms(told, parts, scene.kinematics.axes, self.scales, self.mesh)
-        self.forms = Forms(scene, self.scales, self.space, self.cavities, springs)
+        self.forms = Forms(scene, self.scales, self.space, self.cavities, springs, parts)
         self.parameters = Parameters(scene, self.scales, self.forms.kernels)
         self._name_parts()
         self._check_balance()
@@ -116,7 +120,10 @@ class Problem:
         }
         at_rest = np.where(self.conditions.fixed_values.fixed, 0.0, self.space.at_rest)
         unloaded = Factors(dict.fromkeys(scene.ramps, 0.0), scene.unit_volts)
-        self.rest = self.anchored(State(at_rest, unloaded))
+        self.frictions = self.forms.contacts.frictions
+        self._rubbed = self.frictions.at_rest()
+        rubbed = {self.frictions.NAME: self._rubbed} if self.frictions else {}
+        self.rest = self.anchored(State(at_rest, unloaded, history=rubbed))
         self.commit(self.rest)
         self.depths = depths(scene, self.forms.contacts)
 
@@ -184,6 +191,11 @@ class Problem:
         """The global unknowns by name; empty unless the kinematics has some."""
         return self.space.parts.get("global", {})
 
+    @property
+    def rubbed(self) -> FrictionHistory:
+        """The friction up to the last accepted state."""
+        return self._rubbed
+
     # ------------------------------------------------------------- evaluation
 
     @property
@@ -225,8 +237,10 @@ class Problem:
             self.show(before)
 
     def commit(self, state: State) -> None:
-        """Accept a state as the present one."""
+        """Accept a state as the present one; slip is counted from it on.  Collective."""
         self.show(state)
+        if self.frictions:
+            self._rubbed = self.frictions.settled(self._history[self.frictions.NAME])
 
     def show(self, state: State) -> None:
         """Make a state the present one, within a block of `at`, which restores the old state."""
@@ -234,6 +248,10 @@ class Problem:
         self.factors = state.factors
         self.time = state.time
         self._history = state.history
+        if self.frictions:
+            rubbed = state.history.get(self.frictions.NAME, self._rubbed)
+            self._history = {**state.history, self.frictions.NAME: rubbed}
+            self.frictions.show(rubbed)
         histories = self.histories
         for memory in self.memories:
             memory.show(histories[memory.NAME])
@@ -255,9 +273,12 @@ class Problem:
         """The unknowns of a state under another load.  Fixed values are not changed.  Collective.
 
         If no dead load acts on a free body any more, springs keep the orientation that the body has
-        in this state.
+        in this state.  Friction counts the slip from the last accepted state.
         """
         moved = state.with_factors(factors)
+        if self.frictions:
+            history = {**state.history, self.frictions.NAME: self._rubbed}
+            moved = replace(moved, history=history)
         if self.turning.holds(moved.factors) and not self.turning.holds(state.factors):
             return self.turning.anchored(moved)
         return moved
@@ -334,7 +355,8 @@ class Problem:
             As of `Mass`.
         """
         if self.mass is None:
-            self.mass = Mass(self.scene, self.scales, self.space, self.parameters.materials)
+            materials = self.parameters.materials
+            self.mass = Mass(self.scene, self.scales, self.space, materials, self.rigid)
         return self.mass
 
     def restrict(self, residual: np.ndarray) -> np.ndarray:

@@ -245,7 +245,8 @@ def _joined_again(
         return labels, count, []
     table = component.space.dofmap.list
     part = np.full(len(component.dofs), -1)
-    part[table.ravel()] = np.repeat(labels, table.shape[1])
+    belongs = labels >= 0  # a node of such a cell may lie beside cells of no part, too
+    part[table[belongs].ravel()] = np.repeat(labels[belongs], table.shape[1])
     touched = np.zeros((len(joined), count), dtype=bool)
     for k, one in enumerate(joined):
         mine = part[np.isin(component.dofs, one.dofs)]
@@ -325,9 +326,10 @@ def _part_of_dofs(
 ) -> np.ndarray:
     """The part of each of `size` local degrees of freedom; -1 where it is no displacement."""
     found = np.full(size, -1, dtype=np.int64)
+    belongs = labels >= 0
     for part in motion:
-        table = part.space.dofmap.list
-        found[part.dofs[table.ravel()]] = np.repeat(labels, table.shape[1])
+        table = part.space.dofmap.list[belongs]
+        found[part.dofs[table.ravel()]] = np.repeat(labels[belongs], table.shape[1])
     return found
 
 

@@ -54,6 +54,9 @@ class RigidPart:
         How it turns.
     free_turns
         Mask of the rotations that are neither held nor prescribed.
+    carriers
+        How many of the nodes, the last ones, are no nodes of the mesh: points in one cell that
+        carry the mass of an attached body, see `attached_mass`.
     """
 
     name: str
@@ -64,6 +67,12 @@ class RigidPart:
     shifts: np.ndarray
     turning: Turning
     free_turns: np.ndarray
+    carriers: int = 0
+
+    @property
+    def meshed(self) -> int:
+        """How many of the nodes, the first ones, are nodes of the mesh."""
+        return len(self.arms) - self.carriers
 
     @property
     def turns_freely(self) -> bool:
@@ -172,6 +181,18 @@ class RigidParts:
         found = np.zeros(size, dtype=bool)
         for part in self.parts:
             found[np.concatenate(part.dofs)] = True
+        return found
+
+    def carrying(self, size: int) -> list[np.ndarray]:
+        """Masks of the local degrees of freedom, `size` in all, of points that carry a mass.
+
+        One mask for each axis.
+        """
+        axes = len(self.parts[0].dofs) if self.parts else 0
+        found = [np.zeros(size, dtype=bool) for _ in range(axes)]
+        for part in self.parts:
+            for mask, dofs in zip(found, part.dofs, strict=True):
+                mask[dofs[part.meshed:]] = True
         return found
 
     def groups(self, fixed: np.ndarray, force: float, length: float) -> list[Group]:

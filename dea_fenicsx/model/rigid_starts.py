@@ -56,6 +56,22 @@ def start_of_parts(
             acceleration[dofs] = slopes[:, a] @ pulls + inwards[:, a]
 
 
+def turn_on(
+    rigid: RigidParts, guess: np.ndarray, old: np.ndarray, new: np.ndarray, share: float
+) -> None:
+    """Let parts in a guess turn as from an old to a new state, by a share of that spin.
+
+    A polynomial through rotation vectors is no guess where they are near a whole turn.
+    """
+    for part in rigid.parts:
+        if part.turns_freely:
+            n, turning = len(part.shifts), part.turning
+            last = part.values(new)[n:]
+            spin = share * turning.between(part.values(old)[n:], last)
+            for dofs, psi in zip(part.unknowns[n:], turning.composed(spin, last), strict=True):
+                guess[dofs] = psi
+
+
 def _prescribed(
     part: RigidPart, array: np.ndarray, at: np.ndarray, given: np.ndarray
 ) -> np.ndarray:
@@ -74,7 +90,7 @@ def _fitted(
     size = len(rates)
     sums = np.zeros((size, size + 1))
     for a, dofs in enumerate(part.dofs):
-        mine = dofs < owned
+        mine = (dofs < owned) & (np.arange(len(dofs)) < part.meshed)
         rows = slopes[mine, a]
         rest = velocity[dofs[mine]] - rows @ rates
         sums += rows.T @ np.column_stack([rows, rest])

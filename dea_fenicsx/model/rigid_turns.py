@@ -53,6 +53,10 @@ class Turning(ABC):
         """The rotation vector after a further spin."""
         return psi + spin
 
+    def between(self, old: np.ndarray, new: np.ndarray) -> np.ndarray:
+        """The spin that leads from one rotation vector to another."""
+        return new - old
+
 
 class NoTurning(Turning):
     """Parts only move along the axis; there are no rotations."""
@@ -113,6 +117,9 @@ class SpaceTurning(Turning):
             first, second = (1 - np.cos(a)) / a**2, (a - np.sin(a)) / a**3
         once = np.cross(psi, change)
         return np.asarray(change + first * once + second * np.cross(psi, once))
+
+    def between(self, old: np.ndarray, new: np.ndarray) -> np.ndarray:
+        return np.asarray((Rotation.from_rotvec(new) * Rotation.from_rotvec(old).inv()).as_rotvec())
 
     def composed(self, spin: np.ndarray, psi: np.ndarray) -> np.ndarray:
         """The rotation vector of exp([spin]) exp([psi]) that lies nearest to psi."""

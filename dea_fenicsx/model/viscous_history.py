@@ -6,12 +6,18 @@ C_v is symmetric with determinant 1.  A step of each rule ends at
 
     backward Euler  h = dt            H = C_n
     BDF2            h = dt (1 + w)/(1 + 2 w),   H = [(1 + w)^2 C_n - w^2 C_(n-1)] / (1 + 2 w)
+    BDF3            the same with three earlier values, by the derivative at the end of the step of
+                    the cubic through them and C_v,new
     SDIRK2          two stages with h = g dt, g = 1 - 1/sqrt(2); the first is one of backward Euler
                     and ends at C_1, the second has H = C_n + (1 - g)/g (C_1 - C_n)
 
-with w the length of this step over that of the last one (for BDF2 only the ratio of h to H counts,
-and the code divides both by (1 + w)/(1 + 2 w)).  BDF2 needs two earlier values, so that SDIRK2
-makes the first steps.  Where H is not positive, C_n takes its place.
+with w the length of this step over that of the last one.  For BDF2 and BDF3 only the ratio of h to
+H counts, and the code divides both by h/dt.  They need earlier values, so that SDIRK2 makes the
+first steps.  Where the H of a rule is not positive, that of the next lower order takes its place.
+
+The unimodular part keeps the order of each rule.  The rule itself gives C_v,new (1 + a) = h/tau C +
+H up to its error, where a = h tr(C C_v,new^-1)/(3 tau) is a number.  So det C_v,new = 1 fixes this
+number as well as the trace does.
 
 Sources: A. V. Shutov, R. Landgraf, J. Ihlemann, Comput. Methods Appl. Mech. Eng. 265 (2013) 213;
 R. Alexander, SIAM J. Numer. Anal. 14 (1977) 1006.
@@ -34,7 +40,18 @@ class Rule(Enum):
 
     EULER = "backward Euler"
     BDF2 = "BDF2"
+    BDF3 = "BDF3"
     STAGE = "second stage of SDIRK2"
+
+    @property
+    def order(self) -> int:
+        """Order of its error at a fixed time in the length of the steps."""
+        return {Rule.EULER: 1, Rule.BDF3: 3}.get(self, 2)
+
+    @property
+    def known(self) -> int:
+        """Number of accepted times that its estimated error needs."""
+        return self.order + 1
 
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
@@ -128,4 +145,19 @@ def combined(history: ViscousHistory) -> np.ndarray:
         now = strains[0]
         w = history.span / (history.times[0] - history.times[1])
         both = (1 + w) * now - w * w / (1 + w) * strains[1]
-    return np.where(is_positive(both)[..., None], both, now)
+    found = np.where(is_positive(both)[..., None], both, now)
+    if rule is Rule.BDF3 and len(strains) > 2:
+        three = cubic_rule(history)
+        found = np.where(is_positive(three)[..., None], three, found)
+    return found
+
+
+def cubic_rule(history: ViscousHistory) -> np.ndarray:
+    """H of BDF3, divided by h/dt, from the three newest strains."""
+    back = history.span + history.times[0] - np.array(history.times[:3])  # times before the end
+    weights = [
+        back[j] * back[k] / (back[i] * (back[j] - back[i]) * (back[k] - back[i]))
+        for i, j, k in ((0, 1, 2), (1, 0, 2), (2, 0, 1))
+    ]
+    past = sum(weight * c for weight, c in zip(weights, history.strains[:3], strict=True))
+    return np.asarray(history.span * past)

@@ -11,9 +11,8 @@ dead loads are linear in f.  Its solution changes little from one state to the n
 point both solutions have a large error along the null vector of the tangent.  The equation of the
 plane determines the combination of the two in which this error cancels.
 
-The cubic through two points of a branch with their tangents predicts other points, between the two
-and beyond them.  Its error is of fourth order in the arc.  Displacements are measured in units U of
-5 % stretch, the load in units F of the first step.
+The cubic through two points of a branch with their tangents predicts other points, see `cubic`.
+Displacements are measured in units U of 5 % stretch, the load in units F of the first step.
 
 At a bifurcation the null vector takes the place of the tangent: the plane normal to it intersects
 the new branch and not the old one.
@@ -21,7 +20,7 @@ the new branch and not the old one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from mpi4py import MPI
@@ -29,6 +28,8 @@ from mpi4py import MPI
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
+from dea_fenicsx.path.cubic import Cubic, Point
+from dea_fenicsx.path.guiding import Guide, Products
 from dea_fenicsx.path.load_course import Course
 from dea_fenicsx.path.roots import Bracket, root
 from dea_fenicsx.path.stability import Place
@@ -71,20 +72,6 @@ One of them is enough, for the other may be near a crossing.
 """
 
 
-@dataclass(frozen=True)
-class Point:
-    """A point of the branch: its state, its load f, and the tangent there (of unit length).
-
-    `direction` is the part of the tangent in the free unknowns.  `slope` is its part in f, which is
-    0 at a limit point.
-    """
-
-    state: State
-    factor: float
-    direction: np.ndarray
-    slope: float
-
-
 class Branch:
     """Steps and tangents along a branch of equilibria.
 
@@ -102,7 +89,7 @@ class Branch:
         self.solver = solver
         self.problem: Problem = solver.problem
         self.course = course
-        self.factor_of, self.loaded = course.factor_of, course.loaded
+        self.factor_of = course.factor_of
         self.load_unit = abs(first)
         x = self.problem.displacement
         here = [c.space.tabulate_dof_coordinates() for c in x]
@@ -114,6 +101,15 @@ class Branch:
         self.u = self.problem.roles.free(Role.MOTION)
         self._by_load: np.ndarray | None = None
 
+    def loaded(self, state: State, factor: float) -> State:
+        """A state with the load f and the fixed values of this load.  Its free unknowns stay."""
+        return self.course.loaded(state, factor)
+
+    @cached_property
+    def products(self) -> Products:
+        """The scalar products of motions, by which shapes are told apart."""
+        return Products(self.problem)
+
     def _sum(self, values: np.ndarray) -> np.ndarray:
         return np.asarray(self.problem.comm.allreduce(values, op=MPI.SUM))
 
@@ -122,13 +118,19 @@ class Branch:
         mine = np.array([x[self.u] @ y[self.u]])
         return float(self._sum(mine)[0]) * self.weight + f * g / self.load_unit**2
 
-    def point(self, state: State, along: Point | None, sign: float = 1.0) -> Point | None:
+    def point(
+        self, state: State, along: Point | None, sign: float = 1.0, guide: Guide | None = None
+    ) -> Point | None:
         """An equilibrium with its tangent, which points forward along the tangent of `along`.
 
-        If `along` is None, the load changes with the given sign.  None if the solve fails.
+        If `along` is None, the load changes with the given sign.  With a guide, the tangent is that
+        of the states that it holds.  None if a solve fails.
         """
         with self.problem.at(state):
             x = self._response(TANGENT_TOLERANCE)
+            if guide is not None and x is not None:
+                answers = guide.responses()
+                x = None if answers is None else guide.along(x, answers)
         if x is None:
             return None
         length = np.sqrt(self.dot(x, 1.0, x, 1.0))
@@ -163,11 +165,14 @@ class Branch:
         length = np.sqrt(self.dot(x, 0.0, x, 0.0))
         return Point(state, self.factor_of(state), x / length, 0.0)
 
-    def step(self, start: Point, arc: float, end: Point | None = None) -> Attempt:
+    def step(
+        self, start: Point, arc: float, end: Point | None = None, guide: Guide | None = None
+    ) -> Attempt:
         """Go an arc along the branch: predict a state, then correct it by Newton's method.
 
         The corrections lie in the plane normal to the tangent at `start`.  The prediction lies on
-        this tangent, or on the cubic through `start` and `end` if another point is given.
+        this tangent, or on the cubic through `start` and `end` if another point is given.  A guide
+        holds some shapes.
         """
         if end is None:
             factor = start.factor + arc * start.slope
@@ -175,10 +180,22 @@ class Branch:
             guess = self.loaded(moved, factor)
         else:
             guess, factor = Cubic.through(self, start, end).guess(arc)
-        with self.problem.at(guess):
-            return self._correct(start, guess, factor, at_least=0 if end is not None else 1)
+        if guide is not None:
+            guide.release()
+            guess = guide.held(guess)
+        return self.corrected(start, guess, factor, 0 if end is not None else 1, guide)
 
-    def _correct(self, start: Point, state: State, factor: float, at_least: int) -> Attempt:
+    def corrected(
+        self, start: Point, guess: State, factor: float, at_least: int = 0,
+        guide: Guide | None = None,
+    ) -> Attempt:  # fmt: skip
+        """Newton's method from a state in the plane through it that is normal to a tangent."""
+        with self.problem.at(guess):
+            return self._correct(start, guess, factor, at_least, guide)
+
+    def _correct(
+        self, start: Point, state: State, factor: float, at_least: int, guide: Guide | None
+    ) -> Attempt:
         """Newton's method from the present state in the plane normal to a point's tangent."""
         problem, solver = self.problem, self.solver
         iterations, previous = 0, np.inf
@@ -186,26 +203,39 @@ class Branch:
             if (fault := fault_of(problem.probe())) is not Outcome.CONVERGED:
                 return Attempt(fault, iterations, np.inf)
             residual = problem.residual()
-            norm = solver.residual_of(residual)
+            checked = residual if guide is None else guide.balanced(residual)
+            norm = solver.residual_of(checked)
             if norm <= solver.options.tolerance:
                 # A trial state far off may have had larger load forces, and so a looser test.
-                norm = solver.residual_of(residual, anew=True)
+                norm = solver.residual_of(checked, anew=True)
             if norm <= solver.options.tolerance and iterations >= at_least:
                 return Attempt(Outcome.CONVERGED, iterations, norm, state)
             if iterations == solver.options.max_iterations:
+                norm = solver.without_rounding(checked, norm)
+                if norm <= solver.options.tolerance:
+                    return Attempt(Outcome.CONVERGED, iterations, norm, state)
                 return Attempt(Outcome.SLOW, iterations, norm)
             if not np.isfinite(norm) or (iterations > 3 and norm > 1e3 * previous):
                 return Attempt(Outcome.DIVERGED, iterations, norm)
             solver.notify(LINEARISING)
-            r = solver.linear_solve(-problem.unbalanced(residual), BRANCH_SOLVE_TOLERANCE)
+            rows = problem.unbalanced(residual)
+            if guide is not None:
+                rows = guide.unbalanced(rows)
+            r = solver.linear_solve(-rows, BRANCH_SOLVE_TOLERANCE)
             b = self._response(BRANCH_SOLVE_TOLERANCE)
             if r is None or b is None:
                 return Attempt(solver.trouble, iterations, norm)
-            down = self.dot(r, 0.0, start.direction, start.slope)
-            across = self.dot(b, 1.0, start.direction, start.slope)
-            change = -down / across
+            if guide is None:
+                down = self.dot(r, 0.0, start.direction, start.slope)
+                across = self.dot(b, 1.0, start.direction, start.slope)
+                change = -down / across
+                increment = r + change * b
+            else:
+                if (answers := guide.responses()) is None:
+                    return Attempt(solver.trouble, iterations, norm)
+                increment, change = guide.increment(r, b, answers, start)
             factor += change
-            state = self.loaded(problem.moved(state, r + change * b), factor)
+            state = self.loaded(problem.moved(state, increment), factor)
             problem.show(state)
             solver.counters.newton += 1
             iterations += 1
@@ -250,11 +280,15 @@ class Branch:
         moved = (end.state.values - start.state.values)[self.problem.free]
         return self.dot(moved, end.factor - start.factor, start.direction, start.slope)
 
-    def place(self, start: Point, end: Point, arc: float) -> Place:
+    def place(
+        self, start: Point, end: Point, arc: float, guide: Guide | None = None
+    ) -> Place:
         """A function that finds the equilibrium at a share (0 to 1) of the arc between points."""
-        return lambda share: self.step(start, share * arc, end)
+        return lambda share: self.step(start, share * arc, end, guide)
 
-    def is_smooth(self, start: Point, end: Point, arc: float) -> bool:
+    def is_smooth(
+        self, start: Point, end: Point, arc: float, guide: Guide | None = None
+    ) -> bool:
         """Whether the cubic through two points and their tangents meets the branch in between.
 
         The cubic's error is of fourth order in the arc.  Between points of two different branches
@@ -263,15 +297,19 @@ class Branch:
         cubic = Cubic.through(self, start, end)
         for share in SHARES_WHERE_SMOOTH:
             guess, factor = cubic.guess(share * arc)
-            attempt = self.step(start, share * arc, end)
+            attempt = self.step(start, share * arc, end, guide)
             if attempt.converged:
                 moved = (attempt.found.values - guess.values)[self.problem.free]
+                if guide is not None:
+                    moved = guide.others(moved)
                 change = self.factor_of(attempt.found) - factor
                 if np.sqrt(self.dot(moved, change, moved, change)) < MOST_CUBIC_ERROR * arc:
                     return True
         return False
 
-    def limit_point(self, start: Point, end: Point, arc: float) -> tuple[Point, float] | None:
+    def limit_point(
+        self, start: Point, end: Point, arc: float, guide: Guide | None = None
+    ) -> tuple[Point, float] | None:
         """The point between two others at which the load is stationary, and its arc.
 
         We search the zero of the load's change along the branch.  The search starts at the
@@ -282,10 +320,10 @@ class Branch:
         s = Cubic.through(self, start, end).stationary
         found = None
         for _ in range(30):
-            attempt = self.step(start, s, end)
+            attempt = self.step(start, s, end, guide)
             if not attempt.converged:
                 return found
-            point = self.point(attempt.found, along=start)
+            point = self.point(attempt.found, along=start, guide=guide)
             if point is None:
                 return found
             found = (point, s)
@@ -295,14 +333,16 @@ class Branch:
             s = bracket.secant
         return found
 
-    def land(self, start: Point, end: Point, wanted: float) -> Attempt:
+    def land(
+        self, start: Point, end: Point, wanted: float, guide: Guide | None = None
+    ) -> Attempt:
         """Find the equilibrium at a given load, which the branch passes once between two points."""
         cubic = Cubic.through(self, start, end)
         try:
             s = root(lambda x: cubic.load(x) - wanted, 0.0, cubic.arc)
         except ValueError:
             return Attempt(Outcome.SLOW, 0, np.inf)
-        first = self.step(start, s, end)
+        first = self.step(start, s, end, guide)
         if not first.converged:
             return first
         change = wanted - self.factor_of(first.found)
@@ -313,60 +353,3 @@ class Branch:
         way = np.sqrt(self.dot(moved, change, moved, change))
         small = way < MOST_LANDING_CORRECTION * cubic.arc
         return attempt if small else attempt.refused(Outcome.JUMPED)
-
-
-@dataclass(frozen=True)
-class Cubic:
-    """The cubic through two points of a branch, with the tangents of the branch there.
-
-    Its parameter s is the distance along the tangent at the first point.  The second point has the
-    parameter `arc`, which is negative if this point lies behind the first.  `turn` is the cosine of
-    the angle between the two tangents.
-    """
-
-    branch: Branch
-    start: Point
-    end: Point
-    arc: float
-    turn: float
-
-    @classmethod
-    def through(cls, branch: Branch, start: Point, end: Point) -> Cubic:
-        turn = branch.dot(end.direction, end.slope, start.direction, start.slope)
-        return cls(branch, start, end, branch.advanced(start, end), turn)
-
-    def load(self, s: float) -> float:
-        """The load at an arc."""
-        far, first, last = _hermite(s / self.arc)
-        ends = (1 - far) * self.start.factor + far * self.end.factor
-        return float(ends + self.arc * (first * self.start.slope + last * self._last_slope))
-
-    @property
-    def _last_slope(self) -> float:
-        return self.end.slope / self.turn
-
-    @property
-    def stationary(self) -> float:
-        """The arc of the stationary load, if the load grows at one end and falls at the other."""
-        rise = (self.end.factor - self.start.factor) / self.arc
-        a, b = self.start.slope, self._last_slope
-
-        def slope(t: float) -> float:
-            return 6 * t * (1 - t) * rise + (1 - t) * (1 - 3 * t) * a + t * (3 * t - 2) * b
-
-        return float(self.arc * root(slope, 0.0, 1.0))
-
-    def guess(self, s: float) -> tuple[State, float]:
-        """The state at an arc, which is not yet in equilibrium, and its load f."""
-        branch, factor = self.branch, self.load(s)
-        far, first, last = _hermite(s / self.arc)
-        between = self.start.state.with_values(
-            (1 - far) * self.start.state.values + far * self.end.state.values
-        )
-        ways = first * self.start.direction + last / self.turn * self.end.direction
-        return branch.loaded(branch.problem.moved(between, self.arc * ways), factor), factor
-
-
-def _hermite(t: float) -> tuple[float, float, float]:
-    """Weights of the second value and of the two slopes."""
-    return t * t * (3 - 2 * t), t * (1 - t) ** 2, t * t * (t - 1)

@@ -1,4 +1,4 @@
-"""Evidence for a step in which a surface closes on an obstacle, or opens.
+"""Evidence for a step in which a surface closes on an obstacle, opens, or begins to slide on it.
 
 There the path has a bend: its tangent changes at once, and no parabola through earlier states leads
 over it.  A step with one bend is a straight way along the tangent at its start, followed by one
@@ -29,7 +29,7 @@ TOLERANCE = 1e-8
 
 
 def contact_changes(solver: NewtonSolver, first: State, second: State) -> bool:
-    """Whether the points that are pressed by obstacles are others in two states.  Collective."""
+    """Whether the points that are pressed, or slide, are others in two states.  Collective."""
     problem = solver.problem
     contacts = problem.forms.contacts
     if not contacts:

@@ -5,13 +5,20 @@ crossing: each branch turns off into the other one, within an arc that becomes s
 error of the mesh.  A trace with short steps would follow that turn and leave its branch.  So when
 its steps become much shorter than they were, we go back to the last point with a long step, and
 try to pass the crossing in one step from there.
+
+Where many branches cross within such a step, as near the minimum of the voltage of a balloon, no
+equilibrium lies near the branch for a while.  There we go on with the soft shapes held (see
+`guiding`), until an equilibrium is found close to the state without the guiding forces.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from dea_fenicsx.path.arclength import Branch, Point
+from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.solvers.outcome import Attempt
 
 SHRINKAGE = 4.0
@@ -30,6 +37,19 @@ SMALL_STEPS = 12
 """Number of short steps after which the trace takes their length for granted."""
 
 
+SOFT_SHAPES = 24
+"""How many soft shapes are looked at where some are held."""
+
+MOST_GUIDED_STEPS = 6
+"""Most steps with held shapes, each as long as the longest of late."""
+
+MOST_POINTS_BACK = 4
+"""The chord that tells the branch's own direction goes back by at most so many points."""
+
+MOST_LANDING = 0.1
+"""Largest correction without the guiding forces, as a share of a step with them."""
+
+
 @dataclass
 class Passage:
     """A step over a crossing: how it ended, and its first and last point.
@@ -42,6 +62,8 @@ class Passage:
         Distance between the two in units of arc.
     done
         Distance from the anchor to the trace's last point: events before it are known already.
+    guide
+        Holds the soft shapes between the two points, or None.
     """
 
     attempt: Attempt
@@ -49,6 +71,7 @@ class Passage:
     there: Point
     arc: float
     done: float
+    guide: Guide | None = None
 
 
 class Crossings:
@@ -70,11 +93,13 @@ class Crossings:
         """Begin anew, as on another branch."""
         self._anchors: list[tuple[Point, Point]] = []
         self._arc, self._short, self._next = 0.0, 0, 0.0
+        self._trail: list[Point] = []
 
     def reached(self, point: Point, before: Point, arc: float) -> None:
         """Take note of an accepted point, of the one before it, and of the arc between the two."""
         arc = min(arc, self.longest)  # a step over a crossing may have been longer
         self._short += 1
+        self._trail = [*self._trail[-(MOST_POINTS_BACK + MOST_ANCHORS + SMALL_STEPS) :], point]
         if self._short > SMALL_STEPS:
             self._anchors, self._arc = [], arc
         if 2 * arc >= self._arc:
@@ -105,4 +130,53 @@ class Crossings:
                 turn = branch.dot(anchor.direction, anchor.slope, there.direction, there.slope)
                 if turn > STRAIGHT and branch.is_smooth(anchor, there, arc):
                     return Passage(attempt, anchor, there, arc, done)
+        return self._guided_passage(here)
+
+    def _guided_passage(self, here: Point) -> Passage | None:
+        """The same with soft shapes held on the way."""
+        if not self.branch.problem.forms.is_symmetric:
+            return None
+        for anchor, before in self._anchors:
+            place = next((k for k, p in enumerate(self._trail) if p is anchor), 0)
+            back = self._trail[max(0, place - MOST_POINTS_BACK)] if place else before
+            if found := self._along_guides(anchor, back, here):
+                return found
         return None
+
+    def _along_guides(self, anchor: Point, back: Point, here: Point) -> Passage | None:
+        """Steps with held shapes from an anchor, until an equilibrium lies nearby."""
+        branch = self.branch
+        done, point = branch.advanced(anchor, here), anchor
+        for _ in range(MOST_GUIDED_STEPS):
+            guide = Guide.across(branch, back, point, SOFT_SHAPES)
+            if guide is None:
+                return None
+            attempt = branch.step(guide.start, self._arc, None, guide)
+            if not attempt.converged:
+                return None
+            reached = branch.point(attempt.found, guide.start, guide=guide)
+            if reached is None:
+                return None
+            point = reached
+            if branch.advanced(anchor, point) > done + AHEAD[0] * self._arc:
+                attempt, there = self._landed(point)
+                if there is not None:
+                    arc = branch.advanced(anchor, there)
+                    if branch.is_smooth(anchor, there, arc, guide):
+                        return Passage(attempt, anchor, there, arc, done, guide)
+        return None
+
+    def _landed(self, point: Point) -> tuple[Attempt, Point | None]:
+        """The equilibrium near a point with guiding forces, or None if none is near."""
+        branch = self.branch
+        attempt = branch.corrected(point, point.state, point.factor)
+        there = branch.point(attempt.found, along=point) if attempt.converged else None
+        if there is None:
+            return attempt, None
+        moved = (there.state.values - point.state.values)[branch.problem.free]
+        change = there.factor - point.factor
+        way = np.sqrt(branch.dot(moved, change, moved, change))
+        turn = branch.dot(point.direction, point.slope, there.direction, there.slope)
+        if way > MOST_LANDING * self._arc or turn < STRAIGHT:
+            return attempt, None
+        return attempt, there

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -41,8 +43,10 @@ class Step:
 
     `event` is empty for the path's own steps.  A step with an event lies between two of them, and a
     run is not resumed from it: ``"maximum"`` or ``"minimum"`` where the load is stationary,
-    ``"snap"`` where a device has landed behind a limit point, ``"bifurcation"``, ``"landed"`` on a
-    requested load of a trace, or an alarm's name.  `mode` is the null vector of a critical point.
+    ``"snap"`` where a device has landed behind a limit point, ``"motion"`` on its way there,
+    ``"bifurcation"``, ``"landed"`` on a requested load of a trace, or an alarm's name.  `mode` is
+    the null vector of a critical point.  `note` is what the summary tells of the event.  `held` is
+    the scaled residual of a state with guiding forces (see `guiding`), and else 0.
     """
 
     cursor: Cursor
@@ -52,3 +56,5 @@ class Step:
     last: bool = False
     event: str = ""
     mode: np.ndarray | None = None
+    note: Mapping[str, Any] = field(default_factory=dict)
+    held: float = 0.0

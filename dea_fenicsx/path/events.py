@@ -167,7 +167,7 @@ class Sentinel:
         changed = before is not None and count is not None and abs(count - before) > limits
         if self.stability and changed:
             assert before is not None and count is not None
-            found += self._bifurcations(place, before, count, rates)
+            found += self.bifurcations(place, before, count, rates)
         if any(e.mode is not None for e in found):
             self.solver.forget_factor()  # The factor belongs to a singular tangent.
         return sorted(found, key=lambda e: e.share)
@@ -195,12 +195,21 @@ class Sentinel:
             return None
         return Passed(alarm.name, share, attempts[-1])
 
-    def _bifurcations(
+    def bifurcations(
         self, place: Place, before: int, after: int, rates: Mapping[str, float]
     ) -> list[Passed]:
         """The first bifurcations on the way, located by changes of the inertia.
 
         Limit points also change the inertia; they are left out.
+
+        Parameters
+        ----------
+        place
+            Finds an equilibrium at a share of the way.
+        before, after
+            Negative eigenvalues at its two ends.
+        rates
+            Change of each ramp's factor along the way.
         """
         found: list[Passed] = []
         low = 0.0

@@ -15,6 +15,76 @@ from dea_fenicsx.support.validation import known
 Response = Literal["instantaneous", "relaxed"]
 RESPONSES: tuple[Response, ...] = get_args(Response)
 
+Loss = Literal["end", "snap", "motion"]
+LOSSES: tuple[Loss, ...] = get_args(Loss)
+
+
+GENERALISED_ALPHA, CONSERVING = INERTIAL_SCHEMES = ("generalised-alpha", "energy-conserving")
+"""Schemes by which a body moves with inertia."""
+
+
+@dataclass(frozen=True)
+@plain_numbers
+class Inertia:
+    """How inertia is taken in a `March`.
+
+    Parameters
+    ----------
+    spectral_radius
+        Share of an infinitely fast oscillation that one step of the generalised-alpha method
+        leaves, from 0 (it is gone at once) to below 1 (nothing is damped).
+    tolerance
+        Largest estimated error of a step in the displacement, root mean square, as a share of the
+        device's largest extent; for steps whose length is adapted.
+    drag
+        Force per mass against the velocity, over the velocity, in 1/s: damping that is
+        proportional to the mass.
+    velocity
+        Velocity in m/s where the march begins: one number for each axis; or a function that takes
+        undeformed positions in m, of shape (3, n), and gives numbers of shape (axes, n).  None goes
+        on with the velocity of the march before, or begins at rest.
+    scheme
+        ``"generalised-alpha"``, or ``"energy-conserving"``: a step changes the sum of kinetic and
+        total potential energy by the work of loads that change alone, and a free body keeps its
+        momentum and its angular momentum.  Nothing is damped, and the spectral radius is not used.
+    """
+
+    spectral_radius: float = 0.8
+    tolerance: float = 1e-6
+    drag: float = 0.0
+    velocity: tuple[float, ...] | Callable[[Any], Any] | None = None
+    scheme: str = GENERALISED_ALPHA
+
+
+@dataclass(frozen=True)
+@plain_numbers
+class InMotion:
+    """How a ramp that loses equilibrium goes on in motion, at constant load, until it rests.
+
+    The body starts from rest a little way behind the limit point.  It needs a density in each
+    region, and damping: viscous branches, or a drag.
+
+    Parameters
+    ----------
+    inertia
+        The drag, and how the motion is computed.  The body starts from rest, so that a velocity
+        may not be given.
+    seconds
+        Longest time in s that the body has to come to rest; None takes 10000 times the time scale
+        of the motion and 100000 times the longest relaxation time.
+    rest
+        Share of its largest speed, and of its largest acceleration, below which the body is at
+        rest.  Equilibrium is then found by Newton's method, to the tolerance of the ramp.
+    compare
+        Whether the state to which the device snaps statically is found as well, so that the summary
+        tells how far the two are apart.
+    """
+
+    inertia: Inertia = field(default_factory=lambda: Inertia(0.0, 1e-4))
+    seconds: float | None = None
+    rest: float = 1e-4
+    compare: bool = True
+
 
 @dataclass(frozen=True)
 @plain_numbers
@@ -34,13 +104,17 @@ class Ramp:
         Factors to land on instead, in the order of travel.  Between them the step size is adapted;
         the first step is a `steps`-th of the ramp.
     snap
-        What happens at a limit point.  If False, the ramp ends there with `EquilibriumLost`.  If
-        True, the load stays constant, as the voltage of a battery does, and the device snaps to the
-        next stable state of the branch at this load.  Then the ramp goes on.
+        True is the same as ``at_loss="snap"``.
     response
         How viscous branches take part, which must be said where there are some: with
         ``"instantaneous"`` their viscous strains stay as they are, as in a ramp that takes no
         time; with ``"relaxed"`` they carry no stress, as in a ramp that takes forever.
+    at_loss
+        What happens at a limit point, where equilibrium is lost.  With ``"end"`` the ramp ends
+        there with `EquilibriumLost`.  Otherwise the load stays constant, as the voltage of a
+        battery does.  With ``"snap"`` the device snaps to the next stable state of the branch at
+        this load.  With ``"motion"``, or an `InMotion`, it moves with its inertia until its
+        damping has brought it to rest.  Then the ramp goes on.
     """
 
     what: str | tuple[str, ...] = ()
@@ -49,6 +123,14 @@ class Ramp:
     at: tuple[float, ...] | None = None
     snap: bool = False
     response: Response | None = None
+    at_loss: Loss | InMotion = "end"
+
+    @property
+    def loss(self) -> Loss | InMotion:
+        """What happens where equilibrium is lost."""
+        if self.at_loss == "motion":
+            return InMotion()
+        return "snap" if self.snap else self.at_loss
 
     def goals(self, scene: Scene) -> dict[str, float]:
         """Factor at the end of each ramp of the scene that this one moves."""
@@ -120,34 +202,6 @@ class Trace:
 
 @dataclass(frozen=True)
 @plain_numbers
-class Inertia:
-    """How inertia is taken in a `March`.
-
-    Parameters
-    ----------
-    spectral_radius
-        Share of an infinitely fast oscillation that one step of the generalised-alpha method
-        leaves, from 0 (it is gone at once) to below 1 (nothing is damped).
-    tolerance
-        Largest estimated error of a step in the displacement, root mean square, as a share of the
-        device's largest extent; for steps whose length is adapted.
-    drag
-        Force per mass against the velocity, over the velocity, in 1/s: damping that is
-        proportional to the mass.
-    velocity
-        Velocity in m/s where the march begins: one number for each axis; or a function that takes
-        undeformed positions in m, of shape (3, n), and gives numbers of shape (axes, n).  None goes
-        on with the velocity of the march before, or begins at rest.
-    """
-
-    spectral_radius: float = 0.8
-    tolerance: float = 1e-6
-    drag: float = 0.0
-    velocity: tuple[float, ...] | Callable[[Any], Any] | None = None
-
-
-@dataclass(frozen=True)
-@plain_numbers
 class March:
     """Let time pass, with loads that may change in it.
 
@@ -172,7 +226,9 @@ class March:
     at
         Times in s since the beginning of the march at which a step ends.
     order
-        2 for BDF2, whose first steps are of SDIRK2; 1 for backward Euler.
+        2 for BDF2, whose first steps are of SDIRK2; 1 for backward Euler; 3 for BDF3, which needs
+        fewer steps for a tolerance below 1e-5.  Order 3 is for viscous strains in steps whose
+        length is adapted; charge keeps to order 2.
     inertia
         Whether the body has inertia, for which each region needs a density; or an `Inertia`.
     """

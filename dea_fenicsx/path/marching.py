@@ -35,7 +35,13 @@ FEWEST_STEPS = 10
 """Steps between two corners of the drive at least, where no error is estimated."""
 
 SHORTEST_STEP = 2.0**-30
-"""Shortest step, in units of the longest one.  Below it the march is given up."""
+"""Shortest step, in units of the time gone.  Below it the march is given up.
+
+The time gone is at least the first step after a jump, and counts up to the longest step.
+"""
+
+CLOCK_STEP = 2.0**-44
+"""Shortest step in units of the time of the problem, which is rounded to 2^-53 of itself."""
 
 EXACT_SHARE = 2.0**-8
 """Longest step to a limit point, in units of a fixed step, that counts as exact."""
@@ -121,6 +127,7 @@ class MarchWalk:
         self.limit: float | None = None  # time of the limit point ahead, as known so far
         self.rung = self.ladder.at_most(cursor.size) if cursor.size else 0
         self.fresh = not cursor.size  # whether the first step since a jump is still to come
+        self.first = self.ladder.size(self.rung)  # length of the first step since a jump
 
     def _longest(self) -> float:
         """Longest step in s."""
@@ -152,6 +159,10 @@ class MarchWalk:
                 return
             if self.adaptive and self.fresh:
                 self.rung, self.fresh = self.ladder.at_most(self._first_step()), False
+                self.first = self.ladder.size(self.rung)
+            corner = any(abs(now - t) <= self.room for t in self.corners)
+            if corner and self.march.order == 3:
+                self._restart()  # a rule of three earlier values would look across the corner
             stop = next(t for t in self.stops if t > now + self.room)
             seconds = self._length(now, stop)
             lands = now + seconds >= stop - self.room
@@ -164,21 +175,20 @@ class MarchWalk:
                 retries, failures = retries + 1, failures + 1
                 if failures > HALVINGS_BEFORE_ARC or self._hits_wall(now + seconds, seconds):
                     yield from self._look_for_limit(now, seconds, retries)
-                if self._halve(seconds) < SHORTEST_STEP:
+                if self._halve(seconds) < self._shortest():
                     raise march_stuck(now, seconds, attempt)
                 continue
             settled = self.stepper.settled(attempt.found)
             error = None
             if self.adaptive:
-                rule = self.stepper.rule()
-                corner = any(abs(now - t) <= self.room for t in self.corners)
+                rule = self.stepper.rule(seconds)
                 error = self.stepper.error(settled, rule, corner)
-                order = 3 if rule is Rule.BDF2 and not corner else 2
+                order = self._error_order(rule, corner)
                 if error is not None and error > self.march.tolerance:
                     self.rung = max(
                         self.rung + 1, self.ladder.at_most(self._allowed(seconds, error, order))
                     )
-                    if self.ladder.size(self.rung) < SHORTEST_STEP * self.ladder.longest:
+                    if self.ladder.size(self.rung) < self._shortest():
                         raise march_too_exact(now, self.march.tolerance, error)
                     continue
                 self._grow(seconds, error, order)
@@ -208,9 +218,21 @@ class MarchWalk:
         return seconds
 
     def _halve(self, seconds: float) -> float:
-        """Take half of a length for the next step; returns its share of the longest one."""
+        """Take half of a length in s for the next step, and return it."""
         self.rung = max(self.rung + 1, self.ladder.at_most(seconds / 2))
-        return seconds / 2 / self.ladder.longest
+        return seconds / 2
+
+    def _shortest(self) -> float:
+        """Shortest step in s.  It is not tied to the length of the march, which may be generous."""
+        now = self.stepper.now
+        gone = min(self.ladder.longest, max(now, self.first))
+        return max(SHORTEST_STEP * gone, CLOCK_STEP * abs(self._clock(now)))
+
+    def _error_order(self, rule: Rule, corner: bool) -> int:
+        """The power of its length with which the error of a step goes."""
+        if rule is Rule.BDF3:
+            return 3 if self.problem.charges else 4
+        return 3 if rule is Rule.BDF2 and not corner else 2
 
     def _allowed(self, seconds: float, error: float, order: int) -> float:
         """The length of a step whose error, of an order in its length, is the tolerance."""
@@ -223,7 +245,8 @@ class MarchWalk:
         used = self.ladder.at_most(seconds * (1 + 1e-9))
         if used > self.rung:  # the step was cut short by a landing, and tells less of the next one
             return
-        self.rung = self.ladder.next_rung(self.rung, self._allowed(seconds, error, order))
+        most = 1 if self.march.order == 3 else 2  # rungs up; see `MOST_GROWTH_OF_BDF3`
+        self.rung = self.ladder.next_rung(self.rung, self._allowed(seconds, error, order), most)
 
     def _first_step(self) -> float:
         """Length of the first step after a jump, in which the error of backward Euler is small."""

@@ -125,6 +125,8 @@ class MotionStepper(TimeStepper):
         self.mask = np.zeros(self.problem.size, dtype=bool)
         for part in self.problem.displacement:
             self.mask[part.dofs] = True
+        for carrying in self.problem.rigid.carrying(self.problem.size):
+            self.mask |= carrying
 
     @property
     def motion(self) -> Motion:
@@ -132,7 +134,7 @@ class MotionStepper(TimeStepper):
         found: Motion = self.base.history[MOTION]
         return found
 
-    def rule(self) -> Rule:
+    def rule(self, seconds: float) -> Rule:
         return Rule.BDF2 if self.memories and self.levels > 1 else Rule.EULER
 
     def target(self, seconds: float, histories: Histories) -> State:
@@ -154,7 +156,7 @@ class MotionStepper(TimeStepper):
         return target.with_values(np.where(self.mask, there, guess.values))
 
     def step(self, seconds: float) -> Attempt:
-        return self._solve(self.target(seconds, self.ahead(seconds, self.rule())))
+        return self._solve(self.target(seconds, self.ahead(seconds, self.rule(seconds))))
 
     def _judged(self, attempt: Attempt, guess: State) -> Attempt:
         """With inertia, a short step has one solution alone."""
@@ -162,11 +164,13 @@ class MotionStepper(TimeStepper):
 
     def settled(self, state: State) -> State:
         state = super().settled(state)
-        seconds = state.time - self.base.time
-        landed = self.scheme.landed(
-            self._moving(self.base.values), self._moving(state.values), self.motion, seconds
-        )
-        return self._remembering(state, {MOTION: landed.settled(self.inertia.drag)})
+        seconds, ahead = state.time - self.base.time, state.history[MOTION]
+        there = self._moving(state.values)
+        landed = self.scheme.landed(self._moving(self.base.values), there, self.motion, seconds)
+        # These are the very forces with which the state was found: in a short step the rounding of
+        # an acceleration, which is a second difference, would be an unbalanced force.
+        forces = ahead.stiffness * there + ahead.constant
+        return self._remembering(state, {MOTION: replace(landed, constant=forces)})
 
     def begin(self, state: State, velocity: np.ndarray) -> None:
         """Start from a displacement, a velocity and the present load.  Collective."""

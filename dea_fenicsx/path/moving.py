@@ -17,13 +17,14 @@ from dea_fenicsx.drives.waves import ROUNDING
 from dea_fenicsx.model.motion import MOTION
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
+from dea_fenicsx.path.conserving import ConservingStepper
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
-from dea_fenicsx.path.items import Inertia, March
+from dea_fenicsx.path.items import CONSERVING, Inertia, March
 from dea_fenicsx.path.motion_stepping import MotionStepper
 from dea_fenicsx.path.step_lengths import Ladder, landings
 from dea_fenicsx.solvers.newton import NewtonSolver
-from dea_fenicsx.solvers.outcome import Attempt
+from dea_fenicsx.solvers.outcome import Attempt, Outcome
 from dea_fenicsx.support.errors import InputError, SolverError
 
 FIRST_SHARE = 2.0**-10
@@ -65,10 +66,10 @@ class MotionWalk:
         corners = {t for wave in self.drive.values() for t in wave.corners(0.0, end)}
         self.stops = landings(corners, march.at, end, self.room)
         self.ladder = Ladder(self._longest())
-        self.stepper = MotionStepper(
-            solver, self.drive, cursor.began, self.inertia, self.ladder.longest
-        )
+        kind = ConservingStepper if self.inertia.scheme == CONSERVING else MotionStepper
+        self.stepper = kind(solver, self.drive, cursor.began, self.inertia, self.ladder.longest)
         self.rung = self.ladder.at_most(cursor.size) if cursor.size else 0
+        self.failed: tuple[float, float, Outcome] | None = None  # first failure at a time
         self.fresh = not cursor.size  # whether the first step since a jump is still to come
 
     def _longest(self) -> float:
@@ -176,7 +177,7 @@ class MotionWalk:
         """Whether a step is exact enough; chooses the length of the next one, or of the retry."""
         error = self.stepper.motion_error(settled) / self.inertia.tolerance
         if self.stepper.memories:
-            known = self.stepper.error(settled, self.stepper.rule())
+            known = self.stepper.error(settled, self.stepper.rule(seconds))
             error = max(error, (known or 0.0) / self.march.tolerance)
         allowed = seconds * max(error, 1e-30) ** (-1 / 3)
         if error > 1:
@@ -194,17 +195,31 @@ class MotionWalk:
         return True
 
     def _shorten(self, now: float, seconds: float, attempt: Attempt) -> None:
-        """Halve the next step after one that has failed."""
+        """Halve the next step after one that has failed.
+
+        The longest step that failed tells why: the shortest ones fail by rounding alone.
+        """
+        if self.failed is None or self.failed[0] != now:
+            self.failed = now, seconds, attempt.outcome
+        _, longest, why = self.failed
         self.log(
             f"march: no state at {now + seconds:.9g} s ({attempt.outcome.value}, "
             f"{attempt.iterations} Newton iterations); step halved"
         )
         self.rung = max(self.rung + 1, self.ladder.at_most(seconds / 2))
         if self.ladder.size(self.rung) < SHORTEST_STEP * self.ladder.longest:
+            speed = self._speed()
             raise SolverError(
-                f"No step from {now:.9g} s of the march could be made, however short (last trial: "
-                f"{seconds:.3g} s, {attempt.outcome.value}); all steps before it are kept."
+                f"No step from {now:.9g} s of the march could be made, from {longest:.3g} s "
+                f"({why.value}) down to {seconds:.3g} s; the body moves at up to {speed:.3g} m/s "
+                "there, perhaps in a collapse that nothing stops, and all steps before it are kept."
             )
+
+    def _speed(self) -> float:
+        """Largest velocity of a node along an axis in m/s.  Collective."""
+        found = np.abs(self.stepper.motion.velocity[self.stepper.mask])
+        largest = float(np.max(found, initial=0.0)) * self.problem.scales.length
+        return float(self.problem.comm.allreduce(largest, op=MPI.MAX))
 
     def _alarms(self, now: float, seconds: float, settled: State) -> Iterator[Step]:
         """Failures within a step, each as a step of its own."""

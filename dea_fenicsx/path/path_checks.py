@@ -6,10 +6,16 @@ from collections.abc import Mapping, Sequence
 
 from dea_fenicsx.drives.waves import ROUNDING, Wave
 from dea_fenicsx.model.mass import check_mass
+from dea_fenicsx.model.mean_forces import check_conserving
 from dea_fenicsx.path.cavity_amounts import check_amounts
 from dea_fenicsx.path.items import (
+    CONSERVING,
+    INERTIAL_SCHEMES,
+    LOSSES,
     RESPONSES,
     Close,
+    Inertia,
+    InMotion,
     Item,
     March,
     Open,
@@ -79,6 +85,7 @@ def check_path(
             reached[item.what] = None  # where a trace ends is not known before
         else:
             _check_ramp(item, scene, reached)
+            _check_loss(item, scene)
             check_amounts(scene, item)
             reached |= dict.fromkeys(item.names(scene), float(item.to))
 
@@ -151,8 +158,13 @@ def _check_march(march: March) -> None:
             f"The march has {march.steps} steps, but needs a whole number from 1 to {MOST_STEPS}, "
             "or None."
         )
-    if march.order not in (1, 2):
-        raise InputError(f"The order of the march is {march.order}, but must be 1 or 2.")
+    if march.order not in (1, 2, 3):
+        raise InputError(f"The order of the march is {march.order}, but must be 1, 2 or 3.")
+    if march.order == 3 and (march.steps is not None or march.moving):
+        raise InputError(
+            "The march has order=3, which is for steps whose length is adapted (steps=None), "
+            "without inertia."
+        )
     for time in march.at:
         finite(time, "A time at which the march is to land")
         if not 0 < time <= march.seconds:
@@ -186,9 +198,20 @@ def _check_march(march: March) -> None:
 
 def _check_inertia(march: March, scene: Scene, path: Sequence[Item]) -> None:
     """Check what a march with inertia needs of its numbers, its scene and its path."""
-    inertia = march.moving
-    if inertia is None:
+    if march.moving is None:
         return
+    _check_moving(march.moving, scene)
+    still = [item for item in path if not (isinstance(item, March) and item.moving)]
+    if scene.declared.holds_rigid_motions and still:
+        raise InputError(
+            "FreeBody holds a body at rest, but with inertia it moves freely: solve the "
+            f"{type(still[0]).__name__} in a run of its own, and give this run as start= to one "
+            "of the marches with inertia alone."
+        )
+
+
+def _check_moving(inertia: Inertia, scene: Scene) -> None:
+    """Check what inertia needs of its numbers and its scene."""
     check_declared(inertia)
     finite(inertia.spectral_radius, "The spectral radius of Inertia")
     if not 0 <= inertia.spectral_radius < 1:
@@ -200,7 +223,10 @@ def _check_inertia(march: March, scene: Scene, path: Sequence[Item]) -> None:
     finite(inertia.drag, "The drag of Inertia")
     if inertia.drag < 0:
         raise InputError(f"The drag of Inertia is {inertia.drag:g} 1/s, but must be at least 0.")
+    one_of(inertia.scheme, INERTIAL_SCHEMES, "The scheme of Inertia")
     check_mass(scene.materials, scene)
+    if inertia.scheme == CONSERVING:
+        check_conserving(scene)
     what = ""
     if any(isinstance(e, Source) for e in scene.electrodes):
         what = "sources"
@@ -213,12 +239,41 @@ def _check_inertia(march: March, scene: Scene, path: Sequence[Item]) -> None:
             f"A march with inertia is not available with {what}; leave them out, or take the "
             "inertia out of the march."
         )
-    still = [item for item in path if not (isinstance(item, March) and item.moving)]
-    if scene.declared.holds_rigid_motions and still:
+
+
+def _check_loss(ramp: Ramp, scene: Scene) -> None:
+    """Check what a ramp does where equilibrium is lost."""
+    label = ramp.label(scene)
+    if not isinstance(ramp.at_loss, InMotion):
+        one_of(ramp.at_loss, LOSSES, f"at_loss of the ramp of {label}")
+    if ramp.snap and ramp.at_loss not in ("end", "snap"):
         raise InputError(
-            "FreeBody holds a body at rest, but with inertia it moves freely: solve the "
-            f"{type(still[0]).__name__} in a run of its own, and give this run as start= to one "
-            "of the marches with inertia alone."
+            f"The ramp of {label} has snap=True, which is at_loss=\"snap\", and another at_loss; "
+            "give one of them."
+        )
+    how = ramp.loss
+    if not isinstance(how, InMotion):
+        return
+    _check_moving(how.inertia, scene)
+    if how.seconds is not None:
+        positive(how.seconds, "The time of InMotion", "a time > 0 in s")
+    positive(how.rest, "The share of the speed at which InMotion is at rest")
+    if how.rest >= 1:
+        raise InputError(f"The share rest of InMotion is {how.rest:g}, but must be below 1.")
+    if how.inertia.velocity is not None:
+        raise InputError(
+            "A ramp that goes on in motion starts from rest; take the velocity out of its Inertia."
+        )
+    if not how.inertia.drag and not any(m.is_viscous for m in scene.materials.values()):
+        raise InputError(
+            f"The ramp of {label} goes on in motion where equilibrium is lost, but nothing brings "
+            "the body to rest; give a material viscous branches, or a drag in 1/s by "
+            "at_loss=dea.InMotion(dea.Inertia(drag=...))."
+        )
+    if scene.declared.holds_rigid_motions:
+        raise InputError(
+            "FreeBody holds a body at rest, but in motion it moves freely; support the body, or "
+            f"take at_loss=\"snap\" for the ramp of {label}."
         )
 
 

@@ -12,11 +12,17 @@ from dea_fenicsx.path.crushing import Crush, find_crush
 from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.evidence import Evidence
-from dea_fenicsx.path.items import Ramp
+from dea_fenicsx.path.falling import Fall
+from dea_fenicsx.path.items import InMotion, Ramp
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.snapping import over_the_limit
 from dea_fenicsx.path.stability import Place
-from dea_fenicsx.path.verdicts import INCONCLUSIVE_OUTCOMES, is_near_limit, ramp_lost
+from dea_fenicsx.path.verdicts import (
+    INCONCLUSIVE_OUTCOMES,
+    is_near_limit,
+    never_at_rest,
+    ramp_lost,
+)
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 from dea_fenicsx.support.errors import EquilibriumLost, PathError, SolverError
@@ -146,7 +152,8 @@ class RampWalk:
                 continue
             crush = self._crush(target)
             lost = self._lost(target, attempt, crush)
-            if crush or not self.ramp.snap or not isinstance(lost(), EquilibriumLost):
+            ends = crush or self.ramp.loss == "end"
+            if ends or not isinstance(lost(), EquilibriumLost):
                 raise lost()
             for step in self._snap(lost):
                 yield replace(step, retries=retries)
@@ -274,11 +281,13 @@ class RampWalk:
 
     def _snap(self, lost: Callable[[], PathError]) -> Iterator[Step]:
         """The limit point that the ramp has come to, and the state to which the device snaps."""
-        cursor = self.cursor
+        cursor, how = self.cursor, self.ramp.loss
+        moves = isinstance(how, InMotion)
         try:
-            limit, landing = over_the_limit(
-                self.solver, self.rates, cursor.position, self.first, self.log
-            )
+            limit, landing, behind = over_the_limit(
+                self.solver, self.rates, cursor.position, self.first, self.log,
+                landing=not isinstance(how, InMotion) or how.compare, behind=moves,
+            )  # fmt: skip
         except SolverError:
             raise lost() from None
         factors = self.factors_at(limit.factor)
@@ -288,15 +297,41 @@ class RampWalk:
         top = limit.state.with_factors(factors)
         self.problem.commit(top)
         yield Step(cursor, self.label, top, event="maximum" if outwards else "minimum")
-        if landing is None:
+        self.cursor = cursor
+        landed = None if landing is None else landing.with_factors(factors)
+        if isinstance(how, InMotion):
+            if behind is None:
+                self.log(f"{self.label}: no state was found in which a motion could begin")
+                raise lost()
+            yield from self._fall(how, behind.with_factors(factors), landed, lost)
+        elif landed is None:
             self.log(f"{self.label}: no stable state was found behind the limit point at this load")
             raise lost()
-        landed = landing.with_factors(factors)
-        self.problem.commit(landed)
+        else:
+            self.problem.commit(landed)
+            self.cursor = replace(cursor, step=cursor.step + 1)
+            yield Step(self.cursor, self.label, landed, event="snap")
         self.log(f"{self.label}: snapped at {factors.told(self.names)}")
-        self.cursor = replace(cursor, step=cursor.step + 1)
-        yield Step(self.cursor, self.label, landed, event="snap")
         self.solver.forget_factor()
+
+    def _fall(
+        self, how: InMotion, begin: State, landed: State | None, lost: Callable[[], PathError]
+    ) -> Iterator[Step]:
+        """The motion from a state until the body rests.
+
+        Parameters
+        ----------
+        how, begin, landed
+            As of `Fall`; `begin` has the load that stays constant.
+        lost
+            Makes the error that ends the ramp if the body does not come to rest.
+        """
+        fall = Fall(self.solver, how, self.ramp.response, self.sentinel, self.log)
+        for step in fall.follow(begin, self.origin, landed, self.cursor):
+            self.cursor = replace(step.cursor, position=self.cursor.position, size=0.0)
+            yield replace(step, cursor=self.cursor, label=self.label)
+        if fall.trouble:
+            raise never_at_rest(lost, fall.trouble)
 
 
 def _landings(ramp: Ramp, start: float) -> list[float]:

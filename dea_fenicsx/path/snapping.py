@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.arclength import Branch, Point
@@ -20,6 +21,34 @@ LONGEST_ARC = 4.0
 MOST_STEPS = 400
 """Largest number of steps along the branch that are made to find the landing."""
 
+BEHIND = (0.25, 0.5, 1.0)
+"""How far behind the limit point a motion begins, in units of arc; the first that can be reached.
+
+At the limit point itself the body is in equilibrium, and would stay there.
+"""
+
+
+SHORTER = (0.5, 0.25, 0.125)
+"""Shares of a step at which a point is put in between, if no limit point was found in the step."""
+
+
+class Passage(NamedTuple):
+    """What lies on the branch where a load cannot grow any more.
+
+    Attributes
+    ----------
+    limit
+        The limit point.
+    landing
+        The next stable state that bears the same load; None if there is none, or none was wanted.
+    behind
+        An equilibrium a little way behind the limit point; None if none was found or wanted.
+    """
+
+    limit: Point
+    landing: State | None = None
+    behind: State | None = None
+
 
 def over_the_limit(
     solver: NewtonSolver,
@@ -27,7 +56,9 @@ def over_the_limit(
     factor: float,
     first: float,
     log: Callable[[str], None],
-) -> tuple[Point, State | None]:
+    landing: bool = True,
+    behind: bool = False,
+) -> Passage:
     """Follow the branch over the limit point to the next stable state that bears the same load.
 
     The states between the limit point and that state are not stable at this load.  A device with
@@ -41,11 +72,12 @@ def over_the_limit(
         As in `Branch`; the load f grows.
     log
         Called with a line of text.
+    landing, behind
+        Whether the stable state, and a state a little way behind the limit point, are wanted.
 
     Returns
     -------
-    Point, State or None
-        The limit point, and the landing; None if there is none.
+    Passage
 
     Raises
     ------
@@ -54,18 +86,21 @@ def over_the_limit(
     """
     branch = Branch(solver, LoadCourse(solver, rates, factor), first)
     steps = BranchSteps(branch, FIRST_ARC, LONGEST_ARC, MOST_STEPS)
-    reached, limit = steps.begin, None
+    reached, limit, near = steps.begin, None, None
     for here, there, arc in steps:
         reached = there
-        if limit is None and there.slope < 0 and (
-            found := branch.limit_point(here, there, arc)
+        if limit is None and here.slope > 0 > there.slope and (
+            found := _limit_point(branch, here, there, arc)
         ):  # fmt: skip
-            limit = found[0]
+            limit = found
+            near = _behind(branch, limit) if behind else None
+            if not landing:
+                return Passage(limit, None, near)
             log(f"limit point at {limit.factor:.8g} of the ramp; its far side is searched")
         if limit is not None and there.slope > 0 and there.factor > limit.factor:
-            landing = _landing(branch, here, there, limit)
-            if landing is not None:
-                return limit, landing
+            landed = _landing(branch, here, there, limit)
+            if landed is not None:
+                return Passage(limit, landed, near)
         with solver.problem.at(there.state):
             # Towards lock-up the forces and their rounding errors grow by orders of magnitude.
             solver.references.remember(solver.problem.residual())
@@ -74,7 +109,36 @@ def over_the_limit(
             f"({steps.lost.outcome.value})")  # fmt: skip
     if limit is None:
         raise SolverError("no limit point was found")
-    return limit, None
+    return Passage(limit, None, near)
+
+
+def _limit_point(branch: Branch, here: Point, there: Point, arc: float) -> Point | None:
+    """The limit point between two points.  Collective.
+
+    If Newton's method fails close to it, where the tangent is singular, a shorter part of the
+    branch is searched, on which another way leads there.
+    """
+    found = branch.limit_point(here, there, arc)
+    for share in SHORTER:
+        if found is not None:
+            break
+        _, between = branch.advance(here, share * arc)
+        if between is None:
+            continue
+        if between.slope < 0:
+            found = branch.limit_point(here, between, share * arc)
+        else:
+            found = branch.limit_point(between, there, branch.advanced(between, there))
+    return found[0] if found else None
+
+
+def _behind(branch: Branch, limit: Point) -> State | None:
+    """An equilibrium a little way behind a limit point.  Collective."""
+    for arc in BEHIND:
+        attempt = branch.step(limit, arc)
+        if attempt.converged and branch.factor_of(attempt.found) < limit.factor:
+            return attempt.found
+    return None
 
 
 def _landing(branch: Branch, here: Point, there: Point, limit: Point) -> State | None:

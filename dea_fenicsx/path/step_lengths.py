@@ -9,7 +9,8 @@ and steps h, h1, h2 (the newest first) BDF2 is wrong by E y''' and the parabola 
 
     E = h^2 (h + h1)^2 / (6 (2 h + h1)),    P = h (h + h1)(h + h1 + h2) / 6,
 
-so that the error of BDF2 is E/(E + P) of the difference.
+so that the error of BDF2 is E/(E + P) of the difference.  The error of BDF3 is found in the same
+way from the fourth derivative and the cubic through the four values before.
 """
 
 from __future__ import annotations
@@ -24,7 +25,13 @@ from dea_fenicsx.model.viscous_history import STAGE_SHARE
 from dea_fenicsx.path.interpolation import lagrange_weights
 
 RUNG = math.sqrt(2.0)
-"""Ratio of neighbouring sizes on the ladder; BDF2 is stable up to a growth of 2.41."""
+"""Ratio of neighbouring sizes on the ladder.
+
+BDF2 is stable if each step is at most 2.41 times as long as the last one, BDF3 up to 1.53 times.
+"""
+
+MOST_GROWTH_OF_BDF3 = 1.5
+"""Largest growth of a step of BDF3, which is just above `RUNG`."""
 
 SAFETY = 0.8
 """Share of the step that the error estimate allows."""
@@ -82,12 +89,12 @@ class Ladder:
             return left
         return left / 2 if left < 2 * size else size
 
-    def next_rung(self, rung: int, allowed: float) -> int:
-        """The rung after a step whose error allows a size, at most two rungs up."""
+    def next_rung(self, rung: int, allowed: float, most: int = 2) -> int:
+        """The rung after a step whose error allows a size, at most so many rungs up."""
         wanted = SAFETY * allowed
         if wanted < self.size(rung):
             return self.at_most(wanted)
-        for up in (2, 1):
+        for up in range(most, 0, -1):
             if rung >= up and wanted > GROWTH_MARGIN * self.size(rung - up):
                 return rung - up
         return rung
@@ -111,6 +118,8 @@ def estimate(
     if len(times) < order + 2:
         return None
     h, h1 = times[0] - times[1], times[1] - times[2]
+    if order == 3:
+        return _estimate_of_cubic(np.array(times[:5]), values)
     if order == 1:
         line = values[1] + h / h1 * (values[1] - values[2])
         return np.asarray((values[0] - line) * h / (2 * h + h1))
@@ -122,6 +131,24 @@ def estimate(
     wrong = h**2 * (h + h1) ** 2 / (6 * (2 * h + h1))
     off = h * (h + h1) * (h + h1 + h2) / 6
     return np.asarray((values[0] - parabola) * wrong / (wrong + off))
+
+
+def _estimate_of_cubic(times: np.ndarray, values: Sequence[np.ndarray]) -> np.ndarray:
+    """Estimated error of the newest value of BDF3.
+
+    Both the rule and the cubic are tried on the fourth power of the time since the newest value,
+    which is 0 there: what they give is their error, in units of the fourth derivative over 24.
+    """
+    back = (times[0] - times[1:]) / (times[0] - times[1])
+    cubic = lagrange_weights(-back, 0.0)
+    off = float(cubic @ back**4)
+    # The derivative of the cubic through the newest value and three before: a_0 y_0 + sum a_k y_k.
+    b = back[:3]
+    others = ((0, 1, 2), (1, 0, 2), (2, 0, 1))
+    a = np.array([-b[j] * b[k] / (b[i] * (b[j] - b[i]) * (b[k] - b[i])) for i, j, k in others])
+    wrong = -float(a @ b**4) / float(np.sum(1 / b))
+    guess = sum(w * s for w, s in zip(cubic, values[1:5], strict=True))
+    return np.asarray((values[0] - guess) * wrong / (wrong - off))
 
 
 def stage_estimate(new: np.ndarray, old: np.ndarray, stage: np.ndarray) -> np.ndarray:

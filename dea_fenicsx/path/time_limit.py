@@ -45,8 +45,7 @@ class TimeCourse:
 
     def __init__(self, stepper: TimeStepper, seconds: float) -> None:
         self.stepper, self.problem, self.unit = stepper, stepper.problem, seconds
-        has_past = stepper.levels > 1 and stepper.order > 1
-        self.rule = Rule.BDF2 if has_past else Rule.EULER
+        self.rule = stepper.limit_rule()
 
     def loaded(self, state: State, share: float) -> State:
         """The unknowns of a state at the end of a step of this length, its fixed values set."""

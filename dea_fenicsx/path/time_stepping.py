@@ -18,10 +18,11 @@ from dea_fenicsx.model.charge_history import TOTAL, ChargeHistory
 from dea_fenicsx.model.charge_memory import ChargeMemory
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.rigid_starts import turn_on
 from dea_fenicsx.model.state import State
 from dea_fenicsx.model.viscous_history import STAGE_SHARE, Rule
 from dea_fenicsx.path.interpolation import lagrange_weights
-from dea_fenicsx.path.step_lengths import estimate, stage_estimate
+from dea_fenicsx.path.step_lengths import MOST_GROWTH_OF_BDF3, estimate, stage_estimate
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
@@ -53,7 +54,8 @@ class TimeStepper:
     began
         Time in s of the problem at which the time of the drive is 0.
     order
-        1 for backward Euler, 2 for BDF2 with first steps of SDIRK2.
+        1 for backward Euler, 2 for BDF2 with first steps of SDIRK2, 3 for BDF3 with first steps of
+        SDIRK2 and BDF2.
     only
         Name of the one memory for which time passes; None for all.
 
@@ -116,11 +118,24 @@ class TimeStepper:
         self.base = state
         self.known = [*self.known[-2:], state]
 
-    def rule(self) -> Rule:
-        """The rule of the next step."""
+    def rule(self, seconds: float) -> Rule:
+        """The rule of a next step of some length in s."""
         if self.order == 1:
             return Rule.EULER
-        return Rule.BDF2 if self.levels > 2 else Rule.STAGE
+        if self.levels < Rule.BDF2.known:
+            return Rule.STAGE
+        return self._highest(seconds)
+
+    def _highest(self, seconds: float) -> Rule:
+        """BDF3 if it is asked for and the step is not much longer than the last one, or BDF2."""
+        if self.order < 3 or self.levels < Rule.BDF3.known:
+            return Rule.BDF2
+        times = next(iter(self.histories.values())).times
+        return Rule.BDF3 if seconds <= MOST_GROWTH_OF_BDF3 * (times[0] - times[1]) else Rule.BDF2
+
+    def limit_rule(self) -> Rule:
+        """The rule by which a limit point is looked for, over the length of the next step."""
+        return self._highest(0.0) if self.levels > 1 and self.order > 1 else Rule.EULER
 
     def target(self, seconds: float, histories: Histories) -> State:
         """The state that is searched after a time, with the last accepted unknowns.  Collective."""
@@ -136,11 +151,14 @@ class TimeStepper:
             return target
         weights = lagrange_weights(times, target.time)
         values = sum(w * s.values for w, s in zip(weights, self.known, strict=True))
+        share = (target.time - times[-1]) / (times[-1] - times[-2])
+        old, new = (state.values for state in self.known[-2:])
+        turn_on(self.problem.rigid, values, old, new, share)
         return target.with_values(np.asarray(values))
 
     def step(self, seconds: float) -> Attempt:
         """The state after a time; its history is that of the step, not yet settled.  Collective."""
-        rule = self.rule()
+        rule = self.rule(seconds)
         if rule is not Rule.STAGE:
             return self._solve(self.target(seconds, self.ahead(seconds, rule)))
         part = STAGE_SHARE * seconds
@@ -210,7 +228,8 @@ class TimeStepper:
             wrong = self._wrong(new.times, new.strains, strains.NAME, "strains", rule, corner)
             errors.append(None if wrong is None else strains.size(wrong))
         if (charges := self.problem.charges) and (new := settled.history[charges.NAME]):
-            wrong = self._wrong(new.times, new.wires, charges.NAME, "wires", rule, corner)
+            lower = Rule.BDF2 if rule is Rule.BDF3 else rule  # see `ChargeHistory.ahead`
+            wrong = self._wrong(new.times, new.wires, charges.NAME, "wires", lower, corner)
             errors.append(None if wrong is None else charges.wire_error(wrong, new.wires[0]))
             if rule is Rule.STAGE:
                 stage = self._stages[charges.NAME]
@@ -243,7 +262,7 @@ class TimeStepper:
         """The estimated error of the newest of some values of a history."""
         if rule is Rule.STAGE:
             return stage_estimate(values[0], values[1], getattr(self._stages[name], what)[0])
-        return estimate(times, values, 1 if rule is Rule.EULER else 2, corner)
+        return estimate(times, values, rule.order, corner)
 
     @staticmethod
     def _remembering(state: State, histories: Histories) -> State:

@@ -10,8 +10,9 @@ import numpy as np
 
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, Point
-from dea_fenicsx.path.crossing import Crossings
-from dea_fenicsx.path.events import Sentinel
+from dea_fenicsx.path.crossing import SOFT_SHAPES, Crossings
+from dea_fenicsx.path.events import Passed, Sentinel
+from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.items import Trace
 from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.path.roots import Bracket
@@ -20,6 +21,9 @@ from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
 END_TOLERANCE = 1e-7
 """Largest distance from the value at which a trace ends, as a share of the gap of the last step."""
+
+MOST_SETTLING = 0.01
+"""Largest motion when guiding forces are taken away from an event, as a share of its step."""
 
 SHORTEST_ARC_TO_SEPARATE_EVENTS = 0.1
 """Largest arc for which several events in one step are accepted as they are.
@@ -43,7 +47,7 @@ class Traced:
         Sign of the load's change along the branch.
     retries
         How often the step was halved.
-    event, mode, last
+    event, mode, held, last
         As of a `Step`; `last` where the trace has come to its end.
     """
 
@@ -53,6 +57,7 @@ class Traced:
     retries: int = 0
     event: str = ""
     mode: np.ndarray | None = None
+    held: float = 0.0
     last: bool = False
 
 
@@ -83,6 +88,8 @@ class _Reached:
         How often it was halved.
     done
         Distance from its start up to which events are known already.
+    guide
+        Holds soft shapes where the step passes other branches, or None.
     """
 
     attempt: Attempt
@@ -92,6 +99,7 @@ class _Reached:
     count: int | None
     retries: int
     done: float = 0.0
+    guide: Guide | None = None
 
 
 class BranchLost(Exception):
@@ -239,7 +247,7 @@ class Tracer:
         self.log(f"{self.item.what}: went straight on where another branch crosses or almost does")
         count = self.sentinel.count(over.there.state)
         return _Reached(
-            over.attempt, over.start, over.there, over.arc, count, retries, over.done
+            over.attempt, over.start, over.there, over.arc, count, retries, over.done, over.guide
         )  # fmt: skip
 
     def _tell_unexplained(self, count: int | None, turns: bool) -> None:
@@ -258,42 +266,85 @@ class Tracer:
     def _spots(self, step: _Reached, left: float | None) -> list[_Spot]:
         """Events, requested loads and the end within a step, in the order of travel."""
         branch, start, there, arc = self.branch, step.start, step.there, step.arc
-        spots = list(self._landings(start, there, arc))
-        if end := self._end(start, there, arc, left):
+        spots = list(self._landings(step))
+        if end := self._end(step, left):
             spots.append(end)
         turns = start.slope * there.slope < 0
+        before = self.sentinel.excess
         events = self.sentinel.passed(
-            there.state, branch.place(start, there, arc), self.rates, step.count, int(turns)
-        )
+            there.state, branch.place(start, there, arc, step.guide), self.rates, step.count,
+            int(turns),
+        )  # fmt: skip
+        if missed := self._missed(step, before, events, int(turns)):
+            step, events = missed
         slope = float(np.sign(there.factor - start.factor))
         for event in events:
-            traced = Traced(event.state, arc, slope, event=event.name, mode=event.mode)
+            state, held = self._settled(step, event.state)
+            traced = Traced(state, arc, slope, event=event.name, mode=event.mode, held=held)
             spots.append(_Spot(event.share * arc, traced))
         return sorted((s for s in spots if s.arc > step.done), key=lambda spot: spot.arc)
 
-    def _landings(self, here: Point, there: Point, arc: float) -> Iterator[_Spot]:
-        """Limit point and requested loads between two points."""
+    def _missed(
+        self, step: _Reached, before: int | None, events: list[Passed], limits: int
+    ) -> tuple[_Reached, list[Passed]] | None:
+        """The step with the soft shapes held, and its events, if bifurcations were not located.
+
+        A mesh that is not quite symmetric opens them, so that no equilibrium near them has a
+        singular tangent.  With the shapes held the states between pass through them.
+        """
+        found = sum(event.mode is not None for event in events)
+        if not self.sentinel.stability or before is None or step.count is None:
+            return None
+        if found >= min(abs(step.count - before) - limits, 1):
+            return None
+        held = self._with_guide(step)
+        if held is None:
+            return None
+        place = self.branch.place(held.start, held.there, held.arc, held.guide)
+        more = self.sentinel.bifurcations(place, before, step.count, self.rates)
+        if not more:
+            return None
+        others = [event for event in events if event.mode is None]
+        return held, [*others, *more]
+
+    def _with_guide(self, step: _Reached) -> _Reached | None:
+        """A step with the soft shapes held; None if they are held already or cannot be found."""
+        if step.guide is not None or not self.problem.forms.is_symmetric:
+            return None
+        guide = Guide.across(self.branch, step.start, step.there, SOFT_SHAPES)
+        return None if guide is None else replace(step, guide=guide)
+
+    def _landings(self, step: _Reached) -> Iterator[_Spot]:
+        """Limit point and requested loads within a step."""
         branch, item = self.branch, self.item
+        here, there, arc = step.start, step.there, step.arc
         pieces = [(0.0, here), (arc, there)]
         sign = float(np.sign(there.slope))
-        turns = here.slope * there.slope < 0
-        if turns and (found := branch.limit_point(here, there, arc)) is not None:
+        found = None
+        if here.slope * there.slope < 0:
+            found = branch.limit_point(here, there, arc, step.guide)
+            if found is None and (held := self._with_guide(step)) is not None:
+                step = held
+                found = branch.limit_point(here, there, arc, step.guide)
+        if found is not None:
             limit, s = found
             kind = "maximum" if here.slope > 0 else "minimum"
             pieces.insert(1, (s, limit))
             mode = self.sentinel.mode_of(limit.direction) if self.sentinel.stability else None
-            yield _Spot(s, Traced(limit.state, arc, sign, event=kind, mode=mode))
+            state, held = self._settled(step, limit.state)
+            yield _Spot(s, Traced(state, arc, sign, event=kind, mode=mode, held=held))
         for (low, start), (high, end) in pairwise(pieces):
             for wanted in item.at:
                 if (start.factor - wanted) * (end.factor - wanted) < 0:
-                    attempt = branch.land(start, end, wanted)
+                    attempt = branch.land(start, end, wanted, step.guide)
                     if attempt.converged:
                         share = (wanted - start.factor) / (end.factor - start.factor)
                         traced = Traced(attempt.found, arc, sign, event="landed")
                         yield _Spot(low + share * (high - low), traced)
 
-    def _end(self, here: Point, there: Point, arc: float, left: float | None) -> _Spot | None:
+    def _end(self, step: _Reached, left: float | None) -> _Spot | None:
         """Where the trace ends, if that is in this step; `left` is the gap at its start."""
+        here, there, arc = step.start, step.there, step.arc
         beyond = self._left(there.state)
         if left is None or beyond is None or left == 0 or left * beyond > 0:
             return None
@@ -304,7 +355,7 @@ class Tracer:
             if abs(bracket.high[1]) <= close:
                 break
             s = bracket.secant
-            attempt = self.branch.step(here, s, there)
+            attempt = self.branch.step(here, s, there, step.guide)
             now = self._left(attempt.found) if attempt.converged else None
             if now is None:  # The end of the step is an equilibrium, a little beyond the value.
                 self.log("no equilibrium was found at the very end of the trace; it ends behind")
@@ -312,7 +363,30 @@ class Tracer:
                 break
             state = attempt.found
             bracket.narrow(s, now)
-        return _Spot(s, Traced(state, arc, float(np.sign(there.slope)), last=True))
+        state, held = self._settled(step, state)
+        return _Spot(s, Traced(state, arc, float(np.sign(there.slope)), held=held, last=True))
+
+    def _settled(self, step: _Reached, state: State) -> tuple[State, float]:
+        """The equilibrium near a state that was found with guiding forces.
+
+        Where there is none, it is the state itself, and its scaled residual.
+        """
+        if step.guide is None or state is step.there.state:
+            return state, 0.0
+        branch, problem = self.branch, self.problem
+        attempt = branch.corrected(step.start, state, branch.factor_of(state))
+        if attempt.converged:
+            change = branch.factor_of(attempt.found) - branch.factor_of(state)
+            moved = (attempt.found.values - state.values)[problem.free]
+            if np.sqrt(branch.dot(moved, change, moved, change)) < MOST_SETTLING * step.arc:
+                return attempt.found, 0.0
+        with problem.at(state):
+            held = self.solver.residual_of(problem.residual(), anew=True)
+        self.log(
+            f"{self.item.what}: other branches cross so near to this state that it is held in "
+            f"place; without that its residual is {held:.1e}, an error of the mesh"
+        )
+        return state, held
 
 
 def _just_beyond(arc: float, was: float | None, left: float | None) -> float:

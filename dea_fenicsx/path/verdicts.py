@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from mpi4py import MPI
@@ -149,8 +149,24 @@ def _advice(names: Sequence[str]) -> str:
     trace = f'dea.Trace("{names[0]}")' if len(names) == 1 else "dea.Trace of one of its ramps"
     return (
         f"  To see how the branch goes on, follow it with {trace}; to see where the device snaps "
-        "to, use Ramp(..., snap=True)."
+        "to, use Ramp(..., snap=True), or at_loss=\"motion\" to see how it moves there."
     )
+
+
+def never_at_rest(lost: Callable[[], PathError], trouble: str) -> PathError:
+    """The error that ends a ramp whose body goes on in motion and does not come to rest.
+
+    Parameters
+    ----------
+    lost
+        Makes the error of the ramp itself.
+    trouble
+        How the motion ended, in words.
+    """
+    error = lost()
+    told = str(error).split("  To see how")[0]
+    error.args = (f"{told}  From there the body moved on, but it has not come to rest: {trouble}",)
+    return error
 
 
 def trace_lost(what: str, factors: Factors, outcome: Outcome) -> PathError:

@@ -176,8 +176,9 @@ class Walk:
             )  # fmt: skip
             last = done >= item.steps and is_last
             yield Step(
-                cursor, item.what, found.state, found.retries, last, found.event, found.mode
-            )
+                cursor, item.what, found.state, found.retries, last, found.event, found.mode,
+                found.held,
+            )  # fmt: skip
             if done >= item.steps:
                 left = None if found.last else self.gap(number)
                 if left is not None and item.until is not None:

@@ -275,11 +275,14 @@ def first_shown(folder: Path, names: Sequence[str]) -> int:
 
 
 def _events(folder: Path, first: int = 0) -> list[tuple[str, int]]:
-    """Events of a run from a row on with their rows, requested landings left out."""
+    """Events of a run from a row on with their rows.
+
+    Requested landings, and the steps of a motion on its way, are left out.
+    """
     column = read_history(folder).get("event")
     if column is None or column.dtype.kind == "f":
         return []
-    return [(str(e), i) for i, e in enumerate(column[first:]) if e and e != "landed"]
+    return [(str(e), i) for i, e in enumerate(column[first:]) if e not in ("", "landed", "motion")]
 
 
 def bare(name: str) -> str:

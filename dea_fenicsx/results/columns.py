@@ -9,7 +9,7 @@ from typing import Any
 from dea_fenicsx.measure.failures import ElectricalBreakdown, Gauge, LossOfTension, StretchLimit
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.path.items import March
+from dea_fenicsx.path.items import InMotion, March, Ramp
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, plain, shown
@@ -52,7 +52,10 @@ def load_column(scene: Scene, ramp: str) -> tuple[str, float]:
 
 def has_time(path: Iterable[Any]) -> bool:
     """Whether time passes on a path."""
-    return any(isinstance(item, March) for item in path)
+    return any(
+        isinstance(item, March) or (isinstance(item, Ramp) and isinstance(item.loss, InMotion))
+        for item in path
+    )
 
 
 def names(

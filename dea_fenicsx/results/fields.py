@@ -18,6 +18,7 @@ from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.results.axes import axes_of_fields
+from dea_fenicsx.results.contact_pressure import contact_pressure
 from dea_fenicsx.results.grids import Grid, SurfaceGrid, surface_grid
 from dea_fenicsx.results.moment import NO_MOMENT, Moment, history_of, table_of, width
 from dea_fenicsx.results.split_grid import SplitGrid, count_is_small, split
@@ -269,6 +270,7 @@ class FieldWriter:
         """J, true field (V/m), Cauchy stress and pressure (Pa): values at the cells' middles.
 
         The stress includes its electrostatic part; the pressure is minus a third of its trace.
+        With obstacles there is the contact pressure (Pa) on the facets of each cell, too.
         Components are ordered by `Grid.axes`: (x, y, z), or (r, z, hoop) in a body of revolution
         and a helical cell.  The strength of the field in MV/m is NaN in regions without a field.
 
@@ -279,9 +281,12 @@ class FieldWriter:
         """
         values = self.evaluate() if values is None else values
         gathered, live = self.gather(values.middle), self.gather(values.live)
+        pressed = contact_pressure(self.problem, self.owned_cells)
+        pressing = None if pressed is None else self.gather(pressed)
         if gathered is None or live is None:
             return None
-        return self._within.named(gathered, live)
+        fields = self._within.named(gathered, live)
+        return fields if pressing is None else fields | {"contact_pressure_Pa": pressing}
 
     def split(self, surfaces: Mapping[str, SurfaceGrid]) -> SplitGrid | None:
         """The grid for `nodal_fields`, split at the faces of regions and at surfaces (rank 0).

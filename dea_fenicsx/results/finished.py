@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.gradients.adjoint import Gradient, Gradients
+from dea_fenicsx.gradients.critical import critical_load, limit_row
+from dea_fenicsx.gradients.variables import ShapeChange
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.columns import check_added
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
+from dea_fenicsx.results.kept_states import KeptStates
 from dea_fenicsx.results.tables import run_html
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.validation import known
 
 
 class Run:
@@ -36,9 +42,12 @@ class Run:
         summary: dict[str, Any],
         problem: Problem,
         folder: Folder | None = None,
+        states: KeptStates | None = None,
+        recorded: Mapping[str, Any] | None = None,
     ) -> None:
         self.history, self.summary, self.folder = history, summary, folder
-        self._problem = problem
+        self._problem, self._recorded = problem, dict(recorded or {})
+        self._states = KeptStates() if states is None else states
 
     @property
     def problem(self) -> Problem:
@@ -95,6 +104,59 @@ class Run:
         folder = self.folder
         if folder:  # a script may well call this on rank 0 alone
             folder.write(lambda: folder.add_to_summary(self.summary), together=False)
+
+    @cached_property
+    def _gradients(self) -> Gradients:
+        return Gradients(self._problem)
+
+    def sensitivity(
+        self, name: str, to: Iterable[str | ShapeChange], step: int = -1
+    ) -> Gradient:
+        """The derivatives of what was recorded at a step, or of a critical load.  Collective.
+
+        Parameters
+        ----------
+        name
+            A name in ``record=``, or ``"pull-in"`` for the load at the first limit point of a
+            trace, at which it is stationary.
+        to
+            What is derived by, each by its name:
+
+            ``"film.elastic.mu"``
+                A constant of a material, as in `Problem.parameters`.
+            ``"voltage"``
+                A ramp: per V where it drives voltages, else by its factor.
+            ``"prestretch:film:x"``
+                The stretch of a `PreStretch`; the one that is not given follows, or that along z.
+            ``"thickness:film"``
+                The thickness of a layer in m: all between its lowest and its highest plane is
+                stretched alike, and what lies above is shifted.  The axis is that along which the
+                layer is thinnest; ``"thickness:film:x"`` names another one.
+            a `ShapeChange`
+                Any other change of the undeformed shape, by the velocity of its points.
+        step
+            The row of the history; the last one by default.
+
+        Returns
+        -------
+        Gradient
+            The derivative by each variable, in SI units.
+
+        Raises
+        ------
+        InputError
+            For names that there are not, an observable without a derivative, a step of a march.
+        SolverError
+            If a linear system is singular, as that of an observable is at a limit point.
+        """
+        if name in ("pull-in", "pull_in") and name not in self._recorded:
+            row = limit_row(self.history, step)
+            return critical_load(
+                self._gradients, self._states.of(row, len(self.history)), self.history[row], to
+            )
+        known(name, self._recorded, "recorded observable", "the run")
+        state = self._states.of(step, len(self.history))
+        return self._gradients.of_observable(state, name, self._recorded[name], to)
 
     def column(self, name: str) -> np.ndarray:
         """A column of the history as an array: numbers, NaN where there is none, or texts."""

@@ -80,6 +80,7 @@ class Folder(SharedFolder):
         super().__init__(path, comm)
         self.origin: dict[str, Any] = {}
         self._summary: bytes | None = None
+        self._said: dict[str, dict[int, tuple[float, str]]] = {}  # time and text, by step
         self._surfaces: tuple[str, ...] = ()
         self._nodal = False
 
@@ -172,6 +173,7 @@ class Folder(SharedFolder):
 
         self._nodal = nodal is not None
         replace_file(self.path / "parts" / "grid.h5", hdf5.image(put))
+        self._said.clear()
 
     def write_step(
         self,
@@ -203,6 +205,8 @@ class Folder(SharedFolder):
 
         if nodes is not None:
             replace_file(self._part(step), hdf5.image(put_fields))
+            for said in self._said.values():
+                said.pop(step, None)
             self.write_xdmf(history)
         self.write_history(history)
         if told is None:
@@ -284,7 +288,7 @@ class Folder(SharedFolder):
         for document, electrodes in DOCUMENTS.items():
             make = partial(step_xml, root=self.path, electrodes=electrodes)
             name = document.removesuffix(".xdmf")
-            if text := self._steps_xml("", history, whole, make):
+            if text := self._steps_xml(document, "", history, whole, make):
                 self._put_document(document, name, text, whole)
 
     def _put_document(self, file_name: str, name: str, grids: str, whole: bool) -> None:
@@ -298,32 +302,40 @@ class Folder(SharedFolder):
     ) -> None:
         """Write the document of the device or of a surface, whose data lie in a group."""
         make = partial(xdmf.grid_xml, root=self.path)
-        text = self._steps_xml(group, history, whole, make)
+        text = self._steps_xml(file_name, group, history, whole, make)
         self._put_document(file_name, name, text, whole)
 
     def _steps_xml(
-        self, group: str, history: list[dict[str, Any]], whole: bool, make: Callable[..., str]
-    ) -> str:
+        self, document: str, group: str, history: list[dict[str, Any]], whole: bool,
+        make: Callable[..., str],
+    ) -> str:  # fmt: skip
         """What a document says of each step on disk.
+
+        What it says of a step is kept, so that the cost of a step does not grow with their number.
 
         Parameters
         ----------
-        group, history, whole
-            As of `write_xdmf`, and the group of a surface.
+        document, group, history, whole
+            The file's name, the group of a surface, and as of `write_xdmf`.
         make
             From the step's name, its time, and the places of its mesh and its fields.
         """
-        grids = []
+        grids: list[str] = []
+        said = {} if whole else self._said.setdefault(document, {})
         names = [n for n in ("time", "time_s") if n == "time" or (history and n in history[0])]
         times = field_times({name: [row[name] for row in history] for name in names})
         for row, time in zip(history, times, strict=True):
             step = int(row["step"])
+            if not whole and (kept := said.get(step)) is not None and kept[0] == time:
+                grids.append(kept[1])
+                continue
             file, prefix = self._where(self._part(step), f"step_{step:05d}/", whole)
             if file.exists():
                 mesh, before = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
                 grids.append(
                     make(f"step {step}", time, (mesh, before + group), (file, prefix + group))
                 )
+                said[step] = (time, grids[-1])
         return "".join(grids)
 
     def _where(self, part: Path, group: str, whole: bool) -> tuple[Path, str]:

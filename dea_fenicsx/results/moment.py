@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.model.charge_history import ChargeHistory
-from dea_fenicsx.model.memory import LEVELS
+from dea_fenicsx.model.memory import MOST_LEVELS
 from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.viscous_history import Rule, ViscousHistory
@@ -120,7 +120,7 @@ def moment_told(found: Any) -> Moment | None:
 def _are_times(found: Any) -> bool:
     """Whether something is a row of falling times, not too many."""
     return (
-        isinstance(found, list | tuple) and len(found) <= LEVELS
+        isinstance(found, list | tuple) and len(found) <= MOST_LEVELS
         and all(is_number(t) and math.isfinite(t) for t in found)
         and all(a > b for a, b in pairwise(found))
     )  # fmt: skip
@@ -155,6 +155,7 @@ def width(problem: Problem, moment: Moment) -> int | None:
         if len(charge.closed) != len(problem.scene.electrodes):
             return None
         columns += problem.charges.columns * len(charge.times)
+    columns += problem.frictions.columns
     if moment.step is not None:
         columns += len(MOVING) * problem.W.dofmap.list.shape[1]
     return columns
@@ -170,6 +171,9 @@ def table_of(problem: Problem, cells: int) -> np.ndarray:
         assert isinstance(charge, ChargeHistory)
         wide = problem.charges.columns
         tables += [level[:cells].reshape(cells, wide) for level in charge.leaks]
+    if problem.frictions:
+        rubbed = problem.state.history[problem.frictions.NAME]
+        tables.append(problem.frictions.table(rubbed, cells))
     if (motion := problem.motion) is not None:
         places = problem.W.dofmap.list[:cells]
         tables += [getattr(motion, name)[places] for name in MOVING]
@@ -179,7 +183,7 @@ def table_of(problem: Problem, cells: int) -> np.ndarray:
 def history_of(problem: Problem, table: np.ndarray, moment: Moment) -> dict[str, Any]:
     """The histories that `table_of` gave, of the owned cells, by the names of their memories."""
     memory, charges, found = problem.forms.memory, problem.charges, {}
-    strains = memory.columns * len(moment.times)
+    end = strains = memory.columns * len(moment.times)
     if memory:
         found[memory.NAME] = unstacked(table[:, :strains], moment, memory.at_rest())
     if charges and moment.charge is not None:
@@ -193,6 +197,9 @@ def history_of(problem: Problem, table: np.ndarray, moment: Moment) -> dict[str,
         found[charges.NAME] = ChargeHistory(
             tuple(leaks), tuple(np.array(q) for q in told.wires), told.times, told.closed
         )  # type: ignore[assignment]
+    if rubbing := problem.frictions:
+        columns = table[:, end : end + rubbing.columns]
+        found[rubbing.NAME] = rubbing.untabled(columns)  # type: ignore[assignment]
     if moment.step is not None:
         found[MOTION] = _motion_of(problem, table, moment.step)  # type: ignore[assignment]
     return found

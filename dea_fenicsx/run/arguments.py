@@ -10,6 +10,7 @@ from typing import Any, Literal, TypedDict, get_args
 import numpy as np
 
 from dea_fenicsx.measure.failures import Failure
+from dea_fenicsx.model.contact import MODULI_AT_TOLERANCE
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.items import Close, Item, March, Open, Ramp, Trace
 from dea_fenicsx.path.path_checks import check_path
@@ -145,8 +146,22 @@ def check_arguments(given: Arguments) -> None:
         )
     if given.options is not None:
         given.options.check()
+    _check_contacts(given)
     _check_watched(given)
     _check_recorded(given.record or {})
+
+
+def _check_contacts(given: Arguments) -> None:
+    """Raise InputError for a tolerance of an obstacle that rounding of places does not allow."""
+    newton = (given.options or NewtonOptions()).tolerance
+    least = MODULI_AT_TOLERANCE * np.finfo(float).eps / newton * given.scene.device.length
+    for _, told in given.scene.declared.contacts:
+        if told.tolerance is not None and told.tolerance < least:
+            raise InputError(
+                f"The tolerance of the obstacle at {told.surface!r} is {told.tolerance:.3g} m, "
+                f"but with Newton's tolerance of {newton:g} rounding allows no less than "
+                f"{least:.2g} m; give a larger one, or leave it out."
+            )
 
 
 def _check_watched(given: Arguments) -> None:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dea_fenicsx.measure.failures import pull_in
+from dea_fenicsx.path.falling import MOVING
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.results.summary import count_changes, settings, versions, work
 from dea_fenicsx.run.journal import Journal
@@ -53,8 +54,9 @@ class Closing:
             **{k: v for k, v in last.items() if k not in NOT_IN_SUMMARY},
             "stable": stable,
             "events": [
-                {"event": row["event"], "step": row["step"], **journal.loads(row)}
-                for row in history if row["event"]
+                {"event": row["event"], "step": row["step"], **journal.loads(row),
+                 **journal.notes.get(str(row["step"]), {})}
+                for row in history if row["event"] not in ("", MOVING)
             ],
             "failures": journal.found + self._lost_by_pull_in(lost),
             "count_changes": count_changes(history),

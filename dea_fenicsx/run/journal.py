@@ -20,6 +20,7 @@ from dea_fenicsx.results import columns
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
+from dea_fenicsx.results.kept_states import KeptStates
 from dea_fenicsx.results.moment import moment_of
 from dea_fenicsx.results.stored_state import about
 from dea_fenicsx.run.step_checks import Checked, check_step
@@ -55,6 +56,10 @@ class Journal:
         One row for each step.
     found
         The first occurrence of each failure.
+    states
+        The latest states, in memory.
+    notes
+        What is told of an event beside its loads, by the number of its step.
     earlier_s
         Wall time in s of the earlier run that this one continues.
     start
@@ -72,6 +77,8 @@ class Journal:
     identity: Callable[[], dict[str, Any]]
     history: History = field(default_factory=History)
     found: list[dict[str, Any]] = field(default_factory=list)
+    states: KeptStates = field(default_factory=KeptStates)
+    notes: dict[str, dict[str, Any]] = field(default_factory=dict)
     earlier_s: float = 0.0
     start: dict[str, Any] | None = None
     started: float = field(default_factory=time.perf_counter)
@@ -118,7 +125,7 @@ class Journal:
         spent = self._spent()
         now = time.perf_counter()
         measured = {name: measure() for name, measure in self.measurements.items()}
-        checked = check_step(solver, cursor.step, measured)
+        checked = check_step(solver, cursor.step, measured, step.held)
         read = [(g.failure, *g.measure()) for g in self.gauges]
         row = self._place(step) | measured | self._extremes(checked)
         row |= {failure.column: found.value for failure, found, _ in read}
@@ -126,6 +133,8 @@ class Journal:
             "wall_s": self.earlier_s + now - self.started
         }
         self.history.append(row)
+        if step.note:
+            self.notes[str(cursor.step)] = dict(step.note)
         worst = {failure.name: found for failure, found, _ in read}
         if step.event in worst:
             self._note_failure(step.event, row, worst[step.event])
@@ -136,6 +145,7 @@ class Journal:
             self._note_failure("pull-in", row, None)
         if self.folder and self.writer:
             self._write(step, row, {f.column: values for f, _, values in read})
+        self.states.put(len(self.history) - 1, step.state)
         self._report(row, now - self._step_started, self.share(cursor), counting)
         self._step_started = time.perf_counter()
 
@@ -207,6 +217,7 @@ class Journal:
             "start": self.start,
             "references": self.solver.references.sizes,
             "failures": self.found,
+            "notes": self.notes,
             "wall_s": row["wall_s"],
         }  # fmt: skip
         evaluated = self.writer.evaluate()

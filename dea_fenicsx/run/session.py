@@ -155,7 +155,8 @@ class _Session:
         cursor = self._load(journal) if self.given.resume and folder else None
         begin = self._begin(journal) if cursor is None else None
         self._open(journal, cursor, begin)
-        result = Run(journal.history, {}, journal.solver.problem, folder)
+        problem, states = journal.solver.problem, journal.states
+        result = Run(journal.history, {}, problem, folder, states, self.record)
         closing = Closing(journal, result, self.given.settings or {})
         closing.summarise("running")
         try:
@@ -305,6 +306,7 @@ class _Session:
                 "one does not; start anew without resume, or in another folder."
             )
         journal.history, journal.found = History(told["history"]), told["failures"]
+        journal.notes = dict(told.get("notes", {}))
         journal.earlier_s, journal.start = float(told["wall_s"]), told.get("start")
         return cursor
 

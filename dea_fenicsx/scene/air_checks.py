@@ -19,13 +19,29 @@ def check_air(scene: Any) -> None:
         return
     for item in scene.declared.initial_stretches:
         _check_stretch(item, air)
-    for load, work in scene.declared.surface_works:
-        beside = regions_beside(scene.device, [work.surface])
-        if beside <= set(air):
-            raise InputError(
-                f"{type(load).__name__} on {work.surface!r} acts on air alone, beside "
-                f"{', '.join(sorted(beside))}; name a surface of a solid."
-            )
+    declared = scene.declared
+    for told in (declared.surface_works, declared.contacts):
+        for load, one in told:
+            _check_surface(scene, type(load).__name__, one.surface, air)
+    for part in declared.rigid_surfaces:
+        _check_surface(scene, "Rigid", part.surface, air)
+
+
+def _check_surface(scene: Any, what: str, surface: str, air: list[str]) -> None:
+    """Raise InputError if a surface or a region has no solid.  Collective."""
+    if surface in air:
+        raise InputError(
+            f"{what} on {surface!r} acts on air alone, since this region is air; name a region or "
+            "a surface of a solid."
+        )
+    if surface in scene.materials:
+        return
+    beside = regions_beside(scene.device, [surface])
+    if beside <= set(air):
+        raise InputError(
+            f"{what} on {surface!r} acts on air alone, beside {', '.join(sorted(beside))}; name a "
+            "surface of a solid."
+        )
 
 
 def _check_stretch(item: InitialStretch, air: list[str]) -> None:

@@ -8,8 +8,9 @@ from typing import Any, ClassVar, Protocol
 
 import ufl
 
-from dea_fenicsx.scene.condition import Load, Setting
+from dea_fenicsx.scene.condition import Load, Setting, Told
 from dea_fenicsx.scene.declarations import Declaration
+from dea_fenicsx.scene.part_declarations import RigidSurface
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite
@@ -212,6 +213,14 @@ class Centrifugal(Load):
             )
         if self.centre is not None:
             _check_vector(self, self.centre, "centre", scene)
+
+    def check_beside(self, told: Told) -> None:
+        for _, one in told:
+            if isinstance(one, RigidSurface) and one.attached:
+                raise InputError(
+                    f"Centrifugal does not act on the body attached to {one.surface!r}; mesh that "
+                    "body as a rigid region with a density, or leave kilograms= of Rigid out."
+                )
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
         axes = scene.kinematics.axes

@@ -19,11 +19,13 @@ from dea_fenicsx.scene.sources import Source
 from dea_fenicsx.scene.springs import ElasticFoundation, Spring
 from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
 from dea_fenicsx.scene.taper import Taper
+from dea_fenicsx.scene.torsion import TorsionSpring
 
 __all__ = [
     "AxialForce", "AxialStretch", "BodyForce", "Cavity", "Centrifugal", "ChargedElectrode", "Clamp",
     "Condition", "DeadLoad", "DeadPressure", "Discretisation", "Displacement", "ElasticFoundation",
     "Electrode", "Fix", "FollowerPressure", "Force", "FreeBody", "Gravity", "Ground", "Load",
     "MeanStrain", "Moment", "Obstacle", "Periodic", "PreStretch", "Prescribed", "Rigid", "Source",
-    "Spring", "Stretch", "Support", "Taper", "ThinFilm", "Torque", "Turn", "Twist",
+    "Spring", "Stretch", "Support", "Taper", "ThinFilm", "Torque", "TorsionSpring", "Turn",
+    "Twist",
 ]  # fmt: skip

@@ -28,8 +28,10 @@ class UnilateralContact(Declaration):
         Displacement of the obstacle in m at ramp factor 1, in space.
     ramp
         Name of the ramp, or None for an obstacle that does not move.
-    tolerance
+    tolerance, friction
         As of `Obstacle`.
+    carrier
+        Name of the rigid part with which the obstacle moves, or None.
     """
 
     surface: str
@@ -38,6 +40,8 @@ class UnilateralContact(Declaration):
     travel: tuple[float, ...]
     ramp: str | None
     tolerance: float | None
+    friction: float = 0.0
+    carrier: str | None = None
 
     def amounts(self) -> Mapping[str, tuple[float, ...]]:
         return {"metres": self.travel} if self.ramp else {}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dea_fenicsx.scene.body_forces import BodyWork
+from dea_fenicsx.scene.body_forces import BodyWork, WeightWork
 from dea_fenicsx.scene.cavity import Filling
 from dea_fenicsx.scene.condition import Condition, Setting, Told, of_kind
 from dea_fenicsx.scene.contact_declarations import UnilateralContact
@@ -61,7 +61,7 @@ class Declared:
     rigid_surfaces, rigid_angles, rigid_shifts
         Rigid parts, the angles by which they are turned, and the displacements of their centres.
     rigid_moments, rigid_forces
-        The moments and the forces on rigid parts.
+        The moments and the forces on rigid parts, weights of attached bodies included.
     periodic_faces, mean_gradients
         Periodic faces, and what is prescribed of their mean strains.
     potentials, floating
@@ -125,7 +125,7 @@ def gathered(scene: Setting) -> Declared:
         rigid_moments=of(RigidMoment),
         periodic_faces=of(PeriodicFaces),
         mean_gradients=of(MeanGradient),
-        rigid_forces=of(RigidForce),
+        rigid_forces=[*of(RigidForce), *_weights(told)],
         potentials=[(e, one) for e, one in electric if isinstance(one, FixedPotential)],
         floating=[(e, one) for e, one in electric if isinstance(one, FloatingPotential)],
         added=of(AddedPhysics),
@@ -133,6 +133,18 @@ def gathered(scene: Setting) -> Declared:
         sheets=[(e, one) for e, one in electric if isinstance(one, SheetResistance)],
         contacts=of_kind(told, UnilateralContact),
     )
+
+
+def _weights(told: Told) -> list[RigidForce]:
+    """The weights of bodies that are attached to rigid parts."""
+    bodies = [one for _, one in told if isinstance(one, RigidSurface) and one.attached]
+    return [
+        RigidForce(
+            one.surface, tuple(one.attached.kilograms * a for a in work.acceleration), work.ramp
+        )
+        for _, work in told if isinstance(work, WeightWork)
+        for one in bodies if one.attached
+    ]  # fmt: skip
 
 
 def _moved_parts(told: Told) -> Told:

@@ -1,4 +1,4 @@
-"""Rigid obstacles that a surface of the device may touch, without friction."""
+"""Rigid obstacles that a surface of the device may touch, with friction or without."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from dea_fenicsx.scene.condition import OnSurface, Setting, Support, Told, of_ki
 from dea_fenicsx.scene.contact_declarations import UnilateralContact
 from dea_fenicsx.scene.declarations import Declaration, HeldRigidMotions
 from dea_fenicsx.scene.kinematics_base import Kinematics
+from dea_fenicsx.scene.part_declarations import RigidSurface
 from dea_fenicsx.scene.shapes import Cylinder, Plane, Shape, Sphere
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
@@ -24,10 +25,14 @@ from dea_fenicsx.support.validation import finite, positive
 @dataclass(frozen=True)
 @in_si(displacement="m", tolerance="m")
 class Obstacle(OnSurface, Support):
-    """A rigid body that pushes a facet group away, without friction and without sticking.
+    """A rigid body that pushes a facet group away, and does not pull it.
 
     The gap g >= 0, the contact pressure p >= 0 and p g = 0 are part of the equilibrium: p is an
     unknown on the surface.  Only the named surface is kept out of the obstacle.
+
+    With friction the tangential traction is at most the coefficient times p, and opposes the slip
+    from one accepted state to the next.  Then a state depends on the path, its tangent is not
+    symmetric, and its negative eigenvalues are not counted.
 
     Parameters
     ----------
@@ -46,6 +51,11 @@ class Obstacle(OnSurface, Support):
         Largest gap or penetration in m at a point that is pressed; None for a tenth of the width
         of the facets on the surface.  A state with a larger one is not accepted.  In the mean
         around each vertex the gap is closed to Newton's tolerance, whatever this value is.
+    friction
+        Coefficient of Coulomb friction; 0 for an obstacle without friction.
+    carried_by
+        Name of a rigid part with which the obstacle moves and turns, and which bears its force;
+        `shape` is where it is in the undeformed device.
     """
 
     where: str
@@ -53,6 +63,8 @@ class Obstacle(OnSurface, Support):
     displacement: tuple[float, ...] | None = None
     ramp: str = "obstacle"
     tolerance: float | None = None
+    friction: float = 0.0
+    carried_by: str | None = None
 
     @property
     def moves(self) -> bool:
@@ -78,10 +90,24 @@ class Obstacle(OnSurface, Support):
                 self.tolerance, f"The tolerance of the obstacle at {self.where!r}",
                 "a length > 0 in m",
             )  # fmt: skip
+        finite(self.friction, f"The friction of the obstacle at {self.where!r}")
+        if self.friction < 0:
+            raise InputError(
+                f"The friction of the obstacle at {self.where!r} is {self.friction:g}, but must be "
+                "a coefficient of 0 or more."
+            )
+        if (self.friction or self.carried_by is not None) and scene.kinematics.overall:
+            what = "friction=" if self.friction else "carried_by="
+            raise InputError(
+                f"{what} of the obstacle at {self.where!r} is not available in "
+                f"{scene.kinematics.title}; take ThreeD(), PlaneStrain() or Axisymmetric()."
+            )
         _check_outside(scene, self.where)
         _check_shape(self, scene.kinematics)
 
     def check_beside(self, told: Told) -> None:
+        if self.carried_by is not None:
+            _check_carrier(self, told)
         if of_kind(told, HeldRigidMotions):
             raise InputError(
                 f"Obstacle at {self.where!r} and FreeBody() do not go together; hold the device by "
@@ -97,11 +123,35 @@ class Obstacle(OnSurface, Support):
         travel = np.zeros(3)
         travel[list(along)] = self.displacement or 0.0
         moved = tuple(travel.tolist())
-        return [UnilateralContact(self.where, shape, along, moved, ramp, self.tolerance)]
+        return [
+            UnilateralContact(
+                self.where, shape, along, moved, ramp, self.tolerance, float(self.friction),
+                self.carried_by,
+            )
+        ]  # fmt: skip
 
     @property
     def moved_by(self) -> str | None:
         return self.ramp if self.moves else None
+
+
+def _check_carrier(item: Obstacle, told: Told) -> None:
+    """Raise InputError unless a rigid part can carry an obstacle."""
+    what = f"The obstacle at {item.where!r} is carried by {item.carried_by!r}"
+    parts = [one for _, one in of_kind(told, RigidSurface) if one.surface == item.carried_by]
+    if not parts:
+        raise InputError(
+            f"{what}, which is no rigid part; add Rigid({item.carried_by!r}) to the supports."
+        )
+    if item.carried_by == item.where:
+        raise InputError(
+            f"{what}, so that it never moves against its surface; name another rigid part."
+        )
+    if len(parts[0].turns) > 1:
+        raise InputError(
+            f"{what}, which turns about several axes; give turns= of "
+            f"Rigid({item.carried_by!r}) one axis, or none."
+        )
 
 
 def _check_outside(scene: Setting, surface: str) -> None:
@@ -174,4 +224,3 @@ def _check_function(item: Obstacle, dim: int) -> None:
             f"{name} returns something of shape {found.ufl_shape}, but must return one number, "
             "the gap in m."
         )
-

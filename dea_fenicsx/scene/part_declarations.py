@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from dea_fenicsx.scene.attached import Attached
 from dea_fenicsx.scene.declarations import Declaration
 
 
@@ -26,6 +27,8 @@ class RigidSurface(Declaration):
         The normal of the plane in which its centre moves, or None.
     centre
         The centre in m, one number for each coordinate; None for the mean of its nodes.
+    attached
+        The body that is attached to it, or None.
     """
 
     surface: str
@@ -34,11 +37,17 @@ class RigidSurface(Declaration):
     along: tuple[float, ...] | None = None
     across: tuple[float, ...] | None = None
     centre: tuple[float, ...] | None = None
+    attached: Attached | None = None
 
     @property
     def field(self) -> str:
         """Name of the field of its unknowns."""
         return f"rigid {self.surface}"
+
+    @property
+    def attached_field(self) -> str:
+        """Name of the field of the points that carry the mass of its attached body."""
+        return f"attached to {self.surface}"
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dea_fenicsx.mesh.device import group_size
+from dea_fenicsx.scene.attached import Attached, check_attached
 from dea_fenicsx.scene.condition import (
     Load,
     Prescribed,
@@ -16,7 +17,7 @@ from dea_fenicsx.scene.condition import (
     Told,
     of_kind,
 )
-from dea_fenicsx.scene.declarations import Declaration, FixedDisplacement, HeldRigidMotions
+from dea_fenicsx.scene.declarations import Declaration, FixedDisplacement
 from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.scene.part_declarations import (
     RigidAngle,
@@ -34,7 +35,7 @@ AXES_OF_TURNS = {3: "xyz", 1: "z", 0: ""}
 
 
 @dataclass(frozen=True)
-@in_si(centre="m")
+@in_si(centre="m", kilograms="kg", moments="kg*m**2")
 class Rigid(Support):
     """A facet group or a region whose nodes move as one body, by rotations of any size.
 
@@ -60,6 +61,14 @@ class Rigid(Support):
         The normal of a plane in which its centre moves: a slanted roller.
     centre
         The centre in m, undeformed; by default the mean of its nodes.
+    kilograms
+        Mass in kg of a body that is attached to the part, with its centre of mass at the centre.
+        It counts in vibration and motion, beside what the density of the regions gives, and for
+        `Gravity`.  In plane strain it is that on the kinematics' depth, in axisymmetry that of the
+        full circle.
+    moments
+        Moments of inertia of the attached body about axes through its centre of mass, in kg m^2:
+        those about x, y and z in space, one number in plane strain.  None for a point mass.
     """
 
     where: str
@@ -68,6 +77,8 @@ class Rigid(Support):
     along: tuple[float, ...] | None = None
     across: tuple[float, ...] | None = None
     centre: tuple[float, ...] | None = None
+    kilograms: float = 0.0
+    moments: tuple[float, ...] | float | None = None
 
     @property
     def rigid_part(self) -> str:
@@ -95,6 +106,7 @@ class Rigid(Support):
                 f"Rigid on {self.where!r} turns about {self.turns!r}, but must turn {choices}."
             )
         self._check_guides(scene.kinematics)
+        check_attached(self.where, self.kilograms, self.moments, scene.kinematics)
 
     def _check_guides(self, kinematics: Kinematics) -> None:
         dim = len(kinematics.axes)
@@ -127,11 +139,6 @@ class Rigid(Support):
             )
 
     def check_beside(self, told: Told) -> None:
-        if of_kind(told, HeldRigidMotions):
-            raise InputError(
-                f"Rigid on {self.where!r} and FreeBody() do not go together; hold the rigid part, "
-                'as in Rigid(..., held="xy"), or another surface.'
-            )
         if len(_on(self.where, told, RigidSurface)) > 1:
             raise InputError(f"{self.where!r} is rigid twice; name it once.")
         for item, one in of_kind(told, FixedDisplacement):
@@ -156,8 +163,11 @@ class Rigid(Support):
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
         turns = _turns(scene.kinematics) if self.turns is None else self.turns
         return [
-            RigidSurface(self.where, self.held, turns, self.along, self.across, self.centre)
-        ]
+            RigidSurface(
+                self.where, self.held, turns, self.along, self.across, self.centre,
+                Attached.of(self.kilograms, self.moments),
+            )
+        ]  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ class StrainOf:
     def __init__(self, F: Any, scale: Any = 1):
         self.C = scale * dot(F.T, F)
         self._F, self._scale = F, scale
-        self._parts: _Spectrum | None = None
+        self._parts: Spectrum | None = None
 
     @property
     def I1(self) -> Any:
@@ -50,11 +50,11 @@ class StrainOf:
     def power_sum(self, alpha: Any) -> Any:
         """lam1^alpha + lam2^alpha + lam3^alpha, exact at equal stretches too."""
         if self._parts is None:
-            self._parts = _Spectrum(self.C, self._scale**3 * cofactor(self._F)[1] ** 2)
+            self._parts = Spectrum(self.C, self._scale**3 * cofactor(self._F)[1] ** 2)
         return self._parts.power_sum(alpha / 2)
 
 
-class _Spectrum:
+class Spectrum:
     """Sums of powers of the eigenvalues of C, by isolation of the farthest eigenvalue.
 
     Parameters
@@ -134,6 +134,15 @@ def cofactor(F: Any) -> tuple[Any, Any]:
     a, b, c = (as_vector([F[i, j] for i in range(3)]) for j in range(3))
     bc, ca, ab = _cross(b, c), _cross(c, a), _cross(a, b)
     return as_matrix([[bc[i], ca[i], ab[i]] for i in range(3)]), dot(a, bc)
+
+
+def change_of_cofactor(F: Any, G: Any) -> Any:
+    """The derivative of the cofactor of F in the direction G; both are 3 x 3."""
+    a, b, c = (as_vector([F[i, j] for i in range(3)]) for j in range(3))
+    d, e, f = (as_vector([G[i, j] for i in range(3)]) for j in range(3))
+    bc, ca, ab = (_cross(b, f) + _cross(e, c), _cross(c, d) + _cross(f, a),
+                  _cross(a, e) + _cross(d, b))  # fmt: skip
+    return as_matrix([[bc[i], ca[i], ab[i]] for i in range(3)])
 
 
 def _cross(a: Any, b: Any) -> Any:

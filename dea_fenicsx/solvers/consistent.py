@@ -55,8 +55,9 @@ class Start:
         self.moves = self.mass.moving(self.problem.free, self.problem.expansion)
 
     def consistent(
-        self, state: State, velocity: np.ndarray, driven: np.ndarray | None = None
-    ) -> State:
+        self, state: State, velocity: np.ndarray, driven: np.ndarray | None = None,
+        corrected: bool = True,
+    ) -> State:  # fmt: skip
         """The state with the acceleration, pressure and potential that follow.  Collective.
 
         Parameters
@@ -68,6 +69,8 @@ class Start:
         driven
             Acceleration in 1/s^2 that is known of all local values: at fixed displacements, and the
             known part of it at nodes of rigid parts.  None for 0.
+        corrected
+            Whether an impulse of the pressure corrects a velocity that does not keep the volume.
         """
         problem = self.problem
         still = {k: v for k, v in state.history.items() if k != MOTION}
@@ -75,9 +78,10 @@ class Start:
         given = np.zeros(problem.size) if driven is None else driven
         with problem.at(state):
             matrix, kept = self._matrix()
-        ksp = _factor(matrix, problem.comm)
+        ksp = factor(matrix, problem.comm)
         x, b = matrix.createVecs()
-        velocity = self._kept_volume(state, velocity, kept, (ksp, x, b))
+        if corrected:
+            velocity = self._kept_volume(state, velocity, kept, (ksp, x, b))
         centripetal = self._second_volume(state, velocity)
         acceleration = np.zeros(problem.size)
         for _ in range(CORRECTIONS):
@@ -195,7 +199,7 @@ class Start:
         return total / step**2
 
 
-def _factor(matrix: Any, comm: MPI.Comm) -> Any:
+def factor(matrix: Any, comm: MPI.Comm) -> Any:
     ksp = PETSc.KSP().create(comm)
     ksp.setOperators(matrix)
     ksp.setType("gmres")

@@ -77,6 +77,25 @@ class NewtonSolver(LinearSolver):
         # Python's max would pass over a NaN that is not the first
         return max(norms) if np.all(np.isfinite(norms)) else np.inf
 
+    def without_rounding(self, residual: np.ndarray, norm: float) -> float:
+        """The scaled residual once more, if rounding may explain why it does not fall.  Collective.
+
+        Where rounding of the displacements leaves more than Newton's tolerance, the forces that the
+        residual is compared with are enlarged, so that later steps know it.
+
+        Parameters
+        ----------
+        residual
+            The residual of the present state.
+        norm
+            Its scaled size.
+        """
+        tolerance = self.options.tolerance
+        if not norm <= MOST_ROUNDING_OVER_TOLERANCE * tolerance:
+            return norm
+        self.references.allow_for_rounding(residual, tolerance)
+        return self.residual_of(residual)
+
     def solve(
         self,
         start: State,

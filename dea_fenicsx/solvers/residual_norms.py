@@ -31,6 +31,13 @@ changes its sign from node to node, so rounding leaves a few eps times these cha
 values are in docs/developers/solver.md, "Measured constants".
 """
 
+POSITION_ROUNDING = 4 * np.finfo(float).eps
+"""Rounding of a displacement, relative to itself, in steps of Newton's method that rest.
+
+Displacements are stored with the relative precision eps, and each of the last increments is rounded
+as well.
+"""
+
 FED_SHARE = 0.1
 """Share of the rows of a first step in time with a sheet resistance that counts as charges."""
 
@@ -147,6 +154,33 @@ class References:
                 self.sizes[group.name] = max(self.sizes.get(group.name, 0.0), size)
         self._disorder = self._charges_of_disorder()
 
+    def allow_for_rounding(self, residual: np.ndarray, tolerance: float) -> None:
+        """Enlarge the reference of the motion if rounding alone leaves more than the tolerance.
+
+        Where cells are thin or chains nearly stretched out, the displacements that can be stored
+        next to an equilibrium have unbalanced forces of their own.  Collective.
+
+        Parameters
+        ----------
+        residual
+            The residual of the present state.
+        tolerance
+            Newton's tolerance.
+        """
+        problem, here = self.problem, self.problem.state
+        values = here.values.copy()
+        for axis, part in enumerate(problem.displacement):
+            x = part.space.tabulate_dof_coordinates()
+            # A wave so short that neighbouring nodes have unrelated values.
+            wave = np.sin(1e6 * (x @ np.sqrt([1.0, 2.0, 3.0])) + axis)
+            values[part.dofs] *= 1 + POSITION_ROUNDING * wave
+        with problem.at(here.with_values(values)):
+            change = problem.restrict(problem.residual() - residual)
+        for group in self._groups:
+            if group.role is Role.MOTION:
+                size = self._norm(change[group.free]) / tolerance
+                self.sizes[group.name] = max(self.sizes.get(group.name, 0.0), size)
+
     def _rounding(self) -> float:
         """Unbalanced charge that rounding of the present potential may leave.  Collective."""
         problem = self.problem
@@ -238,7 +272,8 @@ class References:
         problem = self.problem
         here = problem.state
         values = here.values.copy()
-        parts = [problem.space.parts[contact.name] for contact in problem.forms.contacts]
+        fields = [name for contact in problem.forms.contacts for name in contact.fields]
+        parts = [problem.space.parts[name] for name in fields]
         pressing = [part for found in parts for part in found.values()]
         for part in (problem.pressure, problem.potential, *pressing):
             if part is not None:

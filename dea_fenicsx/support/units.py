@@ -30,6 +30,8 @@ DIMENSIONS = {
     "m**3": "a volume in m^3",
     "V/m": "an electric field in V/m",
     "s": "a time in s",
+    "kg": "a mass in kg",
+    "kg*m**2": "a moment of inertia in kg m^2",
     "kg/m**3": "a density in kg/m^3",
     "m/s**2": "an acceleration in m/s^2",
     "N/m**3": "a force per volume in N/m^3",

@@ -72,3 +72,24 @@ def stiff_spring():
                {"u": dea.PartDisplacement("x_max", "x")})  # fmt: skip
     close(done["u_m"], 0.1 * MU * H**2 / k, rel=1e-4)
     return f"moved by {done['u_m']:.3g} m"
+
+
+@case("mechanism: a torsional spring a million times stiffer than the block", COMPLETED)
+def stiff_torsion():
+    k, moment = 1e6 * MU * H**3, 0.1 * MU * H**3
+    scene = strip(CLAMP, dea.Rigid("x_max"), dea.TorsionSpring("x_max", k),
+                  loads=[dea.Moment("x_max", moment)])  # fmt: skip
+    done = run(scene, dea.Ramp(steps=1), {"a": dea.PartRotation("x_max")})
+    return close(done["a_rad"], moment / k, rel=1e-4, what="angle")
+
+
+@case("mechanism: a table of forces with a cliff", COMPLETED)
+def cliff():
+    """The force of the spring rises a hundredfold within a millionth of the strip's length."""
+    force = 0.1 * MU * H**2
+    law = dea.TableLaw((0.0, 0.01 * H, 0.01 * H + 2e-6 * H, H), (0.0, 0.001 * force, force, force))
+    record = {"u": dea.PartDisplacement("x_max", "x"), "R": dea.Reaction("x_min", "x")}
+    done = run(strip(CLAMP, END, dea.Spring("x_max", law, "x"), loads=PULL), dea.Ramp(steps=1),
+               record)  # fmt: skip
+    close(done["R_N"], law(done["u_m"]) - force, rel=1e-6, what="force")
+    return close(done["u_m"], 0.01 * H, rel=1e-3, what="displacement")

@@ -29,7 +29,8 @@ MARK = "verdict of the case: "
 
 def load() -> dict:
     """All cases, by name."""
-    parts = ("films", "devices", "runs", "marches", "cavities", "air", "repeating", "mechanisms")
+    parts = ("films", "devices", "runs", "marches", "cavities", "air", "repeating", "mechanisms",
+             "contacts", "motions")  # fmt: skip
     for part in parts:
         import_module(f"hard.{part}")
     from hard.table import CASES

@@ -54,6 +54,15 @@ class Term(ABC):
         """What it stores in the body, per undeformed volume, dimensionless; None for nothing."""
         return None
 
+    def work(self, at: MaterialPoint, virtual: Variation) -> Any:
+        """Virtual work per undeformed volume, dimensionless, symbolic, linear in the variation.
+
+        A term of the energy that gives None has the variation of its density.  A density whose
+        derivatives are long compiles many times faster if the term gives its stress times
+        virtual(F) here, because only one more derivative is left for the tangent.
+        """
+        return None
+
     def following(self, at: MaterialPoint, change: Variation, virtual: Variation) -> Any:
         """What the tangent has beside the derivative at kept coefficients, or None.
 

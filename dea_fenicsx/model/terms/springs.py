@@ -13,6 +13,8 @@ from dea_fenicsx.model.rigid_parts import RigidPart
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.terms.base import Variation, WorkTerm
 from dea_fenicsx.scene.springs import SpringForce
+from dea_fenicsx.scene.table_law import TableLaw
+from dea_fenicsx.scene.torsion import TorsionMoment
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 
@@ -128,13 +130,33 @@ class SpringWork(WorkTerm):
 
     def stored(self, at: MaterialPoint) -> Any:
         """The integral of the force from 0 to the elongation."""
-        d = self._elongation(at)
+        d, law = self._elongation(at), self._told.law
         unit = self._scales.force * self._scales.length
-        places = zip(POINTS, WEIGHTS, strict=True)
-        work = sum(float(w / 2) * self._told.law(float((1 + x) / 2) * d) for x, w in places) * d
+        if isinstance(law, TableLaw):
+            work = law.energy(d)
+        else:
+            places = zip(POINTS, WEIGHTS, strict=True)
+            work = sum(float(w / 2) * law(float((1 + x) / 2) * d) for x, w in places) * d
         constant = self._share(at)
         constant.value = self._per_volume[0].value
         return constant * work / unit
+
+
+class TorsionWork(SpringWork):
+    """The same of a torsional spring: m(d) virtual(d), with the moment m at the angle d."""
+
+    def _elongation(self, at: MaterialPoint) -> Any:
+        """The angle in rad."""
+        told = self._told
+        turned = self._turned(told.surface, at)
+        return turned - (0 if told.to is None else self._turned(told.to, at)) - self._strained
+
+    def _turned(self, name: str, at: MaterialPoint) -> Any:
+        """The angle by which a part has turned about the axis of the spring."""
+        part = self._parts[name]
+        q, n = at.fields[f"rigid {name}"], len(part.shifts)
+        assert self._told.axis is not None
+        return q[n + ("xyz".index(self._told.axis) if part.turning.count == 3 else 0)]
 
 
 def spring_terms(
@@ -146,6 +168,8 @@ def spring_terms(
     ramps = dict.fromkeys(told.ramp for told in springs if told.ramp)
     factors = {ramp: dolfinx.fem.Constant(mesh, 0.0) for ramp in ramps}
     return [
-        SpringWork(told, named, axes, scales, factors[told.ramp] if told.ramp else None)
+        (TorsionWork if isinstance(told, TorsionMoment) else SpringWork)(
+            told, named, axes, scales, factors[told.ramp] if told.ramp else None
+        )
         for told in springs
     ]

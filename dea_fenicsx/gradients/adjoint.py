@@ -1,0 +1,391 @@
+"""Derivatives of observables at an equilibrium, by the adjoint or the direct method.
+
+The residual R(w, p) of the free unknowns x vanishes at an equilibrium.  For an observable J(w, p)
+that is a function of integrals, one solve with the transpose of the tangent K gives a vector m, and
+with it the derivative by any number of variables:
+
+    K^T m = (dJ/dx)^T,        dJ/dp = dJ/dp (x fixed) - m . dR/dp.
+
+For another observable the state's own derivative dx/dp = -K^{-1} dR/dp is found for each variable,
+and the observable is differenced along it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from dea_fenicsx.gradients.functionals import Functional, functional_of
+from dea_fenicsx.gradients.shapes import fixed_change, most, nodal_space, nodal_values
+from dea_fenicsx.gradients.variables import (
+    Coefficients,
+    Load,
+    Shape,
+    ShapeChange,
+    Variable,
+    variables,
+)
+from dea_fenicsx.model.fields import Role
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.state import State
+from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.refinement import solve_to
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.agreement import bind_alike
+from dea_fenicsx.support.compat import dolfinx
+from dea_fenicsx.support.errors import InputError, SolverError
+
+TOLERANCE = 1e-10
+"""Residual of a linear solve, relative to its right-hand side."""
+
+DIFFERENCE = 1e-3
+"""Step of the differences of an observable, relative to the state and to the variable.
+
+The formula is of fourth order, so that its error is about 1e-12.
+"""
+
+
+LEAST_MOTION = 1e-3
+"""Displacement that counts as a small one where nothing has moved, in units of the device."""
+
+
+@dataclass(frozen=True)
+class Gradient(Mapping[str, float]):
+    """The derivatives of an observable, or of a critical load, by the names of the variables.
+
+    Attributes
+    ----------
+    what
+        The observable's name, or what the critical load is.
+    value
+        Its value, in SI units.
+    derivatives
+        Its derivative by each variable, in SI units: by a voltage per V, by the factor of another
+        ramp, by a thickness per m.
+    method
+        ``"adjoint"``: exact, from one linear solve for all variables.  ``"direct"``: from one
+        linear solve for each variable, and differences of the observable along the change of the
+        state.
+    residual
+        Largest residual of the linear solves, relative to the right-hand side.
+    """
+
+    what: str
+    value: float
+    derivatives: Mapping[str, float]
+    method: str
+    residual: float
+
+    def __getitem__(self, name: str) -> float:
+        return self.derivatives[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.derivatives)
+
+    def __len__(self) -> int:
+        return len(self.derivatives)
+
+
+class Gradients:
+    """Finds derivatives at states of a problem; what is compiled for one serves the others.
+
+    Parameters
+    ----------
+    problem
+        The problem.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+
+    @cached_property
+    def solver(self) -> NewtonSolver:
+        """A solver of its own, so that the run's keeps its factor and its counts."""
+        return NewtonSolver(self.problem)
+
+    def of_observable(
+        self, state: State, name: str, observable: Any, to: Iterable[str | ShapeChange]
+    ) -> Gradient:
+        """The derivatives of an observable at an equilibrium.  Collective.
+
+        Raises
+        ------
+        InputError
+            For an unknown variable, an observable without a derivative, and a step of a march.
+        SolverError
+            If a linear solve fails, as at a limit point.
+        """
+        problem = self.problem
+        check_static(state)
+        found = variables(problem, to)
+        with problem.at(state):
+            functional = functional_of(observable, problem)
+            if functional is None and any(isinstance(v, Shape) for v in found):
+                shape = next(v.name for v in found if isinstance(v, Shape))
+                raise InputError(
+                    f"{type(observable).__name__} has no derivative by {shape!r}: it is measured "
+                    "on the mesh as it was; those that are known as integrals are "
+                    "MeanDisplacement, MeanStretch, Contraction, Area, Charge, Capacitance and "
+                    "Energy."
+                )
+            measure = bind_alike(problem, name, observable)
+            value = measure()
+            self._linearise()
+            if functional is None:
+                slopes, residual = self._direct(state, measure, found)
+                return Gradient(name, value, slopes, "direct", residual)
+            slopes, residual = self._by_adjoint(functional, found)
+        return Gradient(name, value, slopes, "adjoint", residual)
+
+    def _linearise(self) -> None:
+        """Let the rows of the linear systems be weighed as Newton's method does it."""
+        self.solver.residual_of(self.problem.residual())
+        self.solver.forget_factor()
+
+    def _by_adjoint(
+        self, functional: Functional, found: list[Variable]
+    ) -> tuple[dict[str, float], float]:
+        problem = self.problem
+        forms, by_factor = functional.weighted(problem)
+        by_state = self._by_state(forms)
+        rhs = problem.restrict(by_state)
+        solution, residual = np.zeros(len(problem.free)), 0.0
+        if self.total(rhs @ rhs) > 0:
+            given = problem.circuits.given_rows()
+            rhs[given] = 0.0
+            solution, residual = self._solved(rhs, transposed=True)
+        paired = Paired(self, -solution, forms)
+        slopes = {}
+        for one in found:
+            slope = paired.slope(one)
+            if isinstance(one, Load):
+                slope += self.total(by_state @ self.lifted(one.ramp)) / one.unit
+                slope += by_factor.get(one.ramp, 0.0) / one.unit
+            elif isinstance(one, Shape):
+                change = fixed_change(problem, one.velocity)
+                slope += self.total(by_state @ self._followed(change))
+            slopes[one.name] = slope
+        return slopes, residual
+
+    def _direct(
+        self, state: State, measure: Any, found: list[Variable]
+    ) -> tuple[dict[str, float], float]:
+        problem = self.problem
+        slopes, worst = {}, 0.0
+        for one in found:
+            changed, residual = self._solved(-self._forces(one))
+            worst = max(worst, residual)
+            step = self._step(state, changed, one)
+
+            def value(share: float, one: Variable = one, changed: Any = changed,
+                      step: float = step) -> float:  # fmt: skip
+                return self._measured(state, changed, one, share * step, measure)
+
+            near, far = value(1) - value(-1), value(2) - value(-2)
+            problem.show(state)
+            slopes[one.name] = (8 * near - far) / (12 * step)
+        return slopes, worst
+
+    def _step(self, state: State, changed: np.ndarray, one: Variable) -> float:
+        """The step of a variable for differences.  Collective."""
+        problem = self.problem
+        sizes = [most(problem, state.values[part.dofs]) for part in problem.displacement]
+        moving = problem.roles.free(Role.MOTION)
+        size, speed = max([*sizes, LEAST_MOTION]), most(problem, changed[moving])
+        steps = [size / speed] if speed > 0 else []
+        value = one.value if isinstance(one, Coefficients) else 0.0
+        if isinstance(one, Load):
+            value = problem.factors[one.ramp] * one.unit
+        if value:
+            steps.append(abs(value))
+        return DIFFERENCE * min(steps, default=1.0)
+
+    def _measured(
+        self, state: State, changed: np.ndarray, one: Variable, step: float, measure: Any
+    ) -> float:
+        """The observable where a variable is larger by a step, to first order.  Collective."""
+        problem = self.problem
+        problem.show(state)
+        moved = problem.moved(state, step * changed)
+        if isinstance(one, Load):
+            factors = {one.ramp: state.factors[one.ramp] + step / one.unit}
+            moved = problem.imposed(problem.under(moved, factors))
+            problem.show(moved)
+            return float(measure())
+        assert isinstance(one, Coefficients)
+        problem.show(moved)
+        kept = [c.x.array.copy() for c, _, _ in one.changes]
+        try:
+            for coefficient, cells, rate in one.changes:
+                coefficient.x.array[cells] += step * rate
+            return float(measure())
+        finally:
+            for (coefficient, _, _), values in zip(one.changes, kept, strict=True):
+                coefficient.x.array[:] = values
+
+    def _forces(self, one: Variable) -> np.ndarray:
+        """dR/dp of a constant or a load, in the free rows.  Collective."""
+        problem = self.problem
+        if isinstance(one, Load):
+            return self.solver.tangent.by_load(one.ramp) / one.unit
+        assert isinstance(one, Coefficients)
+        total = np.zeros(problem.owned)
+        for coefficient, cells, rate in one.changes:
+            along = dolfinx.fem.Function(coefficient.function_space)
+            along.x.array[cells] = rate
+            form = ufl.derivative(problem.forms.residual, coefficient, along)
+            total += _vector(form, problem.W)[: problem.owned]
+        rows = problem.restrict(total)
+        rows[problem.circuits.given_rows()] = 0.0
+        return rows
+
+    def _solved(self, rhs: np.ndarray, transposed: bool = False) -> tuple[np.ndarray, float]:
+        """Solve with the tangent or its transpose; the solution and its residual.  Collective.
+
+        Raises
+        ------
+        SolverError
+            If the solution is not exact enough.
+        """
+        if self.total(rhs @ rhs) == 0:
+            return np.zeros(len(rhs)), 0.0
+        solver = self.solver
+        if transposed:
+            found = solver.solve_transposed(rhs, TOLERANCE)
+        else:
+            times = solver.tangent.times
+            found = solve_to(rhs, TOLERANCE, solver.linear_solve, times, self.problem.comm)
+        if found is None or not found.residual < 10 * TOLERANCE:
+            reached = "none" if found is None else f"{found.residual:.1e}"
+            raise SolverError(
+                "The derivative was not found: the linear system is singular or nearly so "
+                f"(residual {reached}), as at a limit point; take a step away from it."
+            )
+        return found.values, found.residual
+
+    def _by_state(self, forms: Iterable[Any]) -> np.ndarray:
+        """The derivative of forms by the state, over its owned values.  Collective."""
+        problem = self.problem
+        found = np.zeros(problem.owned)
+        for form in forms:
+            derivative = ufl.derivative(form, problem.w, problem.space.test)
+            found += _vector(derivative, problem.W)[: problem.owned]
+        return found
+
+    def lifted(self, ramp: str) -> np.ndarray:
+        """Change of the fixed values with a ramp's factor, over the owned values.  Collective."""
+        problem = self.problem
+        along = np.zeros(problem.size)
+        along[problem.fixed] = problem.conditions.fixed_values.base[ramp][problem.fixed]
+        problem.circuits.per_factor(ramp, along)
+        return self._followed(along)
+
+    def _followed(self, change: np.ndarray) -> np.ndarray:
+        """A change of fixed values with what follows them, over the owned values.  Collective."""
+        problem, along = self.problem, dolfinx.fem.Function(self.problem.W)
+        along.x.array[:] = change
+        along.x.scatter_forward()
+        problem.rigid.follow(along.x.array, problem.w.x.array)
+        problem.conditions.ties.follow(along.x.array)
+        return np.asarray(along.x.array[: problem.owned])
+
+    def total(self, value: float) -> float:
+        return float(self.problem.comm.allreduce(float(value), op=MPI.SUM))
+
+
+class Paired:
+    """The derivatives of `vector . R + beside` by variables, at fixed free unknowns.
+
+    Parameters
+    ----------
+    owner
+        What solves.
+    vector
+        In the free unknowns (owned).
+    beside
+        Forms, which are added.
+    """
+
+    def __init__(
+        self, owner: Gradients, vector: np.ndarray, beside: Iterable[Any] = ()
+    ) -> None:
+        problem = owner.problem
+        self._owner, self._problem, self.vector = owner, problem, vector
+        inside = vector.copy()
+        inside[problem.circuits.given_rows()] = 0.0
+        weight = dolfinx.fem.Function(problem.W)
+        problem.spread(inside, weight)
+        self._forms = [ufl.action(problem.forms.residual, weight), *beside]
+        self._by_coefficient: dict[int, np.ndarray] = {}
+        self._by_nodes: tuple[Any, np.ndarray] | None = None
+
+    def slope(self, one: Variable) -> float:
+        """The derivative by a variable, in units of the variable.  Collective."""
+        problem, owner = self._problem, self._owner
+        if isinstance(one, Load):
+            forces = owner.solver.tangent.by_load(one.ramp)
+            return owner.total(self.vector @ forces) / one.unit
+        if isinstance(one, Coefficients):
+            owned = problem.scene.device.owned_cells()
+            return owner.total(sum(
+                rate * float(self._cells(coefficient)[cells[cells < owned]].sum())
+                for coefficient, cells, rate in one.changes
+            ))  # fmt: skip
+        space, gradient = self.by_nodes()
+        values = nodal_values(space, one.velocity)[: len(gradient)]
+        change = fixed_change(problem, one.velocity)
+        moved = owner.solver.tangent.times_fixed(change[problem.fixed])
+        return owner.total(gradient @ values) + owner.total(self.vector @ moved)
+
+    def _cells(self, coefficient: Any) -> np.ndarray:
+        """The derivative by a cell-wise coefficient in each local cell.  Collective."""
+        key = id(coefficient)
+        if key not in self._by_coefficient:
+            space = coefficient.function_space
+            each = ufl.TestFunction(space)
+            self._by_coefficient[key] = np.sum(
+                [_vector(ufl.derivative(form, coefficient, each), space) for form in self._forms],
+                axis=0,
+            )
+        return self._by_coefficient[key]
+
+    def by_nodes(self) -> tuple[Any, np.ndarray]:
+        """The space of the mesh's coordinates, and the derivative by each owned one.  Collective.
+
+        Displacements that are given as functions of the place are not among it.
+        """
+        if self._by_nodes is None:
+            space = nodal_space(self._problem)
+            x, each = ufl.SpatialCoordinate(self._problem.mesh), ufl.TestFunction(space)
+            gradient = np.sum(
+                [_vector(ufl.derivative(form, x, each), space) for form in self._forms], axis=0
+            )
+            owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
+            self._by_nodes = space, gradient[:owned]
+        return self._by_nodes
+
+
+def check_static(state: State) -> None:
+    """Raise InputError at a step of a march, whose derivative depends on all steps before it."""
+    if state.time or state.history:
+        raise InputError(
+            "The state of this step depends on the steps before it (a march, viscous strains, "
+            "charges that move), and so does its derivative; only equilibria without a past are "
+            "derived."
+        )
+
+
+def _vector(form: Any, space: Any) -> np.ndarray:
+    """A linear form on a space, assembled over all ranks, with its local values.  Collective."""
+    form = ufl.algorithms.expand_derivatives(form)
+    if form.empty():  # nothing depends on it
+        return np.zeros(dolfinx.fem.Function(space).x.array.size)
+    vector = dolfinx.fem.assemble_vector(compat.compile_form(form))
+    vector.scatter_reverse(dolfinx.la.InsertMode.add)
+    return np.asarray(vector.array.copy())

@@ -1,0 +1,1 @@
+"""Studies: one script run over many values of its parameters, on all ranks, kept and resumable."""
