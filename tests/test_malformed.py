@@ -129,6 +129,8 @@ VALUES = {
         lambda c: scene(c, prescribed=[dea.Displacement("top", "y", -INF)]), "is -inf"),
     "a twist in the plane": (lambda c: scene(c, prescribed=[dea.Twist(1.0)]), "helical cells"),
     "a torque in the plane": (lambda c: scene(c, loads=[dea.Torque(1.0)]), "helical cells"),
+    "an axial stretch in the plane": (
+        lambda c: scene(c, prescribed=[dea.AxialStretch(1.1)]), "generalised plane strain"),
     "a load with three components": (
         lambda c: scene(c, loads=[dea.DeadLoad("top", (0.0, 1.0, 2.0))]), "3 components"),
     "a load with a NaN": (

@@ -148,8 +148,8 @@ def check_global(scene: Setting, unknown: GlobalUnknown, item: object) -> None:
     """Raise InputError if an item needs a global unknown that the scene's kinematics lacks."""
     if unknown not in scene.kinematics.global_unknowns:
         raise InputError(
-            f"{type(item).__name__} needs the {unknown.name} of the whole device as an unknown; "
-            f"{type(scene.kinematics).__name__} has none: take kinematics={unknown.kinematics}."
+            f"{type(item).__name__} is for {unknown.used_in}; take "
+            f"kinematics={unknown.kinematics}."
         )
 
 

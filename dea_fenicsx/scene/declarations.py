@@ -108,19 +108,23 @@ class GlobalUnknown(NamedTuple):
         Its name.
     per_length
         1 where its value is per m of the device's length, 0 for a pure number.
-    kinematics
-        The kinematics that have it, for messages.
+    kinematics, used_in
+        The kinematics that have it, and what they are called, for messages.
     """
 
     name: str
     per_length: int
     kinematics: str
+    used_in: str
 
 
-ELONGATION = GlobalUnknown("elongation", 0, "Helical(pitch) or GeneralisedPlaneStrain(depth)")
+ELONGATION = GlobalUnknown(
+    "elongation", 0, "Helical(pitch) or GeneralisedPlaneStrain(depth)",
+    "helical cells and generalised plane strain",
+)  # fmt: skip
 """Stretch along the axis or the depth, minus 1."""
 
-TWIST = GlobalUnknown("twist", 1, "Helical(pitch)")
+TWIST = GlobalUnknown("twist", 1, "Helical(pitch)", "helical cells")
 """Rotation about the axis per undeformed length, in rad/m."""
 
 
