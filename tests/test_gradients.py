@@ -157,7 +157,13 @@ def neighbour(run, path, name, observable, one, step):
         x[:] = rest
 
 
-@pytest.mark.parametrize("case", CASES)
+SLOW = ("space", "pre-stretch")
+"""Cases whose forms in three dimensions take long to compile."""
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(c, marks=pytest.mark.slow if c in SLOW else ()) for c in CASES]
+)
 def test_differences_converge_to_the_derivative(case):
     """A central difference is off by a term in the square of the step."""
     make, name, to = CASES[case]
