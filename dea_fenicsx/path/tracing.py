@@ -323,8 +323,8 @@ class Tracer:
         found = None
         if here.slope * there.slope < 0:
             found = branch.limit_point(here, there, arc, step.guide)
-            if found is None and (held := self._with_guide(step)) is not None:
-                step = held
+            if found is None and (guided := self._with_guide(step)) is not None:
+                step = guided
                 found = branch.limit_point(here, there, arc, step.guide)
         if found is not None:
             limit, s = found
