@@ -16,7 +16,7 @@ from conftest import clean_environment
 
 pyvista = pytest.importorskip("pyvista")
 
-from test_vtk import CELLWISE, NODAL, rows, start  # noqa: E402
+from test_vtk import CELLWISE, HEIGHT, NODAL, rows, start  # noqa: E402
 
 from dea_fenicsx.pictures import paraview  # noqa: E402
 from dea_fenicsx.results.reading import read_frame  # noqa: E402
@@ -42,6 +42,24 @@ for make, name in ((XDMFReader, "FileNames"), (Xdmf3ReaderS, "FileName"), (Xdmf3
               data.GetPointData().GetNumberOfArrays(), data.GetCellData().GetNumberOfArrays(),
               repr(float(time)), repr(u.GetRange(2)[0]))
 """  # noqa: E501
+
+BLOCKS = """
+import sys
+from paraview import servermanager
+from paraview.simple import XDMFReader
+for file in sys.argv[1:]:
+    reader = XDMFReader(FileNames=[file])
+    reader.UpdatePipelineInformation()
+    times = list(reader.TimestepValues)
+    reader.SMProxy.UpdatePipeline(times[-1])
+    data = servermanager.Fetch(reader)
+    for k in range(data.GetNumberOfBlocks()):
+        block = data.GetBlock(k)
+        key = data.GetMetaData(k).Get(data.NAME())
+        print("FOUND", repr(key).replace(" ", "_"), block.GetNumberOfCells(), len(times),
+              repr(block.GetPointData().GetArray("displacement_m").GetRange(2)[0]))
+"""
+
 
 @pytest.fixture(scope="module")
 def clamped(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -85,6 +103,18 @@ def test_all_readers_find_all_steps(clamped: Path, tmp_path: Path) -> None:
         assert line[:5] == ["vtkUnstructuredGrid", *counts]
         assert float(line[5]) == pytest.approx(float(row["time"]))
         assert float(line[6]) == pytest.approx(lowest, rel=1e-12, abs=1e-20)
+
+
+def test_electrodes_and_surfaces_are_blocks_with_names(clamped: Path, tmp_path: Path) -> None:
+    files = clamped / "electrodes.xdmf", clamped / "surfaces.xdmf"
+    blocks = {line[0]: line[1:] for line in found(tmp_path, BLOCKS, *files)}
+    assert set(blocks) == {
+        "'electrode_top'", "'electrode_bottom'", "'x_min'", "'x_max'", "'y_min'", "'y_max'"
+    }  # fmt: skip
+    for cells, steps, lowest in blocks.values():
+        assert (cells, steps) in (("4", "4"), ("2", "4"))  # facets of 2 x 2 cells, and all steps
+        assert float(lowest) < -1e-7  # all blocks take the points of the device, which is pressed
+    assert blocks["'electrode_top'"][0] == "4"
 
 
 def shown(folder: Path, shot: Path) -> np.ndarray:

@@ -171,7 +171,7 @@ try:
         document = os.path.join(FOLDER, name + ".xdmf")
         if not os.path.exists(document):
             continue
-        parts = Xdmf3ReaderS(registrationName=name, FileName=[document])
+        parts = XDMFReader(registrationName=name, FileNames=[document])
         moved = WarpByVector(registrationName="warped " + name, Input=parts)
         moved.Vectors = ["POINTS", {displacement!r}]
         moved.ScaleFactor = WARP

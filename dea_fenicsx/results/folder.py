@@ -40,7 +40,7 @@ from dea_fenicsx.results.plain_text import json_value, number_text
 from dea_fenicsx.results.reading import read_history, read_summary
 from dea_fenicsx.results.shared_folder import SharedFolder
 from dea_fenicsx.results.split_grid import SplitGrid
-from dea_fenicsx.results.surface_blocks import DOCUMENTS, Blocks, step_xml
+from dea_fenicsx.results.surface_blocks import DOCUMENTS, Blocks, block_xml, blocks_in
 from dea_fenicsx.results.surface_names import (
     NODAL,
     NODAL_DOCUMENT,
@@ -286,16 +286,22 @@ class Folder(SharedFolder):
             group = f"{surface_group(name)}/"
             self._write_document(surface_document(name), name, group, history, whole)
         for document, electrodes in DOCUMENTS.items():
-            make = partial(step_xml, root=self.path, electrodes=electrodes)
-            name = document.removesuffix(".xdmf")
-            if text := self._steps_xml(document, "", history, whole, make):
-                self._put_document(document, name, text, whole)
+            text = ""
+            for key, name in blocks_in(self._grid(whole), electrodes).items():
+                make = partial(block_xml, root=self.path, key=key)
+                grids = self._steps_xml(f"{document}/{key}", "", history, whole, make)
+                text += xdmf.collection(grids, name) if grids else ""
+            if text:
+                self._put_document(document, text, whole)
 
-    def _put_document(self, file_name: str, name: str, grids: str, whole: bool) -> None:
+    def _put_document(self, file_name: str, collections: str, whole: bool) -> None:
         """Write a document, with a note on regions and axes."""
-        mesh, group = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
-        text = xdmf.document(grids, name, xdmf.note_of((mesh, group)))
+        text = xdmf.whole_document(collections, xdmf.note_of(self._grid(whole)))
         replace_file(self.path / file_name, lambda target: target.write_text(text, "utf-8"))
+
+    def _grid(self, whole: bool) -> tuple[Path, str]:
+        """The file of the grid, and the group in it."""
+        return self._where(self.path / "parts" / "grid.h5", "grid/", whole)
 
     def _write_document(
         self, file_name: str, name: str, group: str, history: list[dict[str, Any]], whole: bool
@@ -303,7 +309,7 @@ class Folder(SharedFolder):
         """Write the document of the device or of a surface, whose data lie in a group."""
         make = partial(xdmf.grid_xml, root=self.path)
         text = self._steps_xml(file_name, group, history, whole, make)
-        self._put_document(file_name, name, text, whole)
+        self._put_document(file_name, xdmf.collection(text, name), whole)
 
     def _steps_xml(
         self, document: str, group: str, history: list[dict[str, Any]], whole: bool,
@@ -331,7 +337,7 @@ class Folder(SharedFolder):
                 continue
             file, prefix = self._where(self._part(step), f"step_{step:05d}/", whole)
             if file.exists():
-                mesh, before = self._where(self.path / "parts" / "grid.h5", "grid/", whole)
+                mesh, before = self._grid(whole)
                 grids.append(
                     make(f"step {step}", time, (mesh, before + group), (file, prefix + group))
                 )

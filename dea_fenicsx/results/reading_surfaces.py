@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -38,9 +40,8 @@ def read_surfaces(folder: str | os.PathLike) -> dict[str, Facets]:
     for document in DOCUMENTS:
         if not (folder / document).is_file():
             continue
-        steps = read_xml(folder / document).findall("./Domain/Grid/Grid")
         is_electrode = document == DOCUMENTS[0]
-        for block in steps[-1].findall("Grid") if steps else ():
+        for name, block in _blocks(read_xml(folder / document)):
             topology = block.find("Topology")
             kind = "" if topology is None else topology.attrib.get("TopologyType", "")
             if topology is None or kind not in BY_XDMF:
@@ -48,7 +49,22 @@ def read_surfaces(folder: str | os.PathLike) -> dict[str, Facets]:
             nodes = read_data(folder, topology.findtext("DataItem") or "")
             if nodes.ndim != 2 or nodes.shape[1] != BY_XDMF[kind].nodes:
                 continue
-            name = block.attrib.get("Name", "")
             name = name.removeprefix("electrode ") if is_electrode else name
             found[name] = Facets(nodes, BY_XDMF[kind].vtk, kind in LINES, is_electrode)
     return found
+
+
+def _blocks(document: Any) -> Iterator[tuple[str, Any]]:
+    """Name of each block, and its grid at the last step.
+
+    Earlier versions wrote a collection of steps, each with all blocks in it.
+    """
+    for block in document.findall("./Domain/Grid"):
+        steps = block.findall("Grid")
+        if not steps:
+            continue
+        inner = steps[-1].findall("Grid")
+        if inner:
+            yield from ((grid.attrib.get("Name", ""), grid) for grid in inner)
+        else:
+            yield block.attrib.get("Name", ""), steps[-1]

@@ -50,11 +50,28 @@ def electrode_surfaces(scene: Scene) -> tuple[str, ...]:
     return tuple(name for name in names if name in scene.device.surfaces)
 
 
-def step_xml(
-    name: str, time: float, mesh: tuple[Path, str], fields: tuple[Path, str], root: Path,
-    electrodes: bool,
-) -> str:  # fmt: skip
-    """The blocks of one step, seen from a folder; empty where there are none.
+def blocks_in(mesh: tuple[Path, str], electrodes: bool) -> dict[str, str]:
+    """Keys of the surfaces that a grid's file holds, and the names of their blocks.
+
+    Parameters
+    ----------
+    mesh
+        File of the grid, and the group in it.
+    electrodes
+        Whether the surfaces that are electrodes are wanted, or all others.
+    """
+    file, prefix = mesh
+    if not file.is_file():
+        return {}
+    here = xdmf.mesh_in(file, prefix, xdmf.stamp(file))
+    title = "electrode " if electrodes else ""
+    return {key: title + unquote(key) for key, *_, mine in here.facets if mine == electrodes}
+
+
+def block_xml(
+    name: str, time: float, mesh: tuple[Path, str], fields: tuple[Path, str], root: Path, key: str
+) -> str:
+    """The block of a surface at one step, seen from a folder.
 
     Parameters
     ----------
@@ -64,25 +81,19 @@ def step_xml(
         File of the grid and of the step's fields, and the group in it.
     root
         The folder of the document.
-    electrodes
-        Whether the surfaces that are electrodes are wanted, or all others.
+    key
+        The key of the surface in the file.
     """
     (mesh_file, mesh_prefix), (file, prefix) = mesh, fields
     here = xdmf.mesh_in(mesh_file, mesh_prefix, xdmf.stamp(mesh_file))
-    wanted = [surface for surface in here.facets if surface[3] == electrodes]
-    if not wanted:
-        return ""
+    shape, kind = next(surface[1:3] for surface in here.facets if surface[0] == key)
     found = xdmf.fields_in(file, prefix, xdmf.stamp(file)) or {"node": {}}
     source = f"{mesh_file.relative_to(root).as_posix()}:/{mesh_prefix}"
     place = f"{file.relative_to(root).as_posix()}:/{prefix}node/"
-    values = [xdmf.attribute(n, size, f"{place}{n}") for n, size in found["node"].items()]
-    lines = [f'   <Grid Name={quoteattr(name)} GridType="Collection" CollectionType="Spatial">',
-             f'    <Time Value="{time:.12g}"/>']  # fmt: skip
-    for key, shape, kind, _ in wanted:
-        title = ("electrode " if electrodes else "") + unquote(key)
-        table, points = f"{source}{xdmf.FACETS}/{key}", f"{source}points"
-        lines += [
-            f'    <Grid Name={quoteattr(title)} GridType="Uniform">',
-            *xdmf.geometry(kind, shape, table, here.points, points), *values, "    </Grid>",
-        ]  # fmt: skip
+    table, points = f"{source}{xdmf.FACETS}/{key}", f"{source}points"
+    lines = [
+        f'   <Grid Name={quoteattr(name)} GridType="Uniform">', f'    <Time Value="{time:.12g}"/>',
+        *xdmf.geometry(kind, shape, table, here.points, points),
+        *(xdmf.attribute(n, size, f"{place}{n}") for n, size in found["node"].items()),
+    ]  # fmt: skip
     return "\n".join([*lines, "   </Grid>\n"])

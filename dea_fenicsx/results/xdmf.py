@@ -24,18 +24,25 @@ FACETS = "facets"
 _KINDS = {1: "Scalar", 3: "Vector", 9: "Tensor"}
 
 
+def collection(grids: str, name: str) -> str:
+    """A temporal collection of grids under a name."""
+    head = f'  <Grid Name={quoteattr(name)} GridType="Collection" CollectionType="Temporal">\n'
+    return head + grids + "  </Grid>\n"
+
+
 def document(grids: str, name: str = "device", note: str = "") -> str:
-    """An XDMF document that holds a temporal collection of grids, under a name.
+    """An XDMF document that holds a temporal collection of grids, under a name."""
+    return whole_document(collection(grids, name), note)
+
+
+def whole_document(collections: str, note: str = "") -> str:
+    """An XDMF document that holds temporal collections, each of which ParaView shows as a block.
 
     A note stands in it as a comment; readers of XDMF do not agree on elements for such texts.
     """
     comment = f"<!-- {note.replace('--', '- -')} -->\n" if note else ""
-    return (
-        f'<?xml version="1.0"?>\n{comment}<Xdmf Version="3.0">\n <Domain>\n'
-        f'  <Grid Name={quoteattr(name)} GridType="Collection" CollectionType="Temporal">\n'
-        + grids
-        + "  </Grid>\n </Domain>\n</Xdmf>\n"
-    )
+    head = f'<?xml version="1.0"?>\n{comment}<Xdmf Version="3.0">\n <Domain>\n'
+    return head + collections + " </Domain>\n</Xdmf>\n"
 
 
 Stamp = tuple[int, int, int]

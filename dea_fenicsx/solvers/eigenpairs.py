@@ -44,6 +44,9 @@ Vectors that the constraints exclude have 1/m = 0, which rounding turns into som
 ALIGNED = 0.9
 """Cosine between an eigenvector and its inverse iterate, below which it is no eigenvector."""
 
+INDEPENDENT = 1e-10
+"""Least eigenvalue of the products of unit vectors that are taken as linearly independent."""
+
 NEARER = 1e-6
 """Share by which an eigenvalue must be nearer than the farthest one to take its place."""
 
@@ -155,6 +158,19 @@ class _NoProduct:
 
     def mult(self, _: Any, x: Any, y: Any) -> None:
         x.copy(y)
+
+
+def _ritz_values(stiffness: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues of S y = m W y in ascending order, and the columns y with y . W y = 1.
+
+    W holds the products of unit vectors.  Where some depend on the others, W is singular but for
+    rounding, and there are fewer eigenvalues than vectors.
+    """
+    sizes, basis = eigh(weights)
+    independent = sizes > INDEPENDENT
+    basis = basis[:, independent] / np.sqrt(sizes[independent])
+    values, turn = eigh(basis.T @ stiffness @ basis)
+    return values, basis @ turn
 
 
 class _Search:
@@ -294,7 +310,7 @@ class _Search:
             return []
         KV = np.stack([self.solver.tangent.times(v) for v in V.T], axis=1)
         stiffness, weights = self._sum(V.T @ KV), self._sum(V[self.motion].T @ MV)
-        values, turn = eigh((stiffness + stiffness.T) / 2, (weights + weights.T) / 2)
+        values, turn = _ritz_values((stiffness + stiffness.T) / 2, (weights + weights.T) / 2)
         V, KV, MV = V @ turn, KV @ turn, MV @ turn
         rest = KV.copy()
         rest[self.motion] -= MV * values
