@@ -431,4 +431,4 @@ def test_help_states_units(name, start):
     text = start(DEMOS / name, "--help", check=True).stdout
     assert "--out" in text
     assert "--quiet" in text
-    assert re.search(r"Pa|--[a-z-]+ m\b", text)
+    assert re.search(r"Pa|--[a-z-]+ (m|s|V)\b", text)
