@@ -26,7 +26,7 @@ MESHES = {"coarse": (8, 1), "medium": (12, 1), "fine": (20, 2)}
 
 def parse():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/beam_in_motion")
-    parser.add_argument("--mesh", choices=sorted(MESHES), default="coarse", help="fineness of the mesh")
+    parser.add_argument("--mesh", choices=sorted(MESHES), default="coarse", help="its fineness")
     parser.number("--seconds", 5.0, "s", "how long the motion is followed")
     parser.count("--steps", 250, "equal steps of time")
     parser.add_argument("--at", type=float, nargs="*", default=[0.5, 1.0, 2.0, 5.0], metavar="s",

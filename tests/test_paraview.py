@@ -16,7 +16,7 @@ from conftest import clean_environment
 
 pyvista = pytest.importorskip("pyvista")
 
-from test_vtk import CELLWISE, HEIGHT, NODAL, rows, start  # noqa: E402
+from test_vtk import CELLWISE, NODAL, rows, start  # noqa: E402
 
 from dea_fenicsx.pictures import paraview  # noqa: E402
 from dea_fenicsx.results.reading import read_frame  # noqa: E402

@@ -148,8 +148,8 @@ def _advice(names: Sequence[str]) -> str:
     """What to do about a ramp that has come to a limit point."""
     trace = f'dea.Trace("{names[0]}")' if len(names) == 1 else "dea.Trace of one of its ramps"
     return (
-        f"  To see how the branch goes on, follow it with {trace}; to see where the device snaps "
-        "to, use Ramp(..., snap=True), or at_loss=\"motion\" to see how it moves there."
+        f"  {trace} follows the branch on; Ramp(..., snap=True) shows where the device snaps to, "
+        'and at_loss="motion" how.'
     )
 
 

@@ -303,12 +303,22 @@ def _check_rest(told: Mapping[str, Any], fields: Sequence[str]) -> None:
         raise Unusable("its references of the residual are not usable")
     if not isinstance(failures, list) or not all(isinstance(f, dict) for f in failures):
         raise Unusable("its list of failures is not usable")
+    if not _are_notes(told.get("notes", {})):
+        raise Unusable("what it tells of its events is not usable")
     if moment_told(told.get("moment")) is None:
         raise Unusable("it does not say at which time its state is")
     if not _is_start(told.get("start")):
         raise Unusable("it does not say where it started")
     if not is_number(seconds) or not 0 <= float(seconds or 0) < math.inf:
         raise Unusable("its time is not usable")
+
+
+def _are_notes(found: Any) -> bool:
+    """Whether a value can be what a run tells of its events: numbers by name, for each step."""
+    return isinstance(found, dict) and all(
+        isinstance(note, dict) and all(is_number(value) for value in note.values())
+        for note in found.values()
+    )
 
 
 def _is_start(found: Any) -> bool:

@@ -54,8 +54,8 @@ class Closing:
             **{k: v for k, v in last.items() if k not in NOT_IN_SUMMARY},
             "stable": stable,
             "events": [
-                {"event": row["event"], "step": row["step"], **journal.loads(row),
-                 **journal.notes.get(str(row["step"]), {})}
+                {**journal.notes.get(str(row["step"]), {}), "event": row["event"],
+                 "step": row["step"], **journal.loads(row)}
                 for row in history if row["event"] not in ("", MOVING)
             ],
             "failures": journal.found + self._lost_by_pull_in(lost),
