@@ -9,6 +9,7 @@ Run it with `mpirun -n 2 python demos/study.py`.
 """
 
 import json
+import shutil
 import time
 from pathlib import Path
 
@@ -88,6 +89,7 @@ def main():
             "best_material": best[2], "wall_s": time.perf_counter() - begin,
             "settings": parser.settings(args),
         }  # fmt: skip
+        shutil.copy(Path(args.out, "table.csv"), Path(args.out, "history.csv"))
         Path(args.out, "summary.json").write_text(json.dumps(told, indent=1), "utf-8")
         if not args.quiet:
             print(f"{len(found)} runs, {found.solved} of them solved now in "

@@ -93,12 +93,13 @@ def main():
         blocked_force_N=-held["hold_N"], exact_blocked_force_N=float(-force),
     )  # fmt: skip
     if MPI.COMM_WORLD.rank == 0:
+        say = (lambda text: None) if args.quiet else print
         s = run.summary
-        print(f"stroke {1e3 * run['stroke_m']:.3f} mm, {100 * s['strain']:.2f} % of the length; a "
-              f"tube without ends {100 * long_tube:.2f} %")  # fmt: skip
-        print(f"blocked force {1e3 * s['blocked_force_N']:.3f} mN, exact {-1e3 * force:.3f} mN")
+        say(f"stroke {1e3 * run['stroke_m']:.3f} mm, {100 * s['strain']:.2f} % of the length; a "
+            f"tube without ends {100 * long_tube:.2f} %")  # fmt: skip
+        say(f"blocked force {1e3 * s['blocked_force_N']:.3f} mN, exact {-1e3 * force:.3f} mN")
         dea.pictures.curve(run.out, "voltage_V", "stroke_m")
-        dea.pictures.deformed(run.out, say=print)
+        dea.pictures.deformed(run.out, say=say)
 
 
 if __name__ == "__main__":

@@ -394,7 +394,8 @@ def test_demo(name, start, tmp_path):
     done = start(DEMOS / name, "--out", tmp_path / "run", *arguments, ranks=2, timeout=500,
                  check=True)  # fmt: skip
     check(tmp_path / "run", done.stdout)
-    if (tmp_path / "run" / "history.csv").exists():
+    rows = tmp_path / "run" / "history.csv"
+    if rows.exists() and name != "study.py":  # its rows are runs
         history = dea.read_history(tmp_path / "run")
         driven = [n for n in history if n in ("voltage_V", "twist_deg") or n.endswith("_factor")]
         assert driven and all(np.all(np.isfinite(history[name])) for name in driven)
