@@ -222,10 +222,12 @@ def test_a_run_is_resumed_after_a_turn(tmp_path, monkeypatch):
             dea.Ramp("load", to=0.5, steps=1)]  # fmt: skip
     whole, _, _ = pulled(PLANE, (0.0, 3e4), path=path)
 
-    def broken(solver, step, measured, check=journal.check_step):
+    check = journal.check_step
+
+    def broken(solver, step, *others):
         if step == 3:
             raise dea.SolverError("the power is off")
-        return check(solver, step, measured)
+        return check(solver, step, *others)
 
     with monkeypatch.context() as patch, pytest.raises(dea.SolverError):
         patch.setattr(journal, "check_step", broken)
