@@ -145,14 +145,16 @@ def test_a_block_slides(pushes):
 
 
 def test_steps_of_a_path(pushes):
-    """The state depends on the path; with more steps along the same path it converges."""
+    """The state depends on the path, and hardly on the number of steps along the same path."""
     def forces(run):
         partly = [row for row in run.history if row["shear_factor"] == 0.25]
         return np.array([partly[0]["t_N"], partly[0]["n_N"]])
 
     coarse, middle, fine = (forces(run) for run in pushes.values())
     assert np.all(np.abs(middle / fine - 1) < 0.02)
-    assert np.abs(middle - fine).max() < np.abs(coarse - fine).max()
+    # Where all forces agree but for rounding, nothing is left to converge.
+    rounding = 1e-10 * np.abs(fine).max()
+    assert np.abs(middle - fine).max() < max(np.abs(coarse - fine).max(), rounding)
 
 
 def test_in_space():
