@@ -134,6 +134,9 @@ def clean_environment() -> dict[str, str]:
     }  # fmt: skip
 
 
+on_demand = pytest.mark.skipif("LONG_TESTS" not in os.environ, reason="LONG_TESTS=1 runs it")
+"""Marks what takes minutes, and repeats at length what other tests show."""
+
 PATIENCE = 3.0
 """Factor on the time limits of scripts: they are there to end what hangs, and two suites may run
 side by side on few cores."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import on_demand
 from motion_scenes import CLAMPED, rubber, sphere, strip
 from mpi4py import MPI
 
@@ -39,7 +40,7 @@ def total(run):
 PERIOD = 2 * np.pi / 3.03716946
 
 
-@pytest.mark.parametrize("periods", [100, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("periods", [100, pytest.param(1000, marks=on_demand)])
 def test_a_thick_sphere_at_a_constant_voltage(periods):
     """It breathes about its equilibrium at V = 0.05, which is switched on; the sum stays."""
     run = marched(sphere(0.05, cells=(1, 1)), periods * PERIOD, 6 * periods, ENERGIES)

@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 import pytest
-from conftest import block
+from conftest import block, on_demand
 from motion_scenes import rubber, sphere
 from mpi4py import MPI
 from scipy.integrate import quad
@@ -195,7 +195,7 @@ def on_some(comm):
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("ranks", [2, pytest.param(3, marks=on_demand)])
 def test_on_several_ranks(ranks, on_ranks):
     found = on_ranks("test_snap_in_motion", "on_some", ranks)
     assert found == pytest.approx(on_some(MPI.COMM_SELF), rel=1e-7)

@@ -124,6 +124,10 @@ class RoundBalloon:
                 f"RoundBalloon: the outer radius {self.outer:g} m must be larger than the inner "
                 f"one, {self.inner:g} m."
             )
+        if not isinstance(self.material, Material):
+            raise InputError(
+                f"RoundBalloon: material is {shown(self.material)}, but must be a dea.Material."
+            )
         without_time(self.material, "RoundBalloon()")
 
     def at(self, radius: float) -> RoundState:
