@@ -44,6 +44,25 @@ class Stop:
         return measure
 
 
+class StopAtState:
+    """Interrupts a run at its n-th state, without a signal, and measures nothing before."""
+
+    unit = ""
+    texts = "stop"
+
+    def __init__(self, calls):
+        self.left = calls
+
+    def bind(self, problem):
+        def value():
+            self.left -= 1
+            if self.left == 0:
+                raise dea.Interrupted("stopped by the test")
+            return 0.0
+
+        return value
+
+
 def solve(out, given=None, path=None, record=None, **options):
     path = path or dea.Ramp(steps=4)
     record = HEIGHT | {"s": Stop(-1)} if record is None else record

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from conftest import block
 from mpi4py import MPI
+from stopped_runs import StopAtState
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
@@ -212,32 +213,13 @@ def test_any_number_of_ranks(ranks, on_ranks):
     )
 
 
-class Stop:
-    """Interrupts a run at its n-th state."""
-
-    unit = ""
-    texts = "stop"
-
-    def __init__(self, calls):
-        self.left = calls
-
-    def bind(self, problem):
-        def value():
-            self.left -= 1
-            if self.left == 0:
-                raise dea.Interrupted("stopped by the test")
-            return 0.0
-
-        return value
-
-
 @pytest.mark.parametrize("calls", [6, 9])
 def test_resuming(calls, tmp_path, there_and_back):
     """A run that was stopped while it slid, or after it had turned, goes on to the same end."""
     with pytest.raises(dea.Interrupted):
-        dea.solve(layer(), THERE_AND_BACK, MEASURED | {"stop": Stop(calls)}, tmp_path,
+        dea.solve(layer(), THERE_AND_BACK, MEASURED | {"stop": StopAtState(calls)}, tmp_path,
                   **EXACT)  # fmt: skip
-    again = dea.solve(layer(), THERE_AND_BACK, MEASURED | {"stop": Stop(-1)}, tmp_path,
+    again = dea.solve(layer(), THERE_AND_BACK, MEASURED | {"stop": StopAtState(-1)}, tmp_path,
                       resume=True, **EXACT)  # fmt: skip
     last, wanted = again.history[-1], there_and_back.history[-1]
     for name in ("t_N", "u_m", "w_J"):

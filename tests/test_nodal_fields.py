@@ -73,7 +73,7 @@ def test_bending_stress_in_the_picture(bent, tmp_path):
     drawn = pictures.deformed(
         bent, "cauchy_stress_xx_Pa", warp=0.0, path=tmp_path / "xx.png", say=reasons.append
     )
-    if drawn is None:
+    if drawn is None:  # nothing can be rendered here, as without a display; the reason says why
         pytest.skip(reasons[0])
     image = imread(drawn)[..., :3]
     image = image[:, : int(0.85 * image.shape[1])]  # without the scale of colours

@@ -7,6 +7,7 @@ import pytest
 import ufl
 from conftest import block
 from mpi4py import MPI
+from stopped_runs import StopAtState
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
@@ -252,24 +253,8 @@ def test_any_number_of_ranks(ranks, on_ranks):
 def test_resuming(tmp_path):
     """A run that was stopped under contact goes on to the same end."""
 
-    class Stop:
-        unit = ""
-        texts = "stop"
-
-        def __init__(self, calls):
-            self.left = calls
-
-        def bind(self, problem):
-            def value():
-                self.left -= 1
-                if self.left == 0:
-                    raise dea.Interrupted("stopped by the test")
-                return 0.0
-
-            return value
-
     def record(calls):
-        return DENT | {"stop": Stop(calls)}
+        return DENT | {"stop": StopAtState(calls)}
 
     wanted = run_of(dented(), WHOLE).history[-1]
     with pytest.raises(dea.Interrupted):
