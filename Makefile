@@ -1,7 +1,7 @@
 # make env    set up .venv (once; PYTHON=... names an interpreter)
 # make demo   the two-turn helical actuator on 2 ranks
 # make quick  the tests that a change of code needs most, in two minutes
-# make test   the test suite
+# make test   the test suite, on all cores
 # make hard   the table of hard cases and the random kills, into hard_cases.csv
 # make fuzz   random scenes, paths near instabilities, and damaged files
 # make peers  the same scenes here, in NGSolve and as plain scripts, timed into peers.csv and
@@ -40,8 +40,9 @@ demo: env
 quick: env
 	$(RUN) .venv/bin/python -m pytest -m "not slow and not mpi and not demo and not around"
 
+# On all cores: a test that starts mpirun never runs beside another one that does.
 test: env
-	$(RUN) .venv/bin/python -m pytest
+	$(RUN) .venv/bin/python -m pytest -n auto --dist loadgroup
 
 hard: env
 	$(RUN) .venv/bin/python tests/hard/run.py

@@ -72,27 +72,68 @@ AROUND = {
 """Files (test_X.py) that are marked `around`: they test what lies around a problem's solution."""
 
 
-MPI_TESTS = "MPI_TESTS"
-"""Environment variable: "first" or "last" runs tests that start mpirun before or after others."""
+RANKS = "RANKS"
+"""Environment variable with numbers of ranks, "2" or "2 3": of the tests that are repeated on several
+numbers of ranks, the others are left out.  CI runs 2 ranks on one platform and 3 on the other."""
+
+SHORT_SUITE = "SHORT_SUITE"
+"""Environment variable: where it is set, tests that do not depend on the versions of DOLFINx and of
+PETSc are left out, and so are slow ones that start no mpirun, and slow demos.  CI sets it in the
+image, after the whole suite has run outside."""
+
+ANY_VERSION = {
+    "adding_a_material", "contributing", "design", "docs", "fit_uncertainty", "fitting",
+    "fuzz_readers", "hard", "malformed", "markers", "origami", "results_of_strangers",
+    "results_safety", "site", "strange_meshes", "structure", "study", "thesis",
+}  # fmt: skip
+"""Files (test_X.py) that ask for nothing which differs between versions of DOLFINx."""
+
+
+def is_wanted(item) -> bool:
+    """Is a test part of what the two variables above ask for?"""
+    ranks = getattr(item, "callspec", None) and item.callspec.params.get("ranks")
+    if ranks and RANKS in os.environ and str(ranks) not in os.environ[RANKS].split():
+        return False
+    if SHORT_SUITE not in os.environ:
+        return True
+    if item.path.stem.removeprefix("test_") in ANY_VERSION:
+        return False
+    marks = {mark.name for mark in item.iter_markers()}
+    return "slow" not in marks or ("mpi" in marks and "demo" not in marks)
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest chooses by markers
 def pytest_collection_modifyitems(config, items):
+    left_out = [item for item in items if not is_wanted(item)]
+    if left_out:
+        items[:] = [item for item in items if is_wanted(item)]
+        config.hook.pytest_deselected(items=left_out)
     for item in items:
         if item.path.stem.removeprefix("test_") in AROUND:
             item.add_marker(pytest.mark.around)
-    if where := os.environ.get(MPI_TESTS):
-        items.sort(key=lambda item: (item.get_closest_marker("mpi") is None) == (where == "first"))
+        # Tests that start mpirun follow one another, since each wants all cores.  The tests of a
+        # file share what its fixtures have made.  Demos share nothing.
+        is_demo = item.get_closest_marker("demo")
+        starts_ranks = item.get_closest_marker("mpi")
+        group = item.name if is_demo else "mpirun" if starts_ranks else item.path.stem
+        item.add_marker(pytest.mark.xdist_group(group))
     if config.getoption("--engine"):
         for item in items:
             if item.get_closest_marker("engine"):
                 item.add_marker(pytest.mark.skip(reason="counts what the usual settings cost"))
 
 
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config):
+    """Workers of ``pytest -n auto``: one for each core, and at most 8, since each takes 1 GB."""
+    return min(8, len(os.sched_getaffinity(0)))
+
+
 SLOW = 10.0
 """CPU time of a test and its subprocesses [s] above which it is to be marked slow."""
 
-_long: dict[str, float] = {}
+TAKEN = "seconds of CPU time"
+"""Name under which a test that takes long and is not marked tells its CPU time to pytest."""
 
 
 def cpu_time() -> float:
@@ -101,23 +142,24 @@ def cpu_time() -> float:
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item):
+def pytest_runtest_call(item):
     begin = cpu_time()
     try:
         return (yield)
     finally:
         taken = cpu_time() - begin
         if taken > SLOW and not item.get_closest_marker("slow"):
-            _long[item.nodeid] = taken
+            item.user_properties.append((TAKEN, taken))
 
 
 def pytest_terminal_summary(terminalreporter):
     """Name the tests that took long and are not marked: a hint only, for machines differ."""
-    for name, taken in _long.items():
-        terminalreporter.write_line(
-            f"{name} took {taken:.0f} s of CPU time; if it does so with compiled forms at hand, "
-            "mark it slow."
-        )
+    for report in terminalreporter.getreports("passed"):
+        if taken := dict(report.user_properties).get(TAKEN):
+            terminalreporter.write_line(
+                f"{report.nodeid} took {taken:.0f} s of CPU time; if it does so with compiled forms "
+                "at hand, mark it slow."
+            )
 
 
 def needed_mpirun() -> str:
@@ -138,7 +180,7 @@ on_demand = pytest.mark.skipif("LONG_TESTS" not in os.environ, reason="LONG_TEST
 """Marks what takes minutes, and repeats at length what other tests show."""
 
 PATIENCE = 3.0
-"""Factor on the time limits of scripts: they are there to end what hangs, and two suites may run
+"""Factor on the time limits of scripts: they are there to end what hangs, and several tests may run
 side by side on few cores."""
 
 

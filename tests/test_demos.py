@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import importlib.util
 import json
+import os
 import re
 
 import numpy as np
@@ -377,21 +379,42 @@ CHECKS = {
     "viscous_film.py": (check_viscous_film, ["--rate", 1.6, "--tolerance", 1e-5]),
     "wrinkling_film.py": (check_wrinkles, []),
 }
+# These take more than ten seconds of CPU time on one rank.
+SLOW = {
+    "balloon_branches.py", "balloon_motion.py", "crease.py", "creep_disc.py", "dea_hinge.py",
+    "ddea_stack.py", "design_search.py", "gripper.py", "hdea_bending.py", "hdea_ten_layer.py",
+    "hdea_two_turn.py", "kresling_cell.py", "membrane_disc.py", "snap_in_motion.py",
+    "snap_through.py", "stiffened_membrane.py", "strip_frequency.py", "study.py",
+    "zipping_or_folding.py",
+}  # fmt: skip
 NEEDS = {"design_search.py": "pymoo", "read_results.py": "pandas"}  # optional extras
+
+
+def importable(module):
+    return importlib.util.find_spec(module) is not None
 
 
 def test_every_demo_is_listed():
     assert {f.name for f in DEMOS.glob("*.py")} == set(CHECKS)
 
 
+RANKS = int(os.environ.get("DEMO_RANKS", 1))
+"""Number of ranks on which each demo runs.  CI runs them on one rank, and in the image on two."""
+
+
+def marked_names():
+    """The names of all demos, with a mark on those that take long."""
+    return [pytest.param(n, marks=pytest.mark.slow) if n in SLOW else n for n in CHECKS]
+
+
 @pytest.mark.demo
 @pytest.mark.mpi
-@pytest.mark.parametrize("name", CHECKS)
+@pytest.mark.parametrize("name", marked_names())
 def test_demo(name, start, tmp_path):
     check, arguments = CHECKS[name]
     if name in NEEDS:
         pytest.importorskip(NEEDS[name])
-    done = start(DEMOS / name, "--out", tmp_path / "run", *arguments, ranks=2, timeout=500,
+    done = start(DEMOS / name, "--out", tmp_path / "run", *arguments, ranks=RANKS, timeout=500,
                  check=True)  # fmt: skip
     check(tmp_path / "run", done.stdout)
     rows = tmp_path / "run" / "history.csv"
@@ -424,12 +447,27 @@ def test_zipping(start, tmp_path):
     check_zipping(tmp_path, done.stdout)
 
 
+HELP_OF_ALL = """
+import contextlib, io, json, runpy, sys
+demos, found = sys.argv[1:], {}
+for demo in demos:
+    sys.argv = [demo, "--help"]
+    with contextlib.redirect_stdout(io.StringIO()) as text, contextlib.suppress(SystemExit):
+        runpy.run_path(demo, run_name="__main__")
+    found[demo] = text.getvalue()
+print(json.dumps(found))
+"""
+
+
 @pytest.mark.demo
-@pytest.mark.parametrize("name", CHECKS)
-def test_help_states_units(name, start):
-    if name in NEEDS:
-        pytest.importorskip(NEEDS[name])
-    text = start(DEMOS / name, "--help", check=True).stdout
-    assert "--out" in text
-    assert "--quiet" in text
-    assert re.search(r"Pa|--[a-z-]+ (m|s|V)\b", text)
+def test_help_states_units(start, tmp_path):
+    """One process asks all demos, since a process for each would spend its time on imports."""
+    script = tmp_path / "help_of_all.py"
+    script.write_text(HELP_OF_ALL)
+    demos = [DEMOS / name for name in CHECKS if name not in NEEDS or importable(NEEDS[name])]
+    found = json.loads(start(script, *demos, check=True).stdout)
+    assert set(found) == set(map(str, demos))
+    for text in found.values():
+        assert "--out" in text
+        assert "--quiet" in text
+        assert re.search(r"Pa|--[a-z-]+ (m|s|V)\b", text)
