@@ -73,8 +73,8 @@ AROUND = {
 
 
 RANKS = "RANKS"
-"""Environment variable with numbers of ranks, "2" or "2 3": of the tests that are repeated on several
-numbers of ranks, the others are left out.  CI runs 2 ranks on one platform and 3 on the other."""
+"""Environment variable with numbers of ranks, "2" or "2 3": of the tests that are repeated on
+several numbers of ranks, the others are left out.  CI runs 2 ranks on one platform and 3 on the other."""
 
 SHORT_SUITE = "SHORT_SUITE"
 """Environment variable: where it is set, tests that do not depend on the versions of DOLFINx and of
@@ -87,6 +87,11 @@ ANY_VERSION = {
     "results_safety", "site", "strange_meshes", "structure", "study", "thesis",
 }  # fmt: skip
 """Files (test_X.py) that ask for nothing which differs between versions of DOLFINx."""
+
+
+def numbers_of_ranks() -> tuple[int, ...]:
+    """Numbers of ranks, more than one, on which a test shall repeat what one rank has done."""
+    return tuple(int(n) for n in os.environ.get(RANKS, "2 3").split() if int(n) > 1)
 
 
 def is_wanted(item) -> bool:
@@ -157,8 +162,8 @@ def pytest_terminal_summary(terminalreporter):
     for report in terminalreporter.getreports("passed"):
         if taken := dict(report.user_properties).get(TAKEN):
             terminalreporter.write_line(
-                f"{report.nodeid} took {taken:.0f} s of CPU time; if it does so with compiled forms "
-                "at hand, mark it slow."
+                f"{report.nodeid} took {taken:.0f} s of CPU time; if it does so with compiled "
+                "forms at hand, mark it slow."
             )
 
 

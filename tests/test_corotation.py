@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import numbers_of_ranks
 from mpi4py import MPI
 from scipy.spatial.transform import Rotation as Turn
 
@@ -104,7 +105,7 @@ def test_a_bent_strip_keeps_its_factor(dim):
 @pytest.mark.mpi
 def test_ranks_turn_alike(on_ranks):
     here = angles(MPI.COMM_SELF)
-    for ranks in (2, 3):
+    for ranks in numbers_of_ranks():
         assert on_ranks("test_corotation", "angles", ranks) == pytest.approx(here, rel=1e-9)
 
 

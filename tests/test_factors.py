@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import numbers_of_ranks
 from mpi4py import MPI
 
 import dea_fenicsx as dea
@@ -71,7 +72,7 @@ def split_ramp(comm):
 @pytest.mark.mpi
 def test_split_factors_on_any_number_of_ranks(on_ranks):
     here, _ = split_ramp(MPI.COMM_SELF)
-    for ranks in (2, 3):
+    for ranks in numbers_of_ranks():
         value, stable = on_ranks("test_factors", "split_ramp", ranks)
         assert value == pytest.approx(here, rel=1e-9)
         assert stable is True

@@ -12,7 +12,7 @@ import basix.ufl
 import h5py
 import numpy as np
 import pytest
-from conftest import block
+from conftest import block, numbers_of_ranks
 from mpi4py import MPI
 from stopped_runs import HEIGHT, Stop, scene
 from test_energy_observables import Cylinder
@@ -369,7 +369,7 @@ def test_surfaces_on_ranks(on_ranks):
     alone = interface(MPI.COMM_SELF)
     between = alone[0]
     assert len(between[1]) == 4 and len(set(between[3])) == 1
-    for ranks in (2, 3):
+    for ranks in numbers_of_ranks():
         assert on_ranks("test_field_writer", "interface", ranks) == alone
 
 

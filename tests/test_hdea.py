@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from conftest import ROOT, clean_environment, needed_mpirun
+from conftest import ROOT, clean_environment, needed_mpirun, numbers_of_ranks
 from mpi4py import MPI
 
 import dea_fenicsx as dea
@@ -66,10 +66,10 @@ def test_volume_and_height():
 
 @pytest.fixture(scope="module")
 def histories(tmp_path_factory):
-    """The demo, ten steps on the coarse mesh, on 1, 2 and 3 ranks."""
+    """The demo, ten steps on the coarse mesh, on one rank and on several."""
     mpirun = needed_mpirun()
     found = {}
-    for ranks in (1, 2, 3):
+    for ranks in (1, *numbers_of_ranks()):
         out = tmp_path_factory.mktemp("hdea") / str(ranks)
         command = [mpirun, "-n", str(ranks), sys.executable, str(DEMO), "--mesh", "1", "--steps",
                    "10", "--no-check", "--quiet", "--out", str(out)]  # fmt: skip
@@ -112,7 +112,7 @@ def test_strands_and_caps_follow_betti(device):
 def test_same_history_on_any_number_of_ranks(histories):
     one = histories[1][0]
     physical = ["voltage_V", "contraction", "charge_C", "max_field_V_per_m", "min_J", "top_m"]
-    for ranks in (2, 3):
+    for ranks in numbers_of_ranks():
         other = histories[ranks][0]
         for column in physical:
             scale = np.nanmax(np.abs(one[column]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from conftest import numbers_of_ranks
 from mpi4py import MPI
 from scipy.integrate import quad
 from scipy.optimize import brentq
@@ -153,7 +154,7 @@ def test_same_history_on_any_number_of_ranks(on_ranks):
     here = inset_history(MPI.COMM_SELF)
     assert len(here) == 7
     assert here["stretch"][-1] < 0.97
-    for ranks in (2, 3):
+    for ranks in numbers_of_ranks():
         there = on_ranks("test_helical", "inset_history", ranks)
         for name, values in here.items():
             assert there[name] == pytest.approx(values, rel=1e-8), name

@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from conftest import block
+from conftest import block, numbers_of_ranks
 from mpi4py import MPI
 from rank_scenes import TETRAHEDRA, TRIANGLES
 
@@ -210,7 +210,7 @@ def test_jumps_at_regions_and_at_electrodes():
 @pytest.mark.mpi
 def test_jumps_on_ranks(on_ranks):
     alone = jumping(MPI.COMM_SELF)
-    for ranks in (2, 3):
+    for ranks in numbers_of_ranks():
         assert on_ranks("test_nodal_fields", "jumping", ranks) == alone
 
 
