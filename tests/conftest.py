@@ -74,7 +74,8 @@ AROUND = {
 
 RANKS = "RANKS"
 """Environment variable with numbers of ranks, "2" or "2 3": of the tests that are repeated on
-several numbers of ranks, the others are left out.  CI runs 2 ranks on one platform and 3 on the other."""
+several numbers of ranks, the others are left out.  CI runs 2 ranks on one platform and 3 on the
+other."""
 
 SHORT_SUITE = "SHORT_SUITE"
 """Environment variable: where it is set, tests that do not depend on the versions of DOLFINx and of
@@ -92,6 +93,19 @@ ANY_VERSION = {
 def numbers_of_ranks() -> tuple[int, ...]:
     """Numbers of ranks, more than one, on which a test shall repeat what one rank has done."""
     return tuple(int(n) for n in os.environ.get(RANKS, "2 3").split() if int(n) > 1)
+
+
+def group_of(item) -> str:
+    """Name of the tests that follow one another in one process, where several processes share them.
+
+    Tests that start mpirun follow one another, since each wants all cores.  The tests of a file
+    share what its fixtures have made, and later pages of the documents what earlier ones have left.
+    Demos share nothing.
+    """
+    file = item.path.stem
+    if file == "test_demos":
+        return item.name
+    return "mpirun" if item.get_closest_marker("mpi") and file != "test_docs" else file
 
 
 def is_wanted(item) -> bool:
@@ -116,12 +130,7 @@ def pytest_collection_modifyitems(config, items):
     for item in items:
         if item.path.stem.removeprefix("test_") in AROUND:
             item.add_marker(pytest.mark.around)
-        # Tests that start mpirun follow one another, since each wants all cores.  The tests of a
-        # file share what its fixtures have made.  Demos share nothing.
-        is_demo = item.get_closest_marker("demo")
-        starts_ranks = item.get_closest_marker("mpi")
-        group = item.name if is_demo else "mpirun" if starts_ranks else item.path.stem
-        item.add_marker(pytest.mark.xdist_group(group))
+        item.add_marker(pytest.mark.xdist_group(group_of(item)))
     if config.getoption("--engine"):
         for item in items:
             if item.get_closest_marker("engine"):

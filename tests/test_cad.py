@@ -248,3 +248,34 @@ def test_gmsh_with_other_options_still_says_what_is_wrong(tmp_path):
         gmsh.option.setNumber("General.AbortOnError", before)
         if not running:
             gmsh.finalize()
+
+
+def test_options_of_one_drawing_do_not_hold_for_the_next(tmp_path):
+    """Where a script has gmsh running, a file's mesh does not depend on what was read before."""
+    square = 'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 4, 1};\n'
+    square += 'Physical Surface("film") = {1};\n'
+    (tmp_path / "plain.geo").write_text(square)
+    (tmp_path / "fine.geo").write_text(
+        square + "Mesh.MeshSizeMax = 0.3; Mesh.RecombineAll = 1; Mesh.ElementOrder = 3;\n"
+        'Geometry.OCCTargetUnit = "CM";\n'
+    )
+    running = not start()
+
+    def cells():
+        return dea.read_gmsh(tmp_path / "plain.geo", MPI.COMM_SELF, dim=2).mesh.topology.index_map(
+            2).size_local  # fmt: skip
+
+    size = gmsh.option.getNumber("Mesh.MeshSizeMin")
+    target = gmsh.option.getString("Geometry.OCCTargetUnit")
+    try:
+        gmsh.option.setNumber("Mesh.MeshSizeMin", 0.123456789012)  # the script's own
+        before = cells()
+        dea.read_gmsh(tmp_path / "fine.geo", MPI.COMM_SELF, dim=2)
+        assert gmsh.option.getNumber("Mesh.ElementOrder") == 1
+        assert gmsh.option.getString("Geometry.OCCTargetUnit") == target
+        assert gmsh.option.getNumber("Mesh.MeshSizeMin") == 0.123456789012
+        assert cells() == before
+    finally:
+        gmsh.option.setNumber("Mesh.MeshSizeMin", size)
+        if not running:
+            gmsh.finalize()

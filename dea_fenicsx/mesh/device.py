@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict, Unpack
@@ -17,6 +17,7 @@ from dea_fenicsx.geometry._gmsh import quality, start
 from dea_fenicsx.mesh.cad import Names, lengths, name_the_body, open_file, read_names
 from dea_fenicsx.mesh.foreign.meshing import ABORT
 from dea_fenicsx.mesh.foreign.model import checked
+from dea_fenicsx.mesh.foreign.options import kept_option, kept_options
 from dea_fenicsx.mesh.named_by_place import Named, Where, check_wanted, named_by_place
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import check_same, together
@@ -281,15 +282,17 @@ def _gmsh(source: Any, comm: MPI.Comm) -> Iterator[None]:
     import gmsh
 
     before = gmsh.model.getCurrent() if gmsh.isInitialized() else None
-    mine = (_is_family(source) or not hasattr(source, "build")) and start()
-    aborts = gmsh.option.getNumber(ABORT) if before is not None else None
-    if aborts is not None:
-        gmsh.option.setNumber(ABORT, 2)  # raises; a script may have reset all of gmsh's options
+    is_file = not hasattr(source, "build")
+    mine = (_is_family(source) or is_file) and start()
+    kept: AbstractContextManager[None] = nullcontext()
+    if before is not None:
+        kept = kept_options() if is_file else kept_option(ABORT)
     try:
-        yield
+        with kept:
+            if before is not None:
+                gmsh.option.setNumber(ABORT, 2)  # raises; a script may have reset all options
+            yield
     finally:
-        if aborts is not None and gmsh.isInitialized():
-            gmsh.option.setNumber(ABORT, aborts)
         if mine:
             gmsh.finalize()
         elif before is not None and before in gmsh.model.list():
