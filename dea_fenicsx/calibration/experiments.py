@@ -70,6 +70,8 @@ class Experiment(ABC):
     name: str
     x_name: str
     step: float = 1e-4
+    quantity: str = ""
+    """What all columns are, ending in its unit, where their names do not say it."""
 
     @abstractmethod
     def columns(self) -> list[Column]:
@@ -215,6 +217,7 @@ class RateTests(Experiment):
     of: str = ""
     x_name: str = "stretch"
     step: float = 1e-5
+    quantity: str = "nominal_stress_Pa"
 
     @cached_property
     def _named(self) -> dict[str, RateData]:

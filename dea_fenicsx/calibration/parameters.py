@@ -117,6 +117,9 @@ class Trial(Mapping[str, float]):
         self.read.add(name)
         return self._values[name]
 
+    def __contains__(self, name: object) -> bool:
+        return name in self._values
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)
 

@@ -46,18 +46,19 @@ def draw(found: Any, path: Path) -> Path:
 def _panel(a: Any, b: Any, one: Any, half: np.ndarray) -> None:
     """A column with its fit, and its residual below."""
     x, c = one.column.x, one.column
-    steady = np.all(np.diff(x) >= 0)
-    label, unit = axis_label(c.name, float(np.abs(c.measured).max()))
-    if "_" not in c.name:  # a test's own name, which says no unit
-        label, unit = c.name, 1.0
+    own = one.test.quantity
+    label, unit = axis_label(own or c.name, float(np.abs(c.measured).max()))
     a.plot(x, c.measured / unit, "o", ms=2.2, mfc="none", mew=0.5, label="measured")
     a.plot(x, one.predicted / unit, "-", lw=0.9, color="C1", label="fitted")
-    if steady:
-        a.fill_between(x, (one.predicted - half) / unit, (one.predicted + half) / unit,
-                       color="C1", alpha=0.3, lw=0, label="95 %")  # fmt: skip
+    ends = [(one.predicted + sign * half) / unit for sign in (-1, 1)]
+    if np.all(np.diff(x) >= 0):
+        a.fill_between(x, *ends, color="C1", alpha=0.3, lw=0, label="95 %")
+    else:  # a loop
+        for end in ends:
+            a.plot(x, end, ":", lw=0.5, color="C1", label="95 %" if end is ends[0] else None)
     b.plot(x, one.residual / unit, ".", ms=2.5, color="C0")
     b.axhline(0, color="k", lw=0.5)
-    a.set_title(one.test.name, fontsize=7)
+    a.set_title(f"{one.test.name}, {c.name}" if own else one.test.name, fontsize=7)
     a.set_ylabel(label, fontsize=7)
     b.set_ylabel("residual", fontsize=6)
     across, size = axis_label(one.test.x_name, 1.0)
