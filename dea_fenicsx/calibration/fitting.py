@@ -11,6 +11,7 @@ from typing import Any, TypedDict
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.calibration.checks import doubt_unit, shaped
 from dea_fenicsx.calibration.experiments import Column, Experiment
 from dea_fenicsx.calibration.parameters import Coordinates, Parameter, Trial
 from dea_fenicsx.calibration.result import Calibration, Fitted
@@ -22,9 +23,6 @@ from dea_fenicsx.support.validation import keywords, whole
 
 FAR = 1.0
 """Distance from the start, in coordinates, at which further starts are without bounds."""
-
-OTHER_UNIT = 200.0
-"""Ratio of measured and predicted values above which the unit is doubted."""
 
 MOST_TRIALS = 200
 """Most trials from one start."""
@@ -108,12 +106,7 @@ def calibrate(
             )
     problem = LeastSquares(some, Coordinates(parameters, material), given["comm"])
     problem.check_start()
-    found = problem.search(given["starts"], given["seed"], given["tolerance"])
-    if len(problem.due) and not problem.exact:
-        # without errors the priors count against the residuals that the data alone leave
-        problem.factor = problem.factor_of(found)
-        found = problem.search(given["starts"], given["seed"], given["tolerance"])
-    return problem.report(found)
+    return problem.report(problem.solve(given["starts"], given["seed"], given["tolerance"]))
 
 
 @dataclass(frozen=True)
@@ -179,7 +172,7 @@ class LeastSquares:
             If one is missing or of another length.
         """
         found = test.predict(trial)
-        return {c.name: _shaped(found, c, test) for t, c in self.columns if t is test}
+        return {c.name: shaped(found, c, test) for t, c in self.columns if t is test}
 
     def _tried(self, trial: Trial, test: Experiment) -> dict[str, np.ndarray]:
         """The same, with NaN where the trial has no answer."""
@@ -262,7 +255,7 @@ class LeastSquares:
                     f"At the start the test {t.name!r} has no {c.name!r} at {t.x_name} = "
                     f"{c.x[k]:g}; start nearer to what was measured."
                 )
-            _doubt_unit(t, c, values)
+            doubt_unit(t, c, values)
         for name in self.over.names:
             if name not in trial.read:
                 raise InputError(
@@ -283,6 +276,18 @@ class LeastSquares:
         ranges = {n: (float(a), float(b)) for n, a, b in zip(names, low, high, strict=True)}
         others = points(LatinHypercube(ranges, count - 1, seed))
         return [first, *(np.array([one[n] for n in names]) for one in others)]
+
+    def solve(self, count: int, seed: int, tolerance: float) -> Search:
+        """The least squares.  Collective.
+
+        Without errors of the data the priors count against the residuals that the data alone leave.
+        """
+        if len(self.due) and not self.exact:
+            priors = self.prior_rows, self.due
+            self.prior_rows, self.due = self.prior_rows[:0], self.due[:0]
+            self.factor = self.factor_of(self.search(count, seed, tolerance))
+            self.prior_rows, self.due = priors
+        return self.search(count, seed, tolerance)
 
     def search(self, count: int, seed: int, tolerance: float) -> Search:
         """The best of the least squares from several starts.  Collective.
@@ -366,31 +371,3 @@ class LeastSquares:
             costs=found.costs, same=same, template=over.template,
             material=None if trial.template is None else trial.material,
         )  # fmt: skip
-
-
-def _shaped(found: Mapping[str, Any], c: Column, test: Experiment) -> np.ndarray:
-    if not isinstance(found, Mapping) or c.name not in found:
-        names = ", ".join(map(str, found)) if isinstance(found, Mapping) else shown(found)
-        raise InputError(f"The test {test.name!r} predicts no column {c.name!r}, but {names}.")
-    try:
-        values = np.asarray(found[c.name], dtype=float)
-        return np.broadcast_to(values.ravel() if values.ndim else values, c.measured.shape)
-    except (TypeError, ValueError) as error:
-        raise InputError(
-            f"The test {test.name!r} predicts {shown(found[c.name])} for {c.name!r}, but must "
-            f"predict {len(c.measured)} numbers."
-        ) from error
-
-
-def _doubt_unit(test: Experiment, c: Column, values: np.ndarray) -> None:
-    """Warn if the measured values are hundreds of times those that are predicted, or less."""
-    sizes = [float(np.sqrt(np.mean(x**2))) for x in (c.measured, values)]
-    if min(sizes) == 0:
-        return
-    ratio = sizes[0] / sizes[1]
-    if not 1 / OTHER_UNIT < ratio < OTHER_UNIT:
-        warnings.warn(
-            f"The column {c.name!r} of the test {test.name!r} is {ratio:.3g} times what is "
-            "predicted at the start; values must be in SI units (1 kPa = 1e3 Pa, 1 mm = 1e-3 m).",
-            stacklevel=4,
-        )
