@@ -26,7 +26,6 @@ from dea_fenicsx.geometry import BoxStack, Layer
 LENGTH, WIDTH = 4e-3, 1e-2  # m
 ACTIVE, PASSIVE = 0.2e-3, 0.1e-3  # m, thicknesses
 TRUE = {"active.elastic.mu": 50e3, "active.electric.eps_r": 3.0, "passive.elastic.mu": 200e3}
-BREAKDOWN = 45e6  # V/m, true field
 PATH = "voltage"
 
 
@@ -37,6 +36,7 @@ def parse():
     parser.number("--noise", 0.01, "-", "standard deviation over the largest value")
     parser.number("--start-mu", 120e3, "Pa", "shear modulus at which both films start")
     parser.count("--cells", 12, "cells along the strip")
+    parser.number("--breakdown", 18e6, "V/m", "true field at which a film breaks down")
     parser.count("--samples", 60, "samples of scattered devices")
     parser.count("--seed", 1, "seed of the noise")
     return parser, parser.parse_args()
@@ -110,9 +110,9 @@ def scattered(args, found, comm):
     def device(mu, eps_r, passive_mu, thickness):
         values = dict(zip(TRUE, (mu, eps_r, passive_mu), strict=True))
         scene = bender(comm, material(values), args.volts, args.cells, active=thickness)
-        record = {"tip": FREE["tip"], "field": dea.OverRegion("field", "max", regions="active")}
+        record = {"tip": FREE["tip"], "field": dea.OverRegion("field", regions="active")}
         run = dea.solve(scene, dea.Ramp(steps=1), record, quiet=True)
-        margin = BREAKDOWN / (args.volts / thickness)
+        margin = args.breakdown / run["field_V_per_m"]
         return {"stroke_m": abs(run["tip_m"]), "breakdown_margin": margin}
 
     mu, eps_r, passive_mu = found.values.values()

@@ -15,7 +15,7 @@ from dea_fenicsx.calibration.checks import doubt_unit, shaped
 from dea_fenicsx.calibration.experiments import Column, Experiment
 from dea_fenicsx.calibration.parameters import Coordinates, Parameter, Trial
 from dea_fenicsx.calibration.result import Calibration, Fitted
-from dea_fenicsx.calibration.statistics import covariance, directions, inflation
+from dea_fenicsx.calibration.statistics import covariance, directions, inflation, only_fixed
 from dea_fenicsx.studies.samples import LatinHypercube, points
 from dea_fenicsx.support.errors import DeaError, InputError, Interrupted, MachineError, install_hook
 from dea_fenicsx.support.type_checks import shown
@@ -177,6 +177,7 @@ class LeastSquares:
     def _tried(self, trial: Trial, test: Experiment) -> dict[str, np.ndarray]:
         """The same, with NaN where the trial has no answer."""
         try:
+            trial.check()  # before a test builds anything
             return self.predicted(trial, test)
         except (Interrupted, MachineError):
             raise
@@ -220,6 +221,10 @@ class LeastSquares:
             J[:, k] = self._joined(slopes, False)
         J = np.where(np.isfinite(J), J, 0.0)
         return np.asarray(self.comm.bcast(np.concatenate([J, self.prior_rows]), root=0))
+
+    def _fixing(self, z: np.ndarray) -> np.ndarray:
+        """The Jacobian without what its rounding fixes, so that a search goes no way for nothing."""
+        return only_fixed(self.jacobian(z))
 
     def _difference(self, z: np.ndarray, k: int, test: Experiment) -> dict[str, np.ndarray]:
         """Central difference by a coordinate, or a one-sided one at the edge of what is possible."""
@@ -306,7 +311,7 @@ class LeastSquares:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore")
                 found = least_squares(
-                    self.residuals, np.clip(z, low + inside, high - inside), self.jacobian,
+                    self.residuals, np.clip(z, low + inside, high - inside), self._fixing,
                     bounds=(low, high), x_scale="jac", xtol=tolerance, ftol=tolerance, gtol=1e-12,
                     max_nfev=MOST_TRIALS,
                 )  # fmt: skip

@@ -135,21 +135,25 @@ class Trial(Mapping[str, float]):
         InputError
             If the fit has no material, or the constants make no sense.
         """
-        if self._made is None:
-            if self.template is None:
-                raise InputError(
-                    "A test asks for the material, but none is given; give material= a Material "
-                    "with the constants that are not fitted."
-                )
-            made = with_constants(self.template, self._values)
-            several = made if isinstance(made, Mapping) else {"": made}
-            for one in several.values():
-                if faults := one.faults():
-                    raise InputError(f"The material of a trial makes no sense: {faults[0]}.")
-            self._made = made
-        if self.template is not None:
-            self.read |= set(constants_of(self.template)) & set(self._values)
+        if self.template is None:
+            raise InputError(
+                "A test asks for the material, but none is given; give material= a Material with "
+                "the constants that are not fitted."
+            )
+        self.check()
+        self.read |= set(constants_of(self.template)) & set(self._values)
         return self._made
+
+    def check(self) -> None:
+        """Raise InputError if the constants of this trial make no sense."""
+        if self._made is not None or self.template is None:
+            return
+        made = with_constants(self.template, self._values)
+        several = made if isinstance(made, Mapping) else {"": made}
+        for one in several.values():
+            if faults := one.faults():
+                raise InputError(f"The material of a trial makes no sense: {faults[0]}.")
+        self._made = made
 
 
 class Coordinates:

@@ -99,6 +99,15 @@ def covariance(J: np.ndarray, v: np.ndarray, P: np.ndarray) -> tuple[np.ndarray,
     return C, inverse, int(clear.sum())
 
 
+def only_fixed(J: np.ndarray) -> np.ndarray:
+    """A Jacobian of shape (n, p) without the combinations of parameters that nothing fixes."""
+    lengths = np.linalg.norm(J, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    U, values, Vt = np.linalg.svd(J / lengths, full_matrices=False)
+    clear = values > SMALLEST_SINGULAR_VALUE * max(values[0], 1e-300)
+    return np.asarray((U[:, clear] * values[clear]) @ Vt[clear] * lengths)
+
+
 def directions(J: np.ndarray, v: np.ndarray, names: Sequence[str]) -> tuple[Direction, ...]:
     """Independent combinations of parameters by growing certainty, from the data alone.
 
