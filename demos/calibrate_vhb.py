@@ -81,7 +81,7 @@ def tests_at_20():
     return [
         RateTests("relaxation", held, x_name="time_s"),
         RateTests("cycles", cycles),
-        FunctionTest("slow", lambda trial, x: nominal_stress(trial.material.elastic, "uniaxial", x),
+        FunctionTest("slow", lambda t, x: nominal_stress(t.material.elastic, "uniaxial", x),
                      slow[:, 1], {"nominal_stress_Pa": slow[:, 2]}, x_name="stretch"),
         FunctionTest("permittivity", lambda trial, x: np.full(len(x), trial["electric.eps_r"]),
                      frequencies, {"eps_r": eps_r}, x_name="frequency_Hz"),
@@ -130,7 +130,7 @@ def refit(found):
 
 
 def predicted_test(volts):
-    """The test under voltage: a strip that is stretched along, free across, and slack if pressed."""
+    """The test under voltage: a strip that is stretched along, free across, slack if pressed."""
     time, stretch, stress = coupled(6000)
     top = int(np.argmax(stretch))
     course = dea.Table([0.0, time[top], time[-1]], [stretch[0], stretch[top], stretch[-1]])
@@ -182,9 +182,9 @@ def main():
     draw(out, warm, args.volts, curves)
     if not args.quiet:
         print(f"{chosen}\n\n{chosen.best_name}\n{found}\n\nat 50 degrees, 0 V\n{warm}\n")
-        print(f"at 50 degrees, {args.volts:g} V, predicted with eps_r {eps_r:.3f}: root mean square "
-              f"error {rms:.0f} Pa ({100 * rms / size:.1f} %); with the prediction for 0 V in its "
-              f"place {told['without_voltage_rms_Pa']:.0f} Pa")  # fmt: skip
+        print(f"at 50 degrees, {args.volts:g} V, predicted with eps_r {eps_r:.3f}: root mean "
+              f"square error {rms:.0f} Pa ({100 * rms / size:.1f} %); with the prediction for 0 V "
+              f"in its place {told['without_voltage_rms_Pa']:.0f} Pa")  # fmt: skip
         print(f"results: {out}/summary.json, calibration.png, coupled.png")
 
 

@@ -12,7 +12,9 @@ from conftest import on_demand
 import dea_fenicsx as dea
 from dea_fenicsx import exact
 from dea_fenicsx.calibration import FilmTest, FunctionTest, RateTests, Scatter, SceneTest, select
+from dea_fenicsx.calibration.bands import slopes_of
 from dea_fenicsx.calibration.constants import constants_of, with_constants
+from dea_fenicsx.calibration.parameters import Coordinates, Trial
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0, RateData, rate_stress
 from dea_fenicsx.materials.stretches import nominal_stress
@@ -26,10 +28,10 @@ START = [P("elastic.mu", 30e3), P("viscous[0].mu", 10e3), P("viscous[0].tau", 20
 LOOP = np.concatenate([np.linspace(1.0, 2.0, 9), np.linspace(1.9, 1.4, 6)])
 
 
-def cycles(noise, seed, rates=(0.1, 0.01)):
+def cycles(noise, seed, loop=LOOP, rates=(0.1, 0.01)):
     """Tests at two rates of a material with one branch, with noise in Pa."""
     rng = np.random.default_rng(seed)
-    made = [RateData.at_rate("uniaxial", r, LOOP, 0 * LOOP, f"{r:g} per s") for r in rates]
+    made = [RateData.at_rate("uniaxial", r, loop, 0 * loop, f"{r:g} per s") for r in rates]
     return [
         RateData("uniaxial", d.time, d.stretch, s + rng.normal(0, noise, len(s)), d.name)
         for d, s in zip(made, rate_stress(RUBBER, made), strict=True)
@@ -67,7 +69,7 @@ def test_a_straight_line_is_that_of_least_squares():
 
 def test_a_prior_counts_like_a_measurement():
     """A prior of deviation s on what one value of error s measures: the mean of both."""
-    test = FunctionTest("one", lambda t, x: t["a"] + 0 * x, [0.0, 1.0], {"y": [4.0, 4.0]}, error=1.0)
+    test = FunctionTest("one", lambda t, x: t["a"] + 0 * x, [0, 1], {"y": [4, 4]}, error=1.0)
     found = dea.calibrate(test, [P("a", 1.0, prior=(1.0, math.sqrt(0.5)), positive=False)])
     assert found.values["a"] == pytest.approx(2.5, rel=1e-8)
     assert found.deviations["a"] == pytest.approx(0.5, rel=1e-6)
@@ -81,17 +83,26 @@ def test_an_exact_fit_of_a_viscous_material():
     assert found.material.viscous[0].tau == found.values["viscous[0].tau"]
 
 
-@pytest.mark.parametrize("error", [
-    300.0, pytest.param(None, marks=on_demand),
-])  # fmt: skip
-def test_recovery_from_noise(error):
-    """The region of 95 % holds the constants in 89 to 99 of 100 seeds."""
-    held = sum(
-        dea.calibrate(RateTests("cycles", cycles(300.0, seed), error=error), START, RUBBER)
-        .contains(TRUE)
+def regions_that_hold(error, loop):
+    """How many of 100 seeds have the true constants in their region of 95 %."""
+    return sum(
+        dea.calibrate(
+            RateTests("cycles", cycles(300.0, seed, loop), error=error), START, RUBBER,
+            tolerance=1e-6,
+        ).contains(TRUE)
         for seed in range(100)
     )  # fmt: skip
-    assert 89 <= held <= 99
+
+
+def test_recovery_from_noise_of_known_size():
+    assert 89 <= regions_that_hold(300.0, LOOP) <= 99
+
+
+@on_demand
+def test_recovery_from_noise_of_unknown_size():
+    """The errors come from the residuals, for which the region needs some number of them."""
+    loop = np.concatenate([np.linspace(1.0, 2.0, 21), np.linspace(1.95, 1.3, 14)])
+    assert 89 <= regions_that_hold(None, loop) <= 99
 
 
 @on_demand
@@ -163,33 +174,28 @@ def test_the_right_model_is_chosen():
 
 
 def in_time(**options):
-    """A film that creeps under a voltage, held along one direction; and its stress at three times.
-
-    From the pull-in on there is no stress.
-    """
+    """The stretch at three times of a free film that creeps under a voltage; NaN after pull-in."""
     t = np.array([1.0, 4.0, 9.0])
-
-    def film(trial):
-        return exact.Film(trial.material, 1e-3, exact.Held(1.2), exact.FREE)
-
-    course = exact.march(exact.Film(RUBBER, 1e-3, exact.Held(1.2), exact.FREE), 9.0, **options)
-    stress = np.full(3, np.nan)
+    course = exact.march(exact.Film(RUBBER, 1e-3), 9.0, **options)
+    stretch = np.full(3, np.nan)
     there = t <= course.end_time
-    stress[there] = course.at(t[there]).stress[0]
-    return stress, FilmTest("held", film, t, {"stress_Pa": np.nan_to_num(stress)}, drives=options)
+    stretch[there] = course.at(t[there]).stretches[0]
+    measured = {"stretch": np.nan_to_num(stretch)}
+    film = FilmTest("free", lambda trial: exact.Film(trial.material, 1e-3), t, measured,
+                    drives=options)  # fmt: skip
+    return stretch, film
 
 
 def test_a_film_in_time_is_that_of_a_march():
-    stress, test = in_time(voltage=dea.Rise(20e3, seconds=6))
-    assert list(np.isnan(stress)) == [False, True, True]
-    trial = dea.calibration.parameters.Trial({}, RUBBER)
-    found = test.predict(trial)["stress_Pa"]
-    assert found == pytest.approx(stress, rel=1e-7, nan_ok=True)
+    stretch, test = in_time(voltage=dea.Rise(30e3, seconds=6))
+    assert list(np.isnan(stretch)) == [False, True, True]
+    found = test.predict(Trial({}, RUBBER))["stretch"]
+    assert found == pytest.approx(stretch, rel=1e-7, nan_ok=True)
 
 
 @on_demand
 def test_a_fit_to_a_film_in_time():
-    _, test = in_time(voltage=2e3)
+    _, test = in_time(voltage=8e3)
     found = dea.calibrate(test, [P("viscous[0].tau", 6.0)], RUBBER, tolerance=1e-6)
     assert found.values["viscous[0].tau"] == pytest.approx(5.0, rel=1e-5)
 
@@ -199,7 +205,8 @@ def test_a_fit_to_a_film_in_time():
 
 def sheet(comm, trial):
     """A quarter of a free film under voltage; its stretch depends on eps_r/mu and thickness."""
-    stack = BoxStack(1e-3, 1e-3, [Layer("film", trial["thickness"])], divisions=(1, 1))
+    thickness = trial["thickness"] if "thickness" in trial else H
+    stack = BoxStack(1e-3, 1e-3, [Layer("film", thickness)], divisions=(1, 1))
     return dea.Scene(
         dea.device(stack, comm), {"film": trial.material},
         electrodes=[dea.Electrode("top", 400.0), dea.Ground("bottom")],
@@ -207,30 +214,42 @@ def sheet(comm, trial):
     )  # fmt: skip
 
 
-def test_elements_give_the_constants_of_exact_states():
-    """Stretch and capacitance of a film, from the closed form; derivatives by adjoint solves."""
-    mu, eps, H = 2e4, 4.0 * EPSILON_0, 1e-4
-    stretch = np.array([1.02, 1.05])
-    volts = H * np.sqrt(mu / eps * (stretch**2 - stretch**-4) / stretch**4)
-    measured = {"capacitance_F": eps * 1e-6 / H * stretch**4, "wide": stretch}
-    elastic = dea.Material(dea.NeoHookean(3e4), dea.IdealDielectric(3.0))
-    test = SceneTest(
-        "sheet", sheet, dea.Ramp("voltage", to=volts[-1] / 400, at=tuple(volts / 400)),
-        {"capacitance": dea.Capacitance("top"), "wide": dea.MeanStretch(("x_min", "x_max"), "x")},
-        volts, measured, variables={"thickness": "thickness:film:z"},
-    )  # fmt: skip
-    parameters = [P("elastic.mu", 3e4), P("electric.eps_r", 3.5), P("thickness", 1.1e-4)]
-    found = dea.calibrate(test, parameters, elastic)
-    assert found.values["electric.eps_r"] / found.values["thickness"] == pytest.approx(4e4, rel=1e-5)
-    # mu H / eps_r^2 ... : the film's stretch fixes mu H^2/eps_r, its capacitance eps_r/H
-    fixed = found.values["elastic.mu"] * found.values["thickness"] ** 2
-    assert fixed / found.values["electric.eps_r"] == pytest.approx(mu * H**2 / 4.0, rel=1e-5)
-    (loose,) = found.loose
-    assert loose.parts == pytest.approx(
-        {"elastic.mu": -1.0, "electric.eps_r": 1.0, "thickness": 1.0}, abs=1e-3
-    ) or loose.parts == pytest.approx(
-        {"elastic.mu": 1.0, "electric.eps_r": -1.0, "thickness": -1.0}, abs=1e-3
+MU, EPS, H = 2e4, 4.0, 1e-4
+STRETCH = 1.05
+VOLTS = H * math.sqrt(MU / (EPS * EPSILON_0) * (STRETCH**2 - STRETCH**-4) / STRETCH**4)
+
+
+def sheet_test(**options):
+    """Stretch and capacitance of the film at a voltage, from the closed form."""
+    measured = {"capacitance_F": [EPS * EPSILON_0 * 1e-6 / H * STRETCH**4], "wide": [STRETCH]}
+    record = {"capacitance": dea.Capacitance("top"),
+              "wide": dea.MeanStretch(("x_min", "x_max"), "x")}  # fmt: skip
+    return SceneTest("sheet", sheet, dea.Ramp(to=VOLTS / 400, steps=1), record, [VOLTS], measured,
+                     variables={"thickness": "thickness:film:z"}, **options)  # fmt: skip
+
+
+def test_slopes_of_elements_are_those_of_differences():
+    """By the adjoint of the run, beside solutions of neighbours with a step of 0.1 %."""
+    elastic = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(EPS))
+    names = [P("elastic.mu", MU), P("electric.eps_r", EPS), P("thickness", H)]
+    over = Coordinates(names, elastic)
+    exact_ones, differences = (
+        slopes_of(over, over.start, sheet_test(exact_slopes=kind)) for kind in (True, False)
     )
+    for column, slopes in exact_ones.items():
+        assert slopes == pytest.approx(differences[column], rel=1e-5)
+    # the stretch depends on eps_r/(mu H^2), and the capacitance on that and on eps_r/H
+    wide = exact_ones["wide"][0]
+    assert wide / wide[1] == pytest.approx([-1.0, 1.0, -2.0], rel=1e-7)
+
+
+def test_elements_give_the_constants_of_exact_states():
+    elastic = dea.Material(dea.NeoHookean(1.8e4), dea.IdealDielectric(3.5))
+    values = [P("elastic.mu", 1.8e4), P("electric.eps_r", 3.5, prior=(3.0, 10.0))]
+    error = {"capacitance_F": 1e-15, "wide": 1e-5}
+    found = dea.calibrate(sheet_test(exact_slopes=False, error=error), values, elastic)
+    assert found.values["elastic.mu"] == pytest.approx(MU, rel=1e-4)
+    assert found.values["electric.eps_r"] == pytest.approx(EPS, rel=1e-4)
 
 
 # ------------------------------------------------------------------ bad input, and what is written
@@ -249,7 +268,7 @@ def test_bad_input_in_one_sentence():
     refused("must hold RateTests", [3], [P("elastic.mu", 1e4)], RUBBER)
     with pytest.raises(dea.InputError, match="no keyword 'start'; did you mean 'starts'"):
         dea.calibrate(tests, [P("elastic.mu", 1e4)], RUBBER, start=3)
-    with pytest.raises(dea.InputError, match="reads the parameter 'a', .* did you mean 'aa'"):
+    with pytest.raises(dea.InputError, match=r"reads the parameter 'a', .* did you mean 'aa'"):
         dea.calibrate(FunctionTest("x", lambda t, x: t["a"], [0, 1], {"y": [0, 1]}), [P("aa", 1.0)])
     refused("none is given", tests, [P("a", 1e4)])
     two = FunctionTest("two", lambda t, x: t["a"] + t["b"] * x, [0, 1], {"y": [0, 1]})
@@ -333,6 +352,6 @@ def test_uncertainty_refuses():
         ("named 'strok'; did you mean 'stroke'?", {"mu": Scatter(1.0, 0.1)},
          {"failure": {"strok": 1.0}}),
     ):  # fmt: skip
-        with pytest.raises(dea.InputError, match="[.]$") as caught:
+        with pytest.raises(dea.InputError, match=r"[.]$") as caught:
             dea.uncertainty(lambda mu: {"stroke": mu}, scatter, **options)
         assert words in str(caught.value)

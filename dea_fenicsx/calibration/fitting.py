@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, TypedDict
 
 import numpy as np
@@ -223,11 +224,11 @@ class LeastSquares:
         return np.asarray(self.comm.bcast(np.concatenate([J, self.prior_rows]), root=0))
 
     def _fixing(self, z: np.ndarray) -> np.ndarray:
-        """The Jacobian without what its rounding fixes, so that a search goes no way for nothing."""
+        """The Jacobian without what rounding alone fixes, so that a search does not wander."""
         return only_fixed(self.jacobian(z))
 
     def _difference(self, z: np.ndarray, k: int, test: Experiment) -> dict[str, np.ndarray]:
-        """Central difference by a coordinate, or a one-sided one at the edge of what is possible."""
+        """Central difference by a coordinate, or one-sided at the edge of what is possible."""
         ends = []
         for sign in (-1.0, 1.0):
             moved = z.copy()
@@ -330,7 +331,7 @@ class LeastSquares:
     def slices(self) -> list[slice]:
         """Where the residuals of each column are."""
         ends = np.cumsum([0, *(len(c.measured) for _, c in self.columns)])
-        return [slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
     def factor_of(self, found: Search) -> float:
         """What brings the variance of the residuals of the data to 1."""

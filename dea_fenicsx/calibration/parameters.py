@@ -1,4 +1,4 @@
-"""What is fitted: parameters with bounds and priors, and the coordinates in which they are fitted."""
+"""What is fitted: parameters with bounds and priors, and the coordinates of a fit."""
 
 from __future__ import annotations
 

@@ -157,8 +157,8 @@ def corrected_criterion(kind: str, fit: float, k: int, n: float) -> float:
 
     Notes
     -----
-    AICc = fit + 2 k + 2 k (k + 1)/(n - k - 1), infinite for n <= k + 1 (Hurvich and Tsai, Biometrika
-    76 (1989) 297); BIC = fit + k ln n (Schwarz, Ann. Statist. 6 (1978) 461).
+    AICc = fit + 2 k + 2 k (k + 1)/(n - k - 1), infinite for n <= k + 1 (Hurvich and Tsai,
+    Biometrika 76 (1989) 297); BIC = fit + k ln n (Schwarz, Ann. Statist. 6 (1978) 461).
     """
     if kind == "BIC":
         return fit + k * float(np.log(n))
