@@ -127,6 +127,10 @@ def scattered(args, found, comm):
 def main():
     parser, args = parse()
     comm = MPI.COMM_WORLD
+    if args.points <= len(TRUE):
+        raise dea.InputError(
+            f"--points is {args.points}, but must be at least {len(TRUE) + 1}: more than constants."
+        )
     volts = np.linspace(args.volts / args.points, args.volts, args.points)
     values, errors = measured(args, volts, comm)
     alone, both = tests_of(args, volts, values, errors)

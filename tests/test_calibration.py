@@ -205,8 +205,7 @@ def test_a_fit_to_a_film_in_time():
 
 def sheet(comm, trial):
     """A quarter of a free film under voltage; its stretch depends on eps_r/mu and thickness."""
-    thickness = trial["thickness"] if "thickness" in trial else H
-    stack = BoxStack(1e-3, 1e-3, [Layer("film", thickness)], divisions=(1, 1))
+    stack = BoxStack(1e-3, 1e-3, [Layer("film", trial.get("thickness", H))], divisions=(1, 1))
     return dea.Scene(
         dea.device(stack, comm), {"film": trial.material},
         electrodes=[dea.Electrode("top", 400.0), dea.Ground("bottom")],

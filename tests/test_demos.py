@@ -341,7 +341,7 @@ CHECKS = {
     "speed_vs_error.py": (check_speed_vs_error, []),
     "fit_rubber.py": (check_fit, []),
     "calibrate_actuator.py": (check_calibrate_actuator, [
-        "--cells", 4, "--points", 3, "--samples", 6]),
+        "--cells", 4, "--points", 4, "--samples", 6]),
     "calibrate_vhb.py": (check_calibrate_vhb, [
         "--models", "ogden", "--branches", 2, "--no-band"]),
     "fringe_capacitor.py": (check_fringe, []),

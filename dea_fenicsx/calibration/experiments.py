@@ -14,7 +14,7 @@ from dea_fenicsx.calibration.parameters import Trial
 from dea_fenicsx.exact.branch import State, trace
 from dea_fenicsx.exact.course import Moments
 from dea_fenicsx.exact.film import Film
-from dea_fenicsx.exact.marching import Drive, march
+from dea_fenicsx.exact.marching import march
 from dea_fenicsx.materials import Material, RateData
 from dea_fenicsx.materials.rate_data import Programme
 from dea_fenicsx.materials.stretches import nominal_stress
@@ -291,7 +291,7 @@ class RateTests(Experiment):
         if not branches:
             return {}
         mu, tau = (np.array([getattr(b, n) for b in branches]) for n in ("mu", "tau"))
-        K, both = len(mu), self._springs(np.append(tau, tau * (1 + TIME_STEP)))
+        K, both = len(mu), self._springs([*tau, *(tau * (1 + TIME_STEP))])
         slopes: dict[str, dict[str, Any]] = {}
         for k in range(K):
             slopes[f"{self.of}{dot}viscous[{k}].mu"] = {n: s[:, k] for n, s in both.items()}
@@ -357,7 +357,7 @@ class FilmTest(Experiment):
     error: Any = None
     weight: float = 1.0
     over: str = "time"
-    drives: Mapping[str, Drive | Any] = field(default_factory=dict)
+    drives: Mapping[str, Any] = field(default_factory=dict)
     slack: bool = False
 
     @property

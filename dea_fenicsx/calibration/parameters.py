@@ -120,6 +120,12 @@ class Trial(Mapping[str, float]):
     def __contains__(self, name: object) -> bool:
         return name in self._values
 
+    def get(self, name: str, default: Any = None) -> Any:
+        """The value of a parameter, or `default` where it is not fitted."""
+        if name not in self:
+            return default
+        return self[name]
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)
 
