@@ -91,6 +91,8 @@ def calibrate(
     divided by its own root mean square and by the root of its number of values, so that all columns
     count alike; the variances then come from the residuals, column by column, with neighbouring
     residuals that are correlated counting for less.  Priors then weigh as against these variances.
+    Regions are those of a model that is linear near the fit; with variances from the residuals they
+    are right for many values only.
     """
     install_hook()
     given = keywords("calibrate", options, CalibrationOptions, {
