@@ -106,6 +106,7 @@ def test_recovery_from_noise_of_unknown_size():
 
 
 @on_demand
+@pytest.mark.slow
 def test_recovery_of_a_film_under_voltage():
     """The same by `exact.trace`: stretch and charge of a film under dead loads over the voltage."""
     true = {"elastic.mu": 15e3, "electric.eps_r": 4.7}

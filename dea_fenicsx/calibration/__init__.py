@@ -19,7 +19,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dea_fenicsx.calibration.experiments import FilmTest, FunctionTest, RateTests
+    from dea_fenicsx.calibration.experiments import FunctionTest, RateTests
+    from dea_fenicsx.calibration.film_tests import FilmTest
     from dea_fenicsx.calibration.fitting import calibrate
     from dea_fenicsx.calibration.parameters import Parameter
     from dea_fenicsx.calibration.result import Calibration
@@ -28,7 +29,8 @@ if TYPE_CHECKING:
     from dea_fenicsx.calibration.selection import Selection, select
 
 _HOME = {
-    "experiments": ("FilmTest", "FunctionTest", "RateTests"),
+    "experiments": ("FunctionTest", "RateTests"),
+    "film_tests": ("FilmTest",),
     "fitting": ("calibrate",),
     "parameters": ("Parameter",),
     "result": ("Calibration",),
