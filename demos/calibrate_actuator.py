@@ -4,7 +4,8 @@ A soft film with electrodes is bonded to a stiffer film without.  Three constant
 the shear moduli of both films, and the permittivity.  The measurements are made here: a device of
 known constants on a finer mesh, with noise.  From the motion of the tip alone only ratios of the
 constants can be found, and the fit says so.  Together with the blocked force and the capacitance
-the data fix all three.  The derivatives are those of the runs, by adjoint solves.
+the data fix all three.  The derivatives are those of the runs, by adjoint solves.  The regions know
+of the noise alone: the coarser mesh of the fit adds an error of its own, which `--cells` lessens.
 
 What the scatter of constants and thickness does to the stroke follows at the end, with the
 probability that a film breaks down.
