@@ -16,7 +16,10 @@ __version__ = "0.1.0"
 """The only place of the version: pyproject.toml, the command and results read it from here."""
 
 if TYPE_CHECKING:
-    from dea_fenicsx import design, exact, materials, origami, pictures
+    from dea_fenicsx import calibration, design, exact, materials, origami, pictures
+    from dea_fenicsx.calibration.fitting import calibrate
+    from dea_fenicsx.calibration.parameters import Parameter
+    from dea_fenicsx.calibration.scatter import uncertainty
     from dea_fenicsx.drives.waves import (
         Chirp,
         Constant,
@@ -171,6 +174,9 @@ _HOME = {
     "scene.table_law": ("TableLaw",),
     "scene.torsion": ("TorsionSpring",),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
+    "calibration.fitting": ("calibrate",),
+    "calibration.parameters": ("Parameter",),
+    "calibration.scatter": ("uncertainty",),
     "studies.samples": ("LatinHypercube",),
     "studies.study": ("Study", "study"),
     "support.errors": (
@@ -227,7 +233,7 @@ _HOME = {
     "results.per_turn": ("per_turn",),
 }  # fmt: skip
 _WHERE = {name: module for module, names in _HOME.items() for name in names}
-_MODULES = ("design", "exact", "geometry", "materials", "origami", "pictures")
+_MODULES = ("calibration", "design", "exact", "geometry", "materials", "origami", "pictures")
 __all__ = sorted([*_WHERE, *_MODULES])
 
 

@@ -23,6 +23,7 @@ TITLES = {
     "results": "Reading results",
     "solvers": "Options of the solver",
     "studies": "Studies over parameters",
+    "calibration": "Calibration and uncertainty",
     "exact": "Exact states",
     "origami": "Spiral box",
     "design": "Design search",

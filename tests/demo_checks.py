@@ -386,6 +386,35 @@ def check_sensitivity(out, printed):
     assert (out / "sensitivity.png").exists()
 
 
+def check_calibrate_vhb(out, printed):
+    """Misfits are the model's; the test under voltage is predicted better than without it."""
+    s = summary(out)
+    assert s["model"] == "ogden, 2 branches"
+    assert max(s["relative_rms"].values()) < 0.2
+    assert len(s["rms"]) == 12
+    # own values, 2026-11
+    assert s["refit_rms_Pa"] == pytest.approx(740, rel=0.05)
+    assert s["predicted_rms_Pa"] == pytest.approx(3081, rel=0.05)
+    assert s["without_voltage_rms_Pa"] > 2 * s["predicted_rms_Pa"]
+    assert (out / "calibration.png").exists() and (out / "coupled.png").exists()
+    assert "root mean square error" in printed
+
+
+def check_calibrate_actuator(out, printed):
+    """The constants of the device that was measured come back; the tip alone fixes less.
+
+    A mesh of four cells puts the moduli wrong by -3 % and +11 % without any noise (12 cells: -0.5 %
+    and +1.6 %).  So the region, which knows of noise alone, is not asked to hold the constants.
+    """
+    s = summary(out)
+    assert s["loose_from_tip_alone"] >= 1 and s["loose"] == 0
+    assert abs(s["active_eps_r_error"]) < 0.03 and abs(s["active_mu_error"]) < 0.1
+    assert abs(s["passive_mu_error"]) < 0.2
+    assert s["stroke_sampled_deviation_m"] == pytest.approx(s["stroke_deviation_m"], rel=0.5)
+    assert "the data do not fix" in printed
+    assert (out / "calibration.png").exists()
+
+
 def check_study(out, printed):
     s = summary(out)
     assert s["runs"] == 4 and s["completed"] + s["failed"] == 4

@@ -268,6 +268,12 @@ FIELDS = {
     dea.KineticEnergy: (recorded(dea.KineticEnergy), {}),
     dea.Momentum: (recorded(dea.Momentum), dict(axis="x")),
     dea.AngularMomentum: (recorded(dea.AngularMomentum), dict(axis="z")),
+    dea.Parameter: (
+        lambda **g: dea.calibrate(
+            dea.calibration.FunctionTest(
+                "line", lambda t, x: t["a"] * x, [1.0, 2.0], {"y": [1.0, 2.0]}),
+            [dea.Parameter(**g)]),
+        dict(name="a", start=1.0)),
     dea.LatinHypercube: (
         lambda **g: dea.study(scene, dea.LatinHypercube(**g), {}, out="/dev/null/study"),
         dict(ranges={"x": (0.0, 1.0)}, count=2, seed=1)),

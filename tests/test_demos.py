@@ -15,6 +15,8 @@ from demo_checks import (
     check_balloon,
     check_blister,
     check_buckling,
+    check_calibrate_actuator,
+    check_calibrate_vhb,
     check_cone,
     check_crease,
     check_creep,
@@ -340,6 +342,10 @@ CHECKS = {
     "first_actuator.py": (check_first_actuator, []),
     "speed_vs_error.py": (check_speed_vs_error, []),
     "fit_rubber.py": (check_fit, []),
+    "calibrate_actuator.py": (check_calibrate_actuator, [
+        "--cells", 4, "--points", 4, "--samples", 6]),
+    "calibrate_vhb.py": (check_calibrate_vhb, [
+        "--models", "ogden", "--branches", 2, "--no-band"]),
     "fringe_capacitor.py": (check_fringe, []),
     "zipping_or_folding.py": (check_folding, []),
     "fit_viscous.py": (check_viscous_fit, []),

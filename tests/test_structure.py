@@ -16,7 +16,7 @@ PACKAGE = ROOT / "dea_fenicsx"
 ROOMS = [
     "support", "geometry", "mesh", "materials", "drives", "exact", "origami",
     "scene", "model", "solvers", "path", "measure", "gradients", "results", "run", "pictures",
-    "studies", "design", "thesis", "docs", "cli", "__main__",
+    "studies", "calibration", "design", "thesis", "docs", "cli", "__main__",
 ]  # fmt: skip
 """Each room may import from the rooms before it.  Within a room no imports go in a circle."""
 

@@ -11,7 +11,9 @@ from pathlib import Path
 
 from dea_fenicsx.support.errors import InputError, install_hook
 
-ROOMS = ("", ".geometry", ".materials", ".exact", ".origami", ".design", ".pictures")
+ROOMS = (
+    "", ".geometry", ".materials", ".exact", ".origami", ".calibration", ".design", ".pictures",
+)  # fmt: skip
 """Modules with a public ``__all__``."""
 
 
