@@ -23,6 +23,7 @@ from demo_checks import (
     check_folding,
     check_fringe,
     check_gripper,
+    check_growing_wrinkles,
     check_harvest,
     check_hinge,
     check_hysteresis,
@@ -375,6 +376,8 @@ CHECKS = {
     "strip_frequency.py": (check_strip_frequency, ["--cells", 12]),
     "tube.py": (check_tube, ["--steps", 2]),
     "viscous_film.py": (check_viscous_film, ["--rate", 1.6, "--tolerance", 1e-5]),
+    "wrinkles.py": (check_growing_wrinkles, ["--slenderness", 200, "--aspect", 1, "--cells", 6, 18,
+                                              "--to", 1.2]),
     "wrinkling_film.py": (check_wrinkles, []),
 }
 NEEDS = {"design_search.py": "pymoo", "read_results.py": "pandas"}  # optional extras
