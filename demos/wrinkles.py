@@ -248,7 +248,9 @@ def draw(run, volts, amplitude, wavelength, onset):
     above.plot(np.append(onset, volts), 1e6 * np.append(0, amplitude), "o-", markersize=3)
     above.set(ylabel="amplitude (um)")
     below.plot(volts, 1e3 * wavelength, "o-", markersize=3, label="film")
-    below.axhline(1e3 * run.summary["theory_wavelength_m"], ls="--", color="k", label="plate at its onset")
+    below.axhline(
+        1e3 * run.summary["theory_wavelength_m"], ls="--", color="k", label="plate at its onset"
+    )
     below.set(xlabel="voltage (V)", ylabel="wavelength (mm)")
     below.legend()
     path = Path(run.out) / "amplitude_wavelength.png"

@@ -8,6 +8,7 @@ import re
 
 import numpy as np
 import pytest
+from branch_demo_checks import check_bonded_film, check_growing_wrinkles
 from conftest import ROOT
 from demo_checks import (
     check_balloon,
@@ -23,7 +24,6 @@ from demo_checks import (
     check_folding,
     check_fringe,
     check_gripper,
-    check_growing_wrinkles,
     check_harvest,
     check_hinge,
     check_hysteresis,
@@ -331,6 +331,7 @@ CHECKS = {
     "cone.py": (check_cone, ["--thickness", 0.02, "--cells", 12]),
     "gripper.py": (check_gripper, []),
     "crease.py": (check_crease, ["--field", 1.1, "--tolerance", 1e-3]),
+    "crease_or_buckle.py": (check_bonded_film, []),
     "creep_disc.py": (check_creep, ["--tolerance", 2e-2, "--rest", 100]),
     "cube.py": (check_cube, []),
     "ddea_stack.py": (check_ddea, []),
