@@ -94,6 +94,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.results.finished import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
+    from dea_fenicsx.run.branches import Diagram, branches
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
     from dea_fenicsx.run.frequency_response import FrequencyResponse, frequency_response
     from dea_fenicsx.run.modes import Modes, modes
@@ -215,6 +216,7 @@ _HOME = {
     "measure.in_motion": ("AngularMomentum", "KineticEnergy", "Momentum"),
     "results.finished": ("Run",),
     "run.session": ("solve",),
+    "run.branches": ("Diagram", "branches"),
     "run.modes": ("Modes", "modes"),
     "run.frequency_response": ("FrequencyResponse", "frequency_response"),
     "scene.scene": ("Scene",),
