@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 import dea_fenicsx as dea
@@ -27,3 +29,21 @@ def check_bonded_film(out, printed):
     assert s["neutral_wave_number"] == pytest.approx(0.15 ** (1 / 3), rel=0.02)
     assert s["bifurcation_field"] == pytest.approx(s["neutral_field"], rel=2e-3)
     assert s["stable"] is True
+
+
+def check_two_modes(out, printed):
+    """Onsets of an eigenvalue problem; the second branch becomes stable, as its equations say.
+
+    With half the detuning the ratio of the distances is 6.60, with twice of it 6.26 (own values,
+    2026-11).
+    """
+    s = dea.read_summary(out)
+    assert s["first_q"] == pytest.approx(s["neutral_first_q"], rel=5e-3)
+    assert s["second_q"] == pytest.approx(s["neutral_second_q"], rel=5e-3)
+    assert s["distance_ratio"] == pytest.approx(6.48, abs=0.05)
+    assert s["both_stable_at_end"] is True
+    assert s["mixed_negative_modes"] == 1
+    told = json.loads((out / "diagram.json").read_text("utf-8"))
+    parts = [[p["negative_modes"] for p in b["stability_intervals"]] for b in told["branches"]]
+    assert parts == [[0, 1, 2], [0], [1, 0]]
+    assert (out / "left_voltage.png").exists()

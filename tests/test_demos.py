@@ -8,7 +8,7 @@ import re
 
 import numpy as np
 import pytest
-from branch_demo_checks import check_bonded_film, check_growing_wrinkles
+from branch_demo_checks import check_bonded_film, check_growing_wrinkles, check_two_modes
 from conftest import ROOT
 from demo_checks import (
     check_balloon,
@@ -375,6 +375,7 @@ CHECKS = {
     "stiffened_membrane.py": (check_stiffened, ["--models", "gent", "--model", "gent"]),
     "study.py": (check_study, ["--thicknesses", 2, "--stretches", 2, "--materials", 1]),
     "strip_frequency.py": (check_strip_frequency, ["--cells", 12]),
+    "two_modes.py": (check_two_modes, []),
     "tube.py": (check_tube, ["--steps", 2]),
     "viscous_film.py": (check_viscous_film, ["--rate", 1.6, "--tolerance", 1e-5]),
     "wrinkles.py": (check_growing_wrinkles, ["--slenderness", 200, "--aspect", 1, "--cells", 6, 18,

@@ -42,7 +42,8 @@ def diagram(folder: str | os.PathLike, x: str, y: str) -> list[Path]:
         raise InputError("Diagrams need matplotlib; pip install matplotlib.") from error
 
     place = Path(folder)
-    runs = sorted(p.parent for p in place.glob("*/history.csv"))
+    runs = [p.parent for p in place.glob("*/history.csv")]
+    runs.sort(key=lambda run: (run.name != "first", run.name))
     if not runs:
         raise InputError(f"There are no branches in {place}; give the folder of a diagram.")
     values = [(read_numbers(run, x), read_numbers(run, y)) for run in runs]
@@ -55,9 +56,12 @@ def diagram(folder: str | os.PathLike, x: str, y: str) -> list[Path]:
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(4.2, 3.15), layout="constrained")
         axes = figure.subplots()
-        names: set[str] = set()
+        spots: dict[str, list[tuple[float, float]]] = {}
         for k, (run, (a, b)) in enumerate(zip(runs, values, strict=True)):
-            _draw(axes, run, a / x_unit, b / y_unit, f"C{k % 10}", names)
+            _draw(axes, run, a / x_unit, b / y_unit, f"C{k % 10}", spots)
+        for k, (event, places) in enumerate(spots.items()):
+            axes.plot(*np.transpose(places), "XP*dhv"[k % 6], color="k", markersize=4, zorder=3,
+                      label=lettering(event))  # fmt: skip
         axes.set_xlabel(x_text)
         axes.set_ylabel(y_text)
         axes.legend()
@@ -65,9 +69,10 @@ def diagram(folder: str | os.PathLike, x: str, y: str) -> list[Path]:
 
 
 def _draw(
-    axes: Any, run: Path, a: np.ndarray, b: np.ndarray, color: str, names: set[str]
+    axes: Any, run: Path, a: np.ndarray, b: np.ndarray, color: str,
+    spots: dict[str, list[tuple[float, float]]],
 ) -> None:
-    """Draw one branch from where it begins, and mark its events."""
+    """Draw one branch from where it begins, and collect the places of its events."""
     summary, history = read_summary(run), read_history(run)
     first = _row(summary.get("branch_begins_at_step"), len(a))
     ends, unstable = [first], []
@@ -84,12 +89,8 @@ def _draw(
         label = None
     events = history.get("event", np.array([]))
     for k, event in enumerate(events):
-        if k < first or event in ("", "landed") or events.dtype.kind == "f":
-            continue
-        sign = "X" if event == "bifurcation" else "P"
-        text = None if str(event) in names else lettering(str(event))
-        names.add(str(event))
-        axes.plot(a[k], b[k], sign, color="k", markersize=5, zorder=3, label=text)
+        if k >= first and events.dtype.kind != "f" and event not in ("", "landed"):
+            spots.setdefault(str(event), []).append((a[k], b[k]))
 
 
 def _parts(summary: dict[str, Any]) -> list[dict[str, Any]]:
