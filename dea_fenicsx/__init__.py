@@ -97,6 +97,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.run.branches import Diagram, branches
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
     from dea_fenicsx.run.frequency_response import FrequencyResponse, frequency_response
+    from dea_fenicsx.run.imperfections import ModeShape, RandomShape, imperfect
     from dea_fenicsx.run.modes import Modes, modes
     from dea_fenicsx.run.parser import Parser
     from dea_fenicsx.run.session import solve
@@ -217,6 +218,7 @@ _HOME = {
     "results.finished": ("Run",),
     "run.session": ("solve",),
     "run.branches": ("Diagram", "branches"),
+    "run.imperfections": ("ModeShape", "RandomShape", "imperfect"),
     "run.modes": ("Modes", "modes"),
     "run.frequency_response": ("FrequencyResponse", "frequency_response"),
     "scene.scene": ("Scene",),
