@@ -139,7 +139,7 @@ FIELDS = {
     dea.ModeShape: (lambda **g: dea.imperfect(strip(1), dea.ModeShape(**g), 1e-5),
                     dict(folder="nowhere")),
     dea.RandomShape: (lambda **g: dea.imperfect(strip(1), dea.RandomShape(**g), 1e-5),
-                      dict(axis="z", wavelength=1e-3)),
+                      dict(axis="y", wavelength=1e-3, dim=2)),
     dea.Trace: (lambda **g: solve(path=dea.Trace(**g)), dict(what="voltage")),
     dea.March: (lambda **g: solve(path=dea.March(**g)), dict(seconds=1.0)),
     dea.Constant: (driven(dea.Constant), {}),

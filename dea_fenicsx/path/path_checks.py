@@ -292,8 +292,8 @@ def _check_trace(trace: Trace) -> None:
 def _check_leave(trace: Trace) -> None:
     if trace.leave < 1:
         raise InputError(
-            f"The trace in {trace.what} is to leave its branch at bifurcation {trace.leave}, but "
-            "leave= is a whole number of at least 1."
+            f"The trace in {trace.what} is to leave its branch at bifurcation "
+            f"{shown(trace.leave)}, but leave= is a whole number of at least 1."
         )
 
 

@@ -14,6 +14,7 @@ from dea_fenicsx.mesh.moved import Shape, moved
 from dea_fenicsx.results.untrusted import read_data
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.files import clean
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, positive, whole
@@ -49,22 +50,27 @@ class ModeShape:
         whole(self.number, "The number of the mode of ModeShape", 1)
 
     def __call__(self, positions: np.ndarray) -> np.ndarray:
-        files = sorted((Path(self.folder) / "modes").glob("mode_*.h5"))
+        try:
+            files = sorted((Path(self.folder) / "modes").glob("mode_*.h5"))
+        except (OSError, ValueError):  # a name that no folder can have
+            files = []
         if not 1 <= self.number <= len(files):
             raise InputError(
-                f"There are {len(files)} modes in {self.folder}/modes, but number "
-                f"{self.number} is asked for; a run with stability=\"every\" writes them."
+                f"There are {len(files)} modes in {clean(self.folder, 100)}/modes, but number "
+                f"{shown(self.number)} is asked for; a run with stability=\"every\" writes them."
             )
         file = files[self.number - 1]
         points, mode = (
             read_data(file.parent, f"{file.name}:/{name}") for name in ("points", "node/mode")
         )
         if points.ndim != 2 or points.shape[1:] != (3,) or mode.shape != points.shape:
-            raise InputError(f"{file} does not hold a mode at points.")
+            raise InputError(f"{clean(file, 200)} does not hold a mode at points.")
         far, nearest = KDTree(points).query(positions.T)
         size = np.ptp(points, axis=0).max()
         if np.max(far, initial=0.0) > SAME_PLACE * size:
-            raise InputError(f"The mode in {file} is of another mesh; solve this one first.")
+            raise InputError(
+                f"The mode in {clean(file, 200)} is of another mesh; solve this one first."
+            )
         dim = 3 if np.ptp(points[:, 2]) > 0 else 2
         return mode[nearest, :dim].T
 
@@ -97,6 +103,8 @@ class RandomShape:
     def __post_init__(self) -> None:
         positive(self.wavelength, "The wavelength of RandomShape", "a length > 0 in m")
         whole(self.seed, "The seed of RandomShape", 0)
+        if self.seed >= 2**64:
+            raise InputError(f"The seed of RandomShape is {shown(self.seed)}, but must be < 2^64.")
         whole(self.dim, "The dimension dim of RandomShape", 2)
         if self.dim > 3 or not isinstance(self.axis, str) or self.axis not in [*"xyz"[: self.dim]]:
             raise InputError(
