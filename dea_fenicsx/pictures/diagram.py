@@ -82,7 +82,7 @@ def _draw(
     if not unstable:  # nothing is known
         ends, unstable = [first, len(a) - 1], [False]
     ends[-1] = len(a) - 1
-    label = lettering(run.name)
+    label: str | None = lettering(run.name)
     for (low, high), dashed in zip(pairwise(ends), unstable, strict=True):
         rows = slice(low, high + 1)
         axes.plot(a[rows], b[rows], "--" if dashed else "-", color=color, label=label)
