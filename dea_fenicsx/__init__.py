@@ -97,8 +97,10 @@ if TYPE_CHECKING:
     from dea_fenicsx.results.finished import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
+    from dea_fenicsx.run.branches import Diagram, branches
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
     from dea_fenicsx.run.frequency_response import FrequencyResponse, frequency_response
+    from dea_fenicsx.run.imperfections import ModeShape, RandomShape, imperfect
     from dea_fenicsx.run.modes import Modes, modes
     from dea_fenicsx.run.parser import Parser
     from dea_fenicsx.run.session import solve
@@ -221,6 +223,8 @@ _HOME = {
     "measure.in_motion": ("AngularMomentum", "KineticEnergy", "Momentum"),
     "results.finished": ("Run",),
     "run.session": ("solve",),
+    "run.branches": ("Diagram", "branches"),
+    "run.imperfections": ("ModeShape", "RandomShape", "imperfect"),
     "run.modes": ("Modes", "modes"),
     "run.frequency_response": ("FrequencyResponse", "frequency_response"),
     "scene.scene": ("Scene",),

@@ -10,6 +10,7 @@ import re
 
 import numpy as np
 import pytest
+from branch_demo_checks import check_bonded_film, check_growing_wrinkles, check_two_modes
 from conftest import ROOT
 from demo_checks import (
     check_balloon,
@@ -334,6 +335,7 @@ CHECKS = {
     "cone.py": (check_cone, ["--thickness", 0.02, "--cells", 12]),
     "gripper.py": (check_gripper, []),
     "crease.py": (check_crease, ["--field", 1.1, "--tolerance", 1e-3]),
+    "crease_or_buckle.py": (check_bonded_film, []),
     "creep_disc.py": (check_creep, ["--tolerance", 2e-2, "--rest", 100]),
     "cube.py": (check_cube, []),
     "ddea_stack.py": (check_ddea, []),
@@ -381,8 +383,11 @@ CHECKS = {
     "stiffened_membrane.py": (check_stiffened, ["--models", "gent", "--model", "gent"]),
     "study.py": (check_study, ["--thicknesses", 2, "--stretches", 2, "--materials", 1]),
     "strip_frequency.py": (check_strip_frequency, ["--cells", 12]),
+    "two_modes.py": (check_two_modes, []),
     "tube.py": (check_tube, ["--steps", 2]),
     "viscous_film.py": (check_viscous_film, ["--rate", 1.6, "--tolerance", 1e-5]),
+    "wrinkles.py": (check_growing_wrinkles, ["--slenderness", 200, "--aspect", 1, "--cells", 6, 18,
+                                              "--to", 1.2]),
     "wrinkling_film.py": (check_wrinkles, []),
 }
 # These take more than ten seconds of CPU time on one rank.

@@ -71,7 +71,7 @@ def from_dolfinx(
     cells, tags = _regions(copy, cell_tags, regions)
     given: dict[str, Any] = {n: w for n, w in surfaces.items() if n not in places}
     given = {name: int(tag) for name, tag in given.items()}
-    facets = None if facet_tags is None else _alike(copy, facet_tags, copy.topology.dim - 1)
+    facets = None if facet_tags is None else tags_alike(copy, facet_tags, copy.topology.dim - 1)
     _check_surfaces(copy, facets, given, tags)
     named = Named(cells, tags, facets, given, {})
     if places:
@@ -138,7 +138,7 @@ def _check_ghosts(mesh: Any) -> None:
         )
 
 
-def _alike(mesh: Any, tags: Any, dim: int) -> Any:
+def tags_alike(mesh: Any, tags: Any, dim: int) -> Any:
     """Tags of another mesh with the same topology, complete on each rank.  Collective.
 
     A user may have tagged owned entities alone, or an entity on a rank that does not own it.
@@ -184,7 +184,7 @@ def _regions(
             "from_dolfinx is given tags of regions, but no cell_tags; hand them over, or give the "
             "name of the one region."
         )
-    tags = _alike(mesh, cell_tags, topology.dim)
+    tags = tags_alike(mesh, cell_tags, topology.dim)
     values = np.full(len(local), NO_TAG)
     values[tags.indices] = tags.values
     owned = values[: imap.size_local]

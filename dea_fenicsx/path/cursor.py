@@ -24,6 +24,7 @@ class Cursor:
     start : factors at the start of the current ramp
     direction : in a trace, sign of the load's change
     switched : whether a trace has left its first branch
+    passed : number of bifurcations that a trace has met
     began : time in s at the start of the current item
     """
 
@@ -35,6 +36,7 @@ class Cursor:
     direction: float = 0.0
     switched: bool = False
     began: float = 0.0
+    passed: int = 0
 
 
 @dataclass(frozen=True)

@@ -177,6 +177,9 @@ class Trace:
         the branch.  Needs ``stability="every"``.
     response
         How viscous branches take part, as of a `Ramp`.
+    leave
+        Number of the bifurcation of this trace at which `switch` leaves the branch; those before
+        it are passed.
     """
 
     what: str
@@ -187,6 +190,7 @@ class Trace:
     at: tuple[float, ...] = ()
     switch: float = 0.0
     response: Response | None = None
+    leave: int = 1
 
     def names(self, scene: Scene) -> tuple[str, ...]:
         return (self.what,)

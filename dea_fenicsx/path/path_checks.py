@@ -82,6 +82,7 @@ def check_path(
         _check_passes(item, scene)
         if isinstance(item, Trace):
             _check_trace(item)
+            _check_leave(item)
             reached[item.what] = None  # where a trace ends is not known before
         else:
             _check_ramp(item, scene, reached)
@@ -285,6 +286,14 @@ def _check_trace(trace: Trace) -> None:
         raise InputError(
             f"The trace in {trace.what} needs a first step other than 0 (at most a million "
             "times the load), at least one step and a longest step > 0."
+        )
+
+
+def _check_leave(trace: Trace) -> None:
+    if trace.leave < 1:
+        raise InputError(
+            f"The trace in {trace.what} is to leave its branch at bifurcation "
+            f"{shown(trace.leave)}, but leave= is a whole number of at least 1."
         )
 
 

@@ -143,15 +143,15 @@ class Tracer:
         self.crossings = Crossings(self.branch, item.longest)
         self._cut = 1.0
 
-    def follow(self, arc: float, sign: float, may_switch: bool = True) -> Iterator[Traced]:
+    def follow(self, arc: float, sign: float, leave: int = 1) -> Iterator[Traced]:
         """Yield the accepted points, one after another.
 
         Parameters
         ----------
         arc, sign
             Length of the first step, and the sign of the load's change along it.
-        may_switch
-            False once the trace has left its first branch.
+        leave
+            At which bifurcation from here it leaves its first branch; 0 once it has left.
 
         Raises
         ------
@@ -177,8 +177,9 @@ class Tracer:
                 if traced.last:
                     return
                 retries = 0
-                if traced.event == "bifurcation" and item.switch and may_switch:
-                    here, may_switch, switched = self._aside(traced), False, True
+                leave -= traced.event == "bifurcation"
+                if traced.event == "bifurcation" and item.switch and leave == 0:
+                    here, switched = self._aside(traced), True
                     before, arc, self._cut = None, abs(item.switch), 1.0
                     self.crossings.forget()
                     self.sentinel.excess = None  # the new branch's own is taken at its first state

@@ -117,7 +117,7 @@ class Walk:
             settle(problem)
             cursor = replace(
                 cursor, ramp=cursor.ramp + 1, position=0.0, size=0.0,
-                start=dict(problem.factors), direction=0.0, switched=False,
+                start=dict(problem.factors), direction=0.0, switched=False, passed=0,
                 began=problem.state.time,
             )  # fmt: skip
 
@@ -159,7 +159,7 @@ class Walk:
         sign = cursor.direction or float(np.sign(item.first))
         tracer = Tracer(self.solver, item, sentinel, lambda: self.gap(number), self.log)
         arc = min(cursor.size or 1.0, item.longest)
-        points = tracer.follow(arc, sign, not cursor.switched)
+        points = tracer.follow(arc, sign, 0 if cursor.switched else item.leave - cursor.passed)
         while True:
             try:
                 found = next(points, None)
@@ -169,10 +169,12 @@ class Walk:
                 return
             problem.commit(found.state)
             done = item.steps if found.last else done + 1
-            switched = cursor.switched or (bool(item.switch) and found.event == "bifurcation")
+            passed = cursor.passed + (found.event == "bifurcation")
+            switched = cursor.switched or (bool(item.switch) and passed >= item.leave)
             cursor = replace(
                 cursor, step=cursor.step + 1, position=done / item.steps, size=found.arc,
                 start=dict(cursor.start), direction=found.direction, switched=switched,
+                passed=passed,
             )  # fmt: skip
             last = done >= item.steps and is_last
             yield Step(

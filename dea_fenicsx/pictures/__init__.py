@@ -11,12 +11,13 @@ the rooms before it, and never DOLFINx.
 
 from dea_fenicsx.pictures.command import main
 from dea_fenicsx.pictures.curves import axis_label, bare, curve, spoken
+from dea_fenicsx.pictures.diagram import diagram
 from dea_fenicsx.pictures.drawing import animated, deformed
 from dea_fenicsx.pictures.export import export
 from dea_fenicsx.pictures.fidelity import ladder
 from dea_fenicsx.pictures.report import report
 
 __all__ = [
-    "animated", "axis_label", "bare", "curve", "deformed", "export", "ladder", "main", "report",
-    "spoken",
+    "animated", "axis_label", "bare", "curve", "deformed", "diagram", "export", "ladder", "main",
+    "report", "spoken",
 ]  # fmt: skip

@@ -157,7 +157,10 @@ def curve(
         if kind not in _SAVE:
             raise InputError(f"A curve is drawn as png or svg, not as {kind!r}.")
     starts = [first_shown(p, (x, y)) for p in places]
-    runs = [(_numbers(p, x)[k:], _numbers(p, y)[k:]) for p, k in zip(places, starts, strict=True)]
+    runs = [
+        (read_numbers(p, x)[k:], read_numbers(p, y)[k:])
+        for p, k in zip(places, starts, strict=True)
+    ]
     others = {
         label: (np.asarray(a, float), np.asarray(b, float))
         for label, (a, b) in (lines or {}).items()
@@ -187,7 +190,7 @@ def curve(
         if any(names) or others or marked:
             axes.legend()
         stem = Path(path) if path is not None else places[0] / file_stem(y, x)
-        return _save(figure, stem, formats)
+        return saved(figure, stem, formats)
 
 
 def _named(
@@ -227,7 +230,7 @@ def _mark_events(
     return names
 
 
-def _save(figure: Any, stem: Path, formats: Sequence[str]) -> list[Path]:
+def saved(figure: Any, stem: Path, formats: Sequence[str]) -> list[Path]:
     """Write a figure in some formats."""
     stem = stem.with_suffix("") if stem.suffix in (".png", ".svg") else stem
     paths = []
@@ -237,7 +240,7 @@ def _save(figure: Any, stem: Path, formats: Sequence[str]) -> list[Path]:
     return paths
 
 
-def _numbers(folder: Path, name: str) -> np.ndarray:
+def read_numbers(folder: Path, name: str) -> np.ndarray:
     columns = read_history(folder)
     if name not in columns:
         raise InputError(

@@ -179,7 +179,7 @@ def _load(found: Any, scene: Scene) -> dict[str, float]:
 def _cursor(found: Any, scene: Scene, path: Sequence[Any]) -> Cursor:
     names = [field.name for field in dataclasses.fields(Cursor)]
     if isinstance(found, dict):
-        found = {"began": 0.0} | found  # which the checkpoints of before there was time lack
+        found = {"began": 0.0, "passed": 0} | found  # which earlier checkpoints lack
     if not isinstance(found, dict) or set(found) != set(names):
         raise Unusable("its place on the path is missing or not of this version")
     cursor = Cursor(**found)
