@@ -19,6 +19,7 @@ with suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (loads the wheel's libraries)
 
 import basix
+import basix.ufl
 import dolfinx
 import dolfinx.fem.petsc
 import numpy as np
@@ -70,6 +71,29 @@ def _let_traversers_go() -> None:
 
 
 _let_traversers_go()
+
+
+def _keep_cells() -> None:
+    """Let all elements of one shape of cell share UFL's description of it, which never changes.
+
+    Basix describes the cell anew, with all of its edges and faces, whenever an element is asked for
+    it.  UFL asks so often that this took a tenth of a small run.
+    """
+    made: dict[str, Any] = {}
+    base = basix.ufl._ElementBase
+    describe = vars(base)["cell"].fget
+
+    def cell(element: Any) -> Any:
+        name = element._cellname
+        if name not in made:
+            made[name] = describe(element)
+        return made[name]
+
+    base.cell = property(cell, doc=describe.__doc__)
+
+
+with suppress(AttributeError, KeyError):  # what is not there in another version stays as it is
+    _keep_cells()
 
 
 def jit_options() -> dict[str, Any]:
