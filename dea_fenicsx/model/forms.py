@@ -272,8 +272,9 @@ class Forms:
 def assembled(vector: Any, form: Any) -> np.ndarray:
     """Assemble a linear form into a ghosted vector; returns its owned values.  Collective."""
     with vector.localForm() as local:
-        local.set(0.0)
-    dolfinx.fem.petsc.assemble_vector(vector, form)
+        values = local.array_w
+        values[:] = 0.0
+        compat.add_assembled(values, form)
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     return np.asarray(vector.array_r)
 

@@ -122,11 +122,13 @@ class SpaceTurning(Turning):
         return np.asarray(change + first * once + second * np.cross(psi, once))
 
     def between(self, old: np.ndarray, new: np.ndarray) -> np.ndarray:
-        return np.asarray((transform.Rotation.from_rotvec(new) * transform.Rotation.from_rotvec(old).inv()).as_rotvec())
+        first, second = map(transform.Rotation.from_rotvec, (old, new))
+        return np.asarray((second * first.inv()).as_rotvec())
 
     def composed(self, spin: np.ndarray, psi: np.ndarray) -> np.ndarray:
         """The rotation vector of exp([spin]) exp([psi]) that lies nearest to psi."""
-        turned = (transform.Rotation.from_rotvec(spin) * transform.Rotation.from_rotvec(psi)).as_rotvec()
+        first, second = map(transform.Rotation.from_rotvec, (psi, spin))
+        turned = (second * first).as_rotvec()
         angle = float(np.linalg.norm(turned))
         if angle < TINY_ANGLE:
             size = float(np.linalg.norm(psi))

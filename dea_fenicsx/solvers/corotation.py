@@ -63,6 +63,8 @@ class Corotation:
         parts = problem.displacement
         self._dim = problem.mesh.topology.dim
         self._turn: np.ndarray | None = None
+        self._petsc = PetscObjects(problem.comm)
+        self._back: Any = None
         # A helical cell has three displacement components in a mesh of two dimensions.
         self._possible = len(parts) == self._dim
         if not self._possible:
@@ -79,7 +81,6 @@ class Corotation:
         self._nodes = np.flatnonzero(np.all(rows >= 0, axis=1))
         self._rows = rows[self._nodes]
         around = space.dofmap.list[: len(self._cells)]
-        self._petsc = PetscObjects(problem.comm)
         self._sum = self._petsc.keep("sum", incidence(around, len(parts[0].dofs)))
         ends = self._sum.createVecs()
         self._of_cells, self._of_nodes = (
@@ -124,12 +125,12 @@ class Corotation:
         if self._turn is None:
             action(None, x, y)
             return
-        back = x.duplicate()
-        values = x.array_r.copy()
+        if self._back is None:
+            self._back = self._petsc.keep("back", x.duplicate())
+        values = self._back.array
+        values[:] = x.array_r
         values[self._rows] = np.einsum("nji,nj->ni", self._turn, values[self._rows])
-        back.array[:] = values
-        action(None, back, y)
-        back.destroy()
+        action(None, self._back, y)
         out = y.array
         out[self._rows] = np.einsum("nij,nj->ni", self._turn, out[self._rows])
 

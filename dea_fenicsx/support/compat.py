@@ -35,9 +35,9 @@ from ufl.domain import extract_unique_domain
 from dea_fenicsx.support.errors import MachineError
 from dea_fenicsx.support.form_cache import cache_dir, compiling
 
-__all__ = ["PETSc", "collapse", "compile_form", "coordinate_element", "copied_mesh",
-           "create_vector", "dolfinx", "expression", "geometry_dofmap", "jit_options",
-           "model_to_mesh"]  # fmt: skip
+__all__ = ["PETSc", "add_assembled", "collapse", "compile_form", "coordinate_element",
+           "copied_mesh", "create_vector", "dolfinx", "expression", "geometry_dofmap",
+           "jit_options", "model_to_mesh"]  # fmt: skip
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 
@@ -221,6 +221,18 @@ def compile_form(form: Any) -> Any:
     """Compile a UFL form with this package's options."""
     with compiling(jit, _ranks_of(form.ufl_domains()[0])):
         return dolfinx.fem.form(form, jit_options=jit_options())
+
+
+def add_assembled(values: np.ndarray, form: Any) -> None:
+    """Add a compiled linear form, as this rank's cells give it, to local values, ghosts included.
+
+    DOLFINx's own function asks for the kinds of its arguments first, which takes as long as the
+    assembly over some ten cells.
+    """
+    made = form._cpp_object
+    constants = dolfinx.cpp.fem.pack_constants(made)
+    coefficients = dolfinx.cpp.fem.pack_coefficients(made)
+    dolfinx.cpp.fem.assemble_vector(values, made, constants, coefficients)
 
 
 def create_vector(form: Any) -> Any:

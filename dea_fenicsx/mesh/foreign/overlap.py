@@ -93,7 +93,8 @@ def _bodies(corners: Ints, nodes: int) -> Ints:
     """Number of the body that each corner of a cell belongs to; bodies have no common corners."""
     first = np.repeat(corners[:, 0], corners.shape[1] - 1)
     other = corners[:, 1:].ravel()
-    graph = sparse.coo_matrix((np.ones(len(first), dtype=np.int8), (first, other)), shape=(nodes, nodes))
+    ones = np.ones(len(first), dtype=np.int8)
+    graph = sparse.coo_matrix((ones, (first, other)), shape=(nodes, nodes))
     return csgraph.connected_components(graph, directed=False)[1]
 
 
