@@ -7,7 +7,7 @@ found only once ``dolfinx_solver`` has been imported.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import singledispatchmethod
 from typing import Any
@@ -32,12 +32,13 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
+from dea_fenicsx.support.compiling_ahead import compile_ahead
 from dea_fenicsx.support.errors import MachineError
 from dea_fenicsx.support.form_cache import cache_dir, compiling
 
-__all__ = ["PETSc", "add_assembled", "collapse", "compile_form", "coordinate_element",
-           "copied_mesh", "create_vector", "dolfinx", "expression", "geometry_dofmap",
-           "jit_options", "model_to_mesh"]  # fmt: skip
+__all__ = ["PETSc", "add_assembled", "collapse", "compile_form", "compile_together",
+           "coordinate_element", "copied_mesh", "create_vector", "dolfinx", "expression",
+           "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 
@@ -221,6 +222,17 @@ def compile_form(form: Any) -> Any:
     """Compile a UFL form with this package's options."""
     with compiling(jit, _ranks_of(form.ufl_domains()[0])):
         return dolfinx.fem.form(form, jit_options=jit_options())
+
+
+def compile_together(first: Any, others: Callable[[], Sequence[Any]]) -> None:
+    """Compile forms into the cache side by side, if the first is not there.  Collective."""
+
+    def make(form: Any) -> Any:
+        scalar = {"scalar_type": dolfinx.default_scalar_type}
+        return dolfinx.jit.ffcx_jit(MPI.COMM_SELF, form, scalar, jit_options())
+
+    with compiling(jit, _ranks_of(first.ufl_domains()[0])):
+        compile_ahead(jit, make, first, others)
 
 
 def add_assembled(values: np.ndarray, form: Any) -> None:
