@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import singledispatchmethod
-from typing import Any
+from typing import Any, NoReturn
 
 from dea_fenicsx.support.agreement import before_petsc
 
@@ -178,6 +178,16 @@ class _StripVariables(MultiFunction):
     def variable(self, _: Any, inner: Any, label: Any) -> Any:
         return inner
 
+    def variable_derivative(self, *_: Any) -> NoReturn:
+        raise _HasDerivatives
+
+    def coefficient_derivative(self, *_: Any) -> NoReturn:
+        raise _HasDerivatives
+
+
+class _HasDerivatives(Exception):
+    """An expression has derivatives by variables or functions, which have to be expanded first."""
+
 
 def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.ndarray]:
     """Compiled evaluation of a UFL expression at reference points of cells.
@@ -185,7 +195,10 @@ def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.
     Returns a function ``(mesh, cells) -> values`` of shape (cells, points, components).
     """
     # The labels of ufl.variable contain running numbers, so the code of each problem would be new.
-    expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
+    try:
+        expr = map_expr_dag(_StripVariables(), expr)
+    except _HasDerivatives:
+        expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
     with compiling(jit, _ranks_of(extract_unique_domain(expr))):
         compiled = dolfinx.fem.Expression(expr, points, jit_options=jit_options())
     size = int(np.prod(expr.ufl_shape, dtype=int))
