@@ -86,7 +86,7 @@ class Prober:
             if len(kernel.cells) == 0:
                 continue
             values = evaluate(self._mesh, kernel.cells)
-            J = values[:, :, 0].min()
+            J = float(values[:, :, 0].min())
             low[:2] = np.minimum(low[:2], (J, values[:, :, 1].min()))
             if kernel.air is None:
                 low[2] = np.minimum(low[2], J)

@@ -167,7 +167,7 @@ def incidence(nodes: np.ndarray, size: int) -> Any:
     """
     order = np.argsort(nodes, axis=None, kind="stable")
     columns = (order // nodes.shape[1]).astype(np.int32)
-    offsets = np.zeros(size + 1, dtype=np.int32)
+    offsets: np.ndarray = np.zeros(size + 1, dtype=np.int32)
     np.cumsum(np.bincount(nodes.ravel(), minlength=size), out=offsets[1:])
     made = PETSc.Mat().createAIJ(
         (size, len(nodes)), csr=(offsets, columns, np.ones(nodes.size)), comm=MPI.COMM_SELF
