@@ -9,10 +9,13 @@ import sys
 from pathlib import Path
 
 import pytest
+import ufl
 from conftest import clean_environment
+from ffcx.codegeneration import jit
+from mpi4py import MPI
 
 from dea_fenicsx.cli import child, doctor
-from dea_fenicsx.support import form_cache
+from dea_fenicsx.support import compat, compiling_ahead, form_cache
 
 LENGTH = """
 import resource, sys
@@ -147,6 +150,45 @@ def test_a_folder_that_cannot_be_used(tmp_path):
         assert done.returncode == 5, errors
         assert errors.count("\n") == 1 and words in errors
     assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != 500
+
+
+def two_forms(k):
+    """A form and another one that only the tests of `compile_together` compile."""
+    mesh = compat.dolfinx.mesh.create_interval(MPI.COMM_SELF, 3, (0.0, 2.0))
+    x = ufl.SpatialCoordinate(mesh)[0]
+    return [x**k * ufl.dx, x ** (k + 1) * ufl.dx]
+
+
+@pytest.fixture
+def forks(monkeypatch, tmp_path):
+    """An empty cache on two cores: the numbers of the processes that are started."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(compiling_ahead, "cores", lambda: 2)
+    found, fork = [], os.fork
+    monkeypatch.setattr(os, "fork", lambda: found.append(fork()) or found[-1])
+    return found
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_forms_are_compiled_side_by_side(monkeypatch, tmp_path, forks, broken):
+    """What fails in a process of its own is compiled in this one."""
+    first, second = two_forms(5 + 2 * broken)
+    if broken:  # in the copies alone: the first of them is this process's own
+        here, make = os.getpid(), jit._compile_objects
+        monkeypatch.setattr(
+            jit, "_compile_objects", lambda *a, **k: make(*a, **k) if os.getpid() == here else 1 / 0
+        )
+    compat.compile_together(first, lambda: [second])
+    assert len(forks) == 2
+    marks = len(list(tmp_path.rglob(f"*{form_cache.READY}")))
+    assert marks == (0 if broken else 2)
+    with pytest.raises(ChildProcessError):
+        os.waitpid(forks[0], os.WNOHANG)
+    for form, power in ((first, 5 + 2 * broken), (second, 6 + 2 * broken)):
+        value = compat.dolfinx.fem.assemble_scalar(compat.compile_form(form))
+        assert value == pytest.approx(2 ** (power + 1) / (power + 1), rel=1e-12)
+    compat.compile_together(first, lambda: pytest.fail("the first form is in the cache"))
+    assert len(forks) == 2
 
 
 @pytest.mark.mpi

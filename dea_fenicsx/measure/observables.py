@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import ufl
@@ -16,7 +16,13 @@ from mpi4py import MPI
 
 from dea_fenicsx.measure.charges import ElectrodeCharge, potential_of_unit_load
 from dea_fenicsx.measure.holding import cut_parts, holding, holding_forces
-from dea_fenicsx.mesh.device import Device, one_sided
+from dea_fenicsx.measure.on_surfaces import (
+    displacement_dofs,
+    facets_once,
+    group_names,
+    label_of,
+    surface_mean,
+)
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
@@ -25,7 +31,7 @@ from dea_fenicsx.scene.kinematics import cofactor
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
-from dea_fenicsx.support.validation import known, one_of
+from dea_fenicsx.support.validation import known
 
 Measurement = Callable[[], float]
 
@@ -56,7 +62,7 @@ class MeanDisplacement:
     unit = "m"
 
     def bind(self, problem: Problem) -> Measurement:
-        mean = _surface_mean(problem, self.where, self.axis, projected=False)
+        mean = surface_mean(problem, self.where, self.axis, projected=False)
         return lambda: mean()[0] * problem.scales.length
 
 
@@ -72,7 +78,7 @@ class LargestDisplacement:
     unit = "m"
 
     def bind(self, problem: Problem) -> Measurement:
-        dofs = _displacement_dofs(problem, self.where, self.axis)
+        dofs = displacement_dofs(problem, self.where, self.axis)
 
         def value() -> float:
             u = problem.w.x.array[dofs]
@@ -96,7 +102,7 @@ class MeanStretch:
 
     def bind(self, problem: Problem) -> Measurement:
         first, second = (
-            _surface_mean(problem, where, self.axis, projected=True) for where in self.between
+            surface_mean(problem, where, self.axis, projected=True) for where in self.between
         )
         if abs(second()[1] - first()[1]) < 1e-12:
             raise InputError(
@@ -179,7 +185,7 @@ class Reaction:
 
     def rows(self, problem: Problem) -> np.ndarray:
         """Owned degrees of freedom whose residuals add up to the reaction.  Collective."""
-        dofs = _displacement_dofs(problem, self.where, self.axis)
+        dofs = displacement_dofs(problem, self.where, self.axis)
         dofs = dofs[dofs < problem.owned]
         if problem.conditions.pairs is not None:  # both ends of a helical cell are one place
             member = np.zeros(problem.owned, dtype=bool)
@@ -311,89 +317,3 @@ def electrode_named(problem: Problem, name: str) -> Conducting:
             return electrode
     known(name, [e.label for e in problem.scene.electrodes], "electrode")
     raise AssertionError
-
-
-def group_names(where: str | tuple[str, ...]) -> tuple[str, ...]:
-    """The names of one group or several, each once."""
-    names = (where,) if isinstance(where, str) else tuple(dict.fromkeys(where))
-    if not names:
-        raise InputError("An observable names no group; give it at least one name.")
-    return names
-
-
-def label_of(where: str | tuple[str, ...]) -> str:
-    """One group or several, for messages."""
-    return "+".join(group_names(where))
-
-
-def facets_once(device: Device, where: str | tuple[str, ...]) -> np.ndarray:
-    """Each facet of one group or several once over all ranks, as `one_sided` shows them."""
-    for name in group_names(where):
-        known(name, device.surfaces, "facet group")
-    pairs = [one_sided(device, name) for name in group_names(where)]
-    return np.unique(np.concatenate(pairs), axis=0)
-
-
-def _axis(problem: Problem, axis: str) -> int:
-    axes = problem.scene.kinematics.axes
-    one_of(axis, tuple(axes), "The axis")
-    return axes.index(axis)
-
-
-def _displacement_dofs(
-    problem: Problem, where: str | tuple[str, ...], axis: str
-) -> np.ndarray:
-    """Local degrees of freedom of a displacement component on facet groups, each once.
-
-    Collective.
-    """
-    device = problem.scene.device
-    part = problem.displacement[_axis(problem, axis)]
-    found = []
-    for name in group_names(where):
-        known(name, device.surfaces, "facet group")
-        found.append(part.on(device.dim - 1, device.facets_of(name)))
-    return part.dofs[np.unique(np.concatenate(found))]
-
-
-def _surface_mean(
-    problem: Problem, where: str | tuple[str, ...], axis: str, projected: bool
-) -> Callable[[], tuple[float, float]]:
-    """Means of u_a and X_a over a facet group; weighted by the normal's component if projected.
-
-    The mean of u is a scalar product with a vector assembled once.
-    """
-    a = _axis(problem, axis)
-    device = problem.scene.device
-    ds = measure(device, [facets_once(device, where)], 4, "ds")(0)
-    x = ufl.SpatialCoordinate(problem.mesh)
-    weight = problem.scene.kinematics.weight(x)
-    kinematics = problem.scene.kinematics
-    if projected:
-        one_of(axis, tuple(kinematics.coordinates), "The axis")
-    along = kinematics.coordinates.find(axis)  # -1 where the mesh does not go
-    if projected:
-        weight = weight * ufl.FacetNormal(problem.mesh)[along]
-    v = problem.space.symbolic(Role.MOTION, ufl.TestFunction(problem.W))
-
-    def total(integrand: Any) -> float:
-        mine = dolfinx.fem.assemble_scalar(compat.compile_form(integrand * ds))
-        return float(np.real(problem.comm.allreduce(mine, op=MPI.SUM)))
-
-    one = dolfinx.fem.Constant(problem.mesh, 1.0)
-    area = total(one * weight)
-    if abs(area) < 1e-14:
-        raise InputError(
-            f"Facet group {label_of(where)!r} has no area facing {axis}; name a group that faces "
-            "that axis."
-        )
-    position = total(x[along] * weight) / area if projected else 0.0
-    vector = dolfinx.fem.assemble_vector(compat.compile_form(v[a] * weight * ds))
-    vector.scatter_reverse(dolfinx.la.InsertMode.add)
-    weights = vector.array[: problem.owned] / area
-
-    def mean() -> tuple[float, float]:
-        mine = float(weights @ problem.w.x.array[: problem.owned])
-        return problem.comm.allreduce(mine, op=MPI.SUM), position
-
-    return mean

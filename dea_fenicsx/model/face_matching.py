@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.tied_unknowns import Rows
 from dea_fenicsx.scene.periodic import PeriodicFaces
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.later import Later
+
+spatial = Later("scipy.spatial")
 
 MATCH_TOLERANCE = 1e-6
 """Largest distance of two nodes that are the same place, as a share of the device's extent."""
@@ -131,7 +133,7 @@ def matched(
         (low, masters), (high, slaves) = sides
         if c == 0:
             period = _period(low, high, names)
-        near, nearest = cKDTree(low + period).query(high)
+        near, nearest = spatial.cKDTree(low + period).query(high)
         if (
             len(low) != len(high) or np.max(near, initial=0.0) > MATCH_TOLERANCE
             or len(np.unique(nearest)) != len(low)

@@ -163,6 +163,9 @@ class Forms:
         each = ufl.TestFunction(dolfinx.fem.functionspace(mesh, ("DG", 0)))
         volumes = sum(self.integral(k, each) for k in range(len(self.points)))
         swelling = sum(self.integral(k, (p.J - 1) * each) for k, p in enumerate(self.points))
+        compat.compile_together(
+            self.residual, lambda: [*self._tangents(), swelling, volumes]
+        )
         self.compiled = compat.compile_form(self.residual)
         self._swelling: Any = compat.compile_form(swelling)
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
@@ -175,6 +178,11 @@ class Forms:
         self.leaks = LeakMemory(mesh, self.kernels, self.points, self.quadrature, self._scales)
         self.sheets.compile(self._flux)
         self.contacts.frictions.compile()
+
+    def _tangents(self) -> list[Any]:
+        """The tangent as a matrix and as a product with a function, symbolic."""
+        W = self._space.W
+        return [self.tangent(way) for way in (ufl.TrialFunction(W), dolfinx.fem.Function(W))]
 
     def _flux(self, displacement: Any) -> Any:
         """The linear form of the flux of a nominal displacement, int T . Grad N dX."""
@@ -272,8 +280,9 @@ class Forms:
 def assembled(vector: Any, form: Any) -> np.ndarray:
     """Assemble a linear form into a ghosted vector; returns its owned values.  Collective."""
     with vector.localForm() as local:
-        local.set(0.0)
-    dolfinx.fem.petsc.assemble_vector(vector, form)
+        values = local.array_w
+        values[:] = 0.0
+        compat.add_assembled(values, form)
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     return np.asarray(vector.array_r)
 

@@ -72,7 +72,8 @@ class Prober:
         solid = [kernel for kernel in kernels if kernel.air is None]
         self._has_solids = bool(solid)
         self._in_solids = any(kernel.eps is not None for kernel in solid)
-        self._place = compat.expression(ufl.SpatialCoordinate(mesh), points)
+        self._shapes = compat.coordinate_element(mesh).tabulate(0, points)[0, :, :, 0]
+        self._nodes = compat.geometry_dofmap(mesh)
 
     def extremes(self, margin: float = np.inf) -> Probe:
         """Extremes of J, lock-up margin and field over the quadrature points.  Collective.
@@ -85,13 +86,14 @@ class Prober:
             if len(kernel.cells) == 0:
                 continue
             values = evaluate(self._mesh, kernel.cells)
-            low[:2] = np.minimum(low[:2], values[:, :, :2].min(axis=(0, 1)))
+            J = float(values[:, :, 0].min())
+            low[:2] = np.minimum(low[:2], (J, values[:, :, 1].min()))
             if kernel.air is None:
-                low[2] = np.minimum(low[2], values[:, :, 0].min())
+                low[2] = np.minimum(low[2], J)
             if kernel.air is not None and self._in_solids:
                 continue
             field = values[:, :, 2]
-            k, q = np.unravel_index(int(np.argmax(field)), field.shape)
+            k, q = divmod(int(np.argmax(field)), field.shape[1])
             if field[k, q] > best[0]:
                 best = (float(field[k, q]), int(kernel.cells[k]), int(q))
         place = np.zeros(3)
@@ -117,4 +119,5 @@ class Prober:
 
     def place_of(self, cell: int, point: int) -> np.ndarray:
         """Undeformed position of a quadrature point of a local cell, dimensionless."""
-        return self._place(self._mesh, np.array([cell], dtype=np.int32))[0, point]
+        geometry = self._mesh.geometry
+        return np.asarray(self._shapes[point] @ geometry.x[self._nodes[cell], : geometry.dim])

@@ -325,13 +325,14 @@ class Problem:
 
         Fixed degrees of freedom become 0.  Collective.
         """
-        into.x.array[:] = 0.0
-        if self.expansion is None:
-            into.x.array[self.free] = values
+        local = into.x.array
+        local[:] = 0.0
+        if (expansion := self.expansion) is None:
+            local[self.free] = values
         else:
             self._few.array[:] = values
-            self.expansion.mult(self._few, self._all)
-            into.x.array[: self.owned] = self._all.array_r
+            expansion.mult(self._few, self._all)
+            local[: self.owned] = self._all.array_r
         into.x.scatter_forward()
 
     def residual(self) -> np.ndarray:

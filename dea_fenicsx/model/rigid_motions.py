@@ -14,8 +14,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 from mpi4py import MPI
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from dea_fenicsx.mesh.cell_quality import point
 from dea_fenicsx.mesh.device import Device
@@ -24,6 +22,10 @@ from dea_fenicsx.model.motion_words import Box, in_words
 from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.later import Later
+
+csgraph = Later("scipy.sparse.csgraph")
+sparse = Later("scipy.sparse")
 
 SMALLEST_HOLD = 1e-9
 """A motion with a smaller singular value, relative to the largest, is free.
@@ -262,7 +264,8 @@ def components(n: int, a: np.ndarray, b: np.ndarray) -> tuple[int, np.ndarray]:
     """Number of connected components of a graph on n nodes with edges (a, b), and their labels."""
     if n == 0:
         return 0, np.zeros(0, dtype=np.int64)
-    count, labels = connected_components(coo_array((np.ones(len(a)), (a, b)), shape=(n, n)), False)
+    edges = sparse.coo_array((np.ones(len(a)), (a, b)), shape=(n, n))
+    count, labels = csgraph.connected_components(edges, False)
     return int(count), labels.astype(np.int64)
 
 

@@ -16,7 +16,10 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+
+from dea_fenicsx.support.later import Later
+
+transform = Later("scipy.spatial.transform")
 
 TINY_ANGLE = 1e-9
 """A rotation by a smaller angle has no axis to speak of."""
@@ -95,7 +98,7 @@ class SpaceTurning(Turning):
     count = 3
 
     def matrix(self, psi: np.ndarray) -> np.ndarray:
-        return np.asarray(Rotation.from_rotvec(psi).as_matrix())
+        return np.asarray(transform.Rotation.from_rotvec(psi).as_matrix())
 
     def slopes(self, y: np.ndarray) -> np.ndarray:
         found = np.zeros((len(y), 3, 3))
@@ -119,11 +122,13 @@ class SpaceTurning(Turning):
         return np.asarray(change + first * once + second * np.cross(psi, once))
 
     def between(self, old: np.ndarray, new: np.ndarray) -> np.ndarray:
-        return np.asarray((Rotation.from_rotvec(new) * Rotation.from_rotvec(old).inv()).as_rotvec())
+        first, second = map(transform.Rotation.from_rotvec, (old, new))
+        return np.asarray((second * first.inv()).as_rotvec())
 
     def composed(self, spin: np.ndarray, psi: np.ndarray) -> np.ndarray:
         """The rotation vector of exp([spin]) exp([psi]) that lies nearest to psi."""
-        turned = (Rotation.from_rotvec(spin) * Rotation.from_rotvec(psi)).as_rotvec()
+        first, second = map(transform.Rotation.from_rotvec, (psi, spin))
+        turned = (second * first).as_rotvec()
         angle = float(np.linalg.norm(turned))
         if angle < TINY_ANGLE:
             size = float(np.linalg.norm(psi))

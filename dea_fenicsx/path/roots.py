@@ -6,7 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from scipy.optimize import brentq
+from dea_fenicsx.support.later import Later
+
+optimize = Later("scipy.optimize")
+
 
 
 def root(function: Callable[[float], float], low: float, high: float, **options: Any) -> float:
@@ -17,7 +20,7 @@ def root(function: Callable[[float], float], low: float, high: float, **options:
     """
     held = [function]
     try:
-        return float(brentq(lambda place: held[0](place), low, high, **options))
+        return float(optimize.brentq(lambda place: held[0](place), low, high, **options))
     finally:
         held.clear()
 

@@ -10,12 +10,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 from dea_fenicsx.results.grids import Grid
 from dea_fenicsx.results.split_grid import SplitGrid
 from dea_fenicsx.results.surface_names import ORIGIN
+from dea_fenicsx.support.later import Later
+
+h5py = Later("h5py")
 
 PACKED_FROM = 32_768
 """Bytes from which on fields at nodes are packed."""

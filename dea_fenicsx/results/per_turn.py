@@ -11,10 +11,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from dea_fenicsx.results.reading import read_frame
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.later import Later
+
+spatial = Later("scipy.spatial")
 
 FIELD = "field_strength_V_per_m"
 
@@ -91,7 +93,7 @@ def measure_turns(
     volume = np.ones(len(x)) if volume is None else volume
     u = np.asarray(u)
     above = x + np.array([0, 0, pitch])
-    distance, partner = cKDTree(x).query(above, distance_upper_bound=1e-4 * abs(pitch))
+    distance, partner = spatial.cKDTree(x).query(above, distance_upper_bound=1e-4 * abs(pitch))
     height = _height(x, pitch)
     turns = round(np.ptp(x[:, 2]) / abs(pitch)) - 1
     # At the seam the body is one pitch higher than elsewhere, so its last pairs are left out.

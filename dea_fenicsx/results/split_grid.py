@@ -10,11 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from dea_fenicsx.results.grids import Grid, facet_nodes
 from dea_fenicsx.support.cell_types import BY_DEGREE
+from dea_fenicsx.support.later import Later
+
+csgraph = Later("scipy.sparse.csgraph")
+sparse = Later("scipy.sparse")
 
 MOST_NODES = 500_000
 """Nodes beyond which no fields at nodes are written: a step would take more than 40 MB."""
@@ -89,8 +91,8 @@ def split(grid: Grid, table: np.ndarray, surfaces: Sequence[np.ndarray]) -> Spli
     place = np.full(len(corners), -1)
     place[chosen] = np.arange(len(chosen))
     pair = place[ends[0][kept]], place[ends[1][kept]]
-    graph = coo_array((np.ones(len(pair[0]), dtype=bool), pair), shape=(len(chosen),) * 2)
-    _, part = connected_components(graph, directed=False)
+    graph = sparse.coo_array((np.ones(len(pair[0]), dtype=bool), pair), shape=(len(chosen),) * 2)
+    _, part = csgraph.connected_components(graph, directed=False)
     numbers = corners.copy()
     numbers[chosen] = len(grid.points) + part
     return _numbered(grid, table, numbers.reshape(table.shape))

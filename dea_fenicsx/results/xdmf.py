@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 
-import h5py
-
 from dea_fenicsx.results.surface_names import ORIGIN
 from dea_fenicsx.support.cell_types import BY_DEGREE
+from dea_fenicsx.support.later import Later
+
+h5py = Later("h5py")
 
 FACETS = "facets"
 """Group beside a grid that holds the facets of each named surface."""

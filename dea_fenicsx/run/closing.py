@@ -6,6 +6,7 @@ import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from dea_fenicsx.measure.failures import pull_in
@@ -64,7 +65,7 @@ class Closing:
             "steps": len(history) - 1 if history else 0,
             **work(solver, history),
             "wall_s": journal.seconds,
-            "settings": settings(solver, journal.path, self.settings),
+            "settings": self._inputs | {"script": dict(self.settings)},
             "versions": versions(),
             "origin": journal.folder.origin if journal.folder else {},
             "command": " ".join(sys.argv),
@@ -73,6 +74,11 @@ class Closing:
         result.summary.update(summary)
         if folder := journal.folder:
             folder.write(lambda: folder.write_summary(summary))
+
+    @cached_property
+    def _inputs(self) -> dict[str, Any]:
+        """All inputs of the run, which stay the same."""
+        return settings(self.journal.solver, self.journal.path, self.settings)
 
     def _lost_by_pull_in(self, lost: PathError | None) -> list[dict[str, Any]]:
         journal = self.journal

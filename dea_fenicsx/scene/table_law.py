@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 import ufl
-from scipy.interpolate import PchipInterpolator
 
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.later import Later
 from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import in_si
+
+interpolate = Later("scipy.interpolate")
 
 MOST_POINTS = 200
 """Largest number of points, each of which makes the compiled forms longer."""
@@ -67,9 +69,9 @@ class TableLaw:
     def _pieces(self) -> tuple[np.ndarray, np.ndarray]:
         """Where each piece begins, and its coefficients, the highest power first; (pieces, 4)."""
         x, f = np.array(self.elongations), np.array(self.forces)
-        slopes = PchipInterpolator(x, f).derivative()
+        slopes = interpolate.PchipInterpolator(x, f).derivative()
         first, last = float(slopes(x[0])), float(slopes(x[-1]))
-        inner = PchipInterpolator(x, f).c.T
+        inner = interpolate.PchipInterpolator(x, f).c.T
         starts = np.array([x[0], *x[:-1], x[-1]])
         return starts, np.array([[0, 0, first, f[0]], *inner, [0, 0, last, f[-1]]])
 

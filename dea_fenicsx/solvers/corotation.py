@@ -20,12 +20,12 @@ import basix
 import numpy as np
 import ufl
 from mpi4py import MPI
-from scipy import sparse
 
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.support import compat
-from dea_fenicsx.support.compat import dolfinx
+from dea_fenicsx.support.compat import PETSc, dolfinx
+from dea_fenicsx.support.petsc_objects import PetscObjects
 
 SMALLEST_TURN = 2e-3
 """Rotations that change each entry of R by less than this (about an angle in rad) are neglected."""
@@ -63,6 +63,8 @@ class Corotation:
         parts = problem.displacement
         self._dim = problem.mesh.topology.dim
         self._turn: np.ndarray | None = None
+        self._petsc = PetscObjects(problem.comm)
+        self._back: Any = None
         # A helical cell has three displacement components in a mesh of two dimensions.
         self._possible = len(parts) == self._dim
         if not self._possible:
@@ -79,10 +81,11 @@ class Corotation:
         self._nodes = np.flatnonzero(np.all(rows >= 0, axis=1))
         self._rows = rows[self._nodes]
         around = space.dofmap.list[: len(self._cells)]
-        size = len(parts[0].dofs)
-        column = np.repeat(self._cells, around.shape[1])
-        ones = np.ones(around.size)
-        self._sum = sparse.csr_matrix((ones, (around.ravel(), column)), (size, len(self._cells)))
+        self._sum = self._petsc.keep("sum", incidence(around, len(parts[0].dofs)))
+        ends = self._sum.createVecs()
+        self._of_cells, self._of_nodes = (
+            self._petsc.keep(name, v) for name, v in zip(("cells", "nodes"), ends, strict=True)
+        )
         self._shared = dolfinx.fem.Function(space)
 
     def start(self, factor: Factor | None) -> None:
@@ -122,12 +125,12 @@ class Corotation:
         if self._turn is None:
             action(None, x, y)
             return
-        back = x.duplicate()
-        values = x.array_r.copy()
+        if self._back is None:
+            self._back = self._petsc.keep("back", x.duplicate())
+        values = self._back.array
+        values[:] = x.array_r
         values[self._rows] = np.einsum("nji,nj->ni", self._turn, values[self._rows])
-        back.array[:] = values
-        action(None, back, y)
-        back.destroy()
+        action(None, self._back, y)
         out = y.array
         out[self._rows] = np.einsum("nij,nj->ni", self._turn, out[self._rows])
 
@@ -135,7 +138,12 @@ class Corotation:
         """R of the cells' mean F around each node, shape (nodes, dim, dim).  Collective."""
         dim = self._dim
         F = self._gradient(self.problem.mesh, self._cells).reshape(-1, dim, dim) + np.eye(dim)
-        sums = self._sum @ polar(F).reshape(-1, dim * dim)
+        turns = polar(F).reshape(-1, dim * dim)
+        sums = np.empty((self._sum.size[0], dim * dim))
+        for k in range(dim * dim):
+            self._of_cells.array[:] = turns[:, k]
+            self._sum.mult(self._of_cells, self._of_nodes)
+            sums[:, k] = self._of_nodes.array_r
         if self.problem.comm.size > 1:
             for column in sums.T:
                 self._shared.x.array[:] = column
@@ -147,18 +155,44 @@ class Corotation:
         return found
 
 
-def polar(F: np.ndarray) -> np.ndarray:
-    """Rotation R of F = R U, shape (n, d, d), det F > 0: by Newton's method on R^T R = 1.
+def incidence(nodes: np.ndarray, size: int) -> Any:
+    """PETSc matrix of this rank alone that adds values of cells up at their nodes.
 
+    Parameters
+    ----------
+    nodes
+        Nodes of each cell, shape (cells, nodes of a cell).
+    size
+        Number of all nodes.
+    """
+    order = np.argsort(nodes, axis=None, kind="stable")
+    columns = (order // nodes.shape[1]).astype(np.int32)
+    offsets: np.ndarray = np.zeros(size + 1, dtype=np.int32)
+    np.cumsum(np.bincount(nodes.ravel(), minlength=size), out=offsets[1:])
+    made = PETSc.Mat().createAIJ(
+        (size, len(nodes)), csr=(offsets, columns, np.ones(nodes.size)), comm=MPI.COMM_SELF
+    )
+    made.assemble()
+    return made
+
+
+def polar(F: np.ndarray) -> np.ndarray:
+    """Rotation R of F = R U, shape (n, d, d), det F > 0; NaN where det F = 0.
+
+    In the plane R = (F + cof F) / sqrt(det(F + cof F)); in space by Newton's method on R^T R = 1,
     R <- (R s + R^-T / s) / 2 with s = |det R|^(-1/d) (Higham, SIAM J. Sci. Stat. Comput. 7 (1986)
     1160, scaled by the determinant).
     """
+    if F.shape[1] == 2:
+        return _in_the_plane(F)
     R = F
     for _ in range(30):
-        cofactor, size = _cofactors(R)
+        cofactor = R[:, _NEXT, _NEXT.T] * R[:, _LAST, _LAST.T]
+        cofactor -= R[:, _NEXT, _LAST.T] * R[:, _LAST, _NEXT.T]
+        size = np.einsum("nj,nj->n", R[:, 0], cofactor[:, 0])
         size = np.where(size == 0, np.nan, size)  # a trial state may have det F = 0
-        scale = np.abs(size)[:, None, None] ** (-1 / F.shape[1])
-        new = (R * scale + cofactor / (size[:, None, None] * scale)) / 2
+        scale = np.cbrt(np.abs(size))[:, None, None]
+        new = (R / scale + cofactor * (scale / size[:, None, None])) / 2
         change = np.max(np.abs(new - R), initial=0.0)
         R = new
         if change < 1e-6:  # Newton's method is quadratic: the error is about 1e-12.
@@ -166,13 +200,17 @@ def polar(F: np.ndarray) -> np.ndarray:
     return R
 
 
-def _cofactors(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cofactor matrix det(A) A^-T and determinant, for 2 x 2 and 3 x 3."""
-    if A.shape[1] == 2:
-        cofactor = np.stack(
-            [np.stack([A[:, 1, 1], -A[:, 1, 0]], 1), np.stack([-A[:, 0, 1], A[:, 0, 0]], 1)], 1
-        )
-        return cofactor, A[:, 0, 0] * A[:, 1, 1] - A[:, 0, 1] * A[:, 1, 0]
-    rows = A[:, 0], A[:, 1], A[:, 2]
-    cofactor = np.stack([np.cross(rows[k - 2], rows[k - 1]) for k in range(3)], axis=1)
-    return cofactor, np.sum(rows[0] * cofactor[:, 0], axis=1)
+_NEXT, _LAST = np.array([[1], [2], [0]]), np.array([[2], [0], [1]])
+"""Of each row of a 3 x 3 matrix the next one and the one after it, cyclically."""
+
+
+def _in_the_plane(F: np.ndarray) -> np.ndarray:
+    """The same for 2 x 2; where det F < 0, the nearest matrix that mirrors."""
+    a, b, c, d = F[:, 0, 0], F[:, 0, 1], F[:, 1, 0], F[:, 1, 1]
+    sign = np.sign(a * d - b * c)
+    cosine, sine = a + sign * d, c - sign * b
+    length = np.where(sign == 0, np.nan, np.hypot(cosine, sine))  # a trial state may have det F = 0
+    R = np.empty_like(F)
+    R[:, 0, 0], R[:, 1, 0] = cosine / length, sine / length
+    R[:, 0, 1], R[:, 1, 1] = -sign * R[:, 1, 0], sign * R[:, 0, 0]
+    return R

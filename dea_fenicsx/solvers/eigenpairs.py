@@ -20,14 +20,16 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from scipy.linalg import eigh
 
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.solvers.linear import LinearSolver
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc
 from dea_fenicsx.support.errors import InputError, SolverError
+from dea_fenicsx.support.later import Later
 from dea_fenicsx.support.validation import is_whole
+
+linalg = Later("scipy.linalg")
 
 SOLVE_TOLERANCE = 1e-11
 """Relative tolerance of each linear solve."""
@@ -166,10 +168,10 @@ def _ritz_values(stiffness: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray
     W holds the products of unit vectors.  Where some depend on the others, W is singular but for
     rounding, and there are fewer eigenvalues than vectors.
     """
-    sizes, basis = eigh(weights)
+    sizes, basis = linalg.eigh(weights)
     independent = sizes > INDEPENDENT
     basis = basis[:, independent] / np.sqrt(sizes[independent])
-    values, turn = eigh(basis.T @ stiffness @ basis)
+    values, turn = linalg.eigh(basis.T @ stiffness @ basis)
     return values, basis @ turn
 
 

@@ -225,7 +225,7 @@ class References:
 
     def _norm(self, mine: np.ndarray) -> float:
         """The 2-norm of a vector over all ranks.  Collective."""
-        return float(np.sqrt(self.problem.comm.allreduce(float(np.sum(mine**2)), op=MPI.SUM)))
+        return float(np.sqrt(self.problem.comm.allreduce(float(mine @ mine), op=MPI.SUM)))
 
     def _rows(self, residual: np.ndarray) -> list[tuple[_Group, float, float]]:
         """For each group of fields the size of all of its rows and of the unbalanced ones."""
@@ -236,7 +236,8 @@ class References:
             rows = free[group.free]
             if group.role is Role.POTENTIAL and self._along is not None:
                 rows = free[np.setdiff1d(group.free, self._along)]
-            sums += [np.sum(residual[group.owned] ** 2), np.sum(rows**2)]
+            everything = residual[group.owned]
+            sums += [everything @ everything, rows @ rows]
         total = np.sqrt(problem.comm.allreduce(np.array(sums), op=MPI.SUM))
         found = []
         for k, group in enumerate(self._groups):

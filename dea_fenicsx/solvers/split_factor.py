@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 import ufl
-from scipy import sparse
 
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
@@ -30,7 +29,10 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.factors import Mumps, ordering
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
+from dea_fenicsx.support.later import Later
 from dea_fenicsx.support.petsc_objects import PetscObjects
+
+sparse = Later("scipy.sparse")
 
 BULK_OVER_SHEAR_MODULUS = 50.0
 """Bulk modulus of incompressible regions in the preconditioner, in units of the shear modulus.

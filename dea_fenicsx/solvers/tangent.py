@@ -112,9 +112,9 @@ class Tangent:
 
     def _unheld(self, direction: np.ndarray) -> np.ndarray:
         """A direction without its part in potentials that ideal sources give."""
-        held = self.problem.circuits.given_rows()
-        if not len(held):
+        if not self.problem.circuits:
             return direction
+        held = self.problem.circuits.given_rows()
         direction = direction.copy()
         direction[held] = 0.0
         return direction
@@ -148,14 +148,16 @@ class Tangent:
         problem = self.problem
         product = problem.restrict(product)
         springs = problem.springs
-        stiffness = problem.turning.stiffness(springs, problem.factors)
-        product[springs.rows] += stiffness * direction[springs.rows]
+        if len(springs.rows):
+            stiffness = problem.turning.stiffness(springs, problem.factors)
+            product[springs.rows] += stiffness * direction[springs.rows]
         if (block := self._rigid()) is not None:
             problem.rigid.add_product(product, block.T if transposed else block, direction)
-        for row, value in self._wires():
-            product[row] += value * direction[row]
-        held = problem.circuits.given_rows()
-        product[held] = -direction[held]
+        if problem.circuits:
+            for row, value in self._wires():
+                product[row] += value * direction[row]
+            held = problem.circuits.given_rows()
+            product[held] = -direction[held]
         return product
 
     def _wires(self) -> list[tuple[int, float]]:

@@ -7,10 +7,10 @@ found only once ``dolfinx_solver`` has been imported.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import singledispatchmethod
-from typing import Any
+from typing import Any, NoReturn
 
 from dea_fenicsx.support.agreement import before_petsc
 
@@ -19,6 +19,7 @@ with suppress(ImportError):
     import dolfinx_solver  # noqa: F401  (loads the wheel's libraries)
 
 import basix
+import basix.ufl
 import dolfinx
 import dolfinx.fem.petsc
 import numpy as np
@@ -31,12 +32,13 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
+from dea_fenicsx.support.compiling_ahead import compile_ahead
 from dea_fenicsx.support.errors import MachineError
 from dea_fenicsx.support.form_cache import cache_dir, compiling
 
-__all__ = ["PETSc", "collapse", "compile_form", "coordinate_element", "copied_mesh",
-           "create_vector", "dolfinx", "expression", "geometry_dofmap", "jit_options",
-           "model_to_mesh"]  # fmt: skip
+__all__ = ["PETSc", "add_assembled", "collapse", "compile_form", "compile_together",
+           "coordinate_element", "copied_mesh", "create_vector", "dolfinx", "expression",
+           "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 
@@ -70,6 +72,29 @@ def _let_traversers_go() -> None:
 
 
 _let_traversers_go()
+
+
+def _keep_cells() -> None:
+    """Let all elements of one shape of cell share UFL's description of it, which never changes.
+
+    Basix describes the cell anew, with all of its edges and faces, whenever an element is asked for
+    it.  UFL asks so often that this took a tenth of a small run.
+    """
+    made: dict[str, Any] = {}
+    base = basix.ufl._ElementBase
+    describe = vars(base)["cell"].fget
+
+    def cell(element: Any) -> Any:
+        name = element._cellname
+        if name not in made:
+            made[name] = describe(element)
+        return made[name]
+
+    base.cell = property(cell, doc=describe.__doc__)
+
+
+with suppress(AttributeError, KeyError):  # what is not there in another version stays as it is
+    _keep_cells()
 
 
 def jit_options() -> dict[str, Any]:
@@ -153,6 +178,16 @@ class _StripVariables(MultiFunction):
     def variable(self, _: Any, inner: Any, label: Any) -> Any:
         return inner
 
+    def variable_derivative(self, *_: Any) -> NoReturn:
+        raise _HasDerivatives
+
+    def coefficient_derivative(self, *_: Any) -> NoReturn:
+        raise _HasDerivatives
+
+
+class _HasDerivatives(Exception):
+    """An expression has derivatives by variables or functions, which have to be expanded first."""
+
 
 def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.ndarray]:
     """Compiled evaluation of a UFL expression at reference points of cells.
@@ -160,7 +195,10 @@ def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.
     Returns a function ``(mesh, cells) -> values`` of shape (cells, points, components).
     """
     # The labels of ufl.variable contain running numbers, so the code of each problem would be new.
-    expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
+    try:
+        expr = map_expr_dag(_StripVariables(), expr)
+    except _HasDerivatives:
+        expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
     with compiling(jit, _ranks_of(extract_unique_domain(expr))):
         compiled = dolfinx.fem.Expression(expr, points, jit_options=jit_options())
     size = int(np.prod(expr.ufl_shape, dtype=int))
@@ -197,6 +235,29 @@ def compile_form(form: Any) -> Any:
     """Compile a UFL form with this package's options."""
     with compiling(jit, _ranks_of(form.ufl_domains()[0])):
         return dolfinx.fem.form(form, jit_options=jit_options())
+
+
+def compile_together(first: Any, others: Callable[[], Sequence[Any]]) -> None:
+    """Compile forms into the cache side by side, if the first is not there.  Collective."""
+
+    def make(form: Any) -> Any:
+        scalar = {"scalar_type": dolfinx.default_scalar_type}
+        return dolfinx.jit.ffcx_jit(MPI.COMM_SELF, form, scalar, jit_options())
+
+    with compiling(jit, _ranks_of(first.ufl_domains()[0])):
+        compile_ahead(jit, make, first, others)
+
+
+def add_assembled(values: np.ndarray, form: Any) -> None:
+    """Add a compiled linear form, as this rank's cells give it, to local values, ghosts included.
+
+    DOLFINx's own function asks for the kinds of its arguments first, which takes as long as the
+    assembly over some ten cells.
+    """
+    made = form._cpp_object
+    constants = dolfinx.cpp.fem.pack_constants(made)
+    coefficients = dolfinx.cpp.fem.pack_coefficients(made)
+    dolfinx.cpp.fem.assemble_vector(values, made, constants, coefficients)
 
 
 def create_vector(form: Any) -> Any:

@@ -13,10 +13,12 @@ estimated from the curvature and allowed for.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from dea_fenicsx.mesh.foreign.arrays import Ints, PlainMesh, element_type, point
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.later import Later
+
+spatial = Later("scipy.spatial")
 
 CONTACT_SHARE = 1e-5
 """Two faces touch if their distance is below this share of the size of the smaller one."""
@@ -170,7 +172,7 @@ def _touching(faces: Exterior, extent: float) -> tuple[Ints, Ints]:
     found: list[tuple[Ints, Ints]] = []
     level = np.floor(np.log2(np.maximum(faces.size, 1e-12 * extent) / extent)).astype(int)
     groups = {k: np.flatnonzero(level == k) for k in np.unique(level)}
-    trees = {k: cKDTree(faces.middle[members]) for k, members in groups.items()}
+    trees = {k: spatial.cKDTree(faces.middle[members]) for k, members in groups.items()}
     for low, small in groups.items():
         for high, large in groups.items():
             if high < low:

@@ -14,9 +14,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from dea_fenicsx.mesh.foreign.arrays import (
     HEX,
@@ -35,6 +32,11 @@ from dea_fenicsx.mesh.foreign.joining import (
     Exterior,
 )
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.later import Later
+
+csgraph = Later("scipy.sparse.csgraph")
+sparse = Later("scipy.sparse")
+spatial = Later("scipy.spatial")
 
 PIECES = {
     TRIANGLE: ((0, 1, 2),),
@@ -91,8 +93,9 @@ def _bodies(corners: Ints, nodes: int) -> Ints:
     """Number of the body that each corner of a cell belongs to; bodies have no common corners."""
     first = np.repeat(corners[:, 0], corners.shape[1] - 1)
     other = corners[:, 1:].ravel()
-    graph = coo_matrix((np.ones(len(first), dtype=np.int8), (first, other)), shape=(nodes, nodes))
-    return connected_components(graph, directed=False)[1]
+    ones = np.ones(len(first), dtype=np.int8)
+    graph = sparse.coo_matrix((ones, (first, other)), shape=(nodes, nodes))
+    return csgraph.connected_components(graph, directed=False)[1]
 
 
 class _Simplices:
@@ -127,7 +130,7 @@ class _Simplices:
         level = np.floor(np.log2(radius)).astype(int)
         for value in np.unique(level):
             group = members[level == value]
-            tree = cKDTree(middle[level == value])
+            tree = spatial.cKDTree(middle[level == value])
             reach = radius[level == value].max()
             for part in np.array_split(np.arange(len(x)), len(x) // POINTS_PER_LOOKUP + 1):
                 near = tree.query_ball_point(x[part], reach, return_sorted=False)
@@ -187,5 +190,5 @@ def _probes(faces: Exterior, depth: np.ndarray) -> Iterator[tuple[Ints, np.ndarr
 
 def _bulge_beside(faces: Exterior, skin: Ints, x: np.ndarray) -> np.ndarray:
     """Twice the largest bulge of the faces of a body that are nearest to each point."""
-    _, near = cKDTree(faces.middle[skin]).query(x, k=min(4, len(skin)))
+    _, near = spatial.cKDTree(faces.middle[skin]).query(x, k=min(4, len(skin)))
     return 2 * faces.bulge[skin[np.reshape(near, (len(x), -1))]].max(axis=1)
