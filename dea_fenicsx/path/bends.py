@@ -2,7 +2,10 @@
 
 There the path has a bend: its tangent changes at once, and no parabola through earlier states leads
 over it.  A step with one bend is a straight way along the tangent at its start, followed by one
-along the tangent at its end.
+along the tangent at its end.  States half-way on both parts prove it.
+
+Where a contact that is there grows, the tangent changes little by little.  Then the mean of the
+tangents at both ends leads from one state to the other, and no state half-way is needed.
 """
 
 from __future__ import annotations
