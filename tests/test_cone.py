@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
+from conftest import on_demand
 from mpi4py import MPI
 
 import dea_fenicsx as dea
@@ -13,6 +18,7 @@ from dea_fenicsx.materials import EPSILON_0
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
+DEMO = Path(__file__).parents[1] / "demos" / "cone.py"
 MU, B, A = 5e4, 1e-2, 0.3
 THIN = [(1.5, 0.5, 0.0, 0.62978662), (1.5, 0.5, 0.1, 0.64420238),
         (2.0, 1.0, 0.0, 1.20994855), (2.0, 1.0, 0.1, 1.26067753)]  # fmt: skip
@@ -35,9 +41,17 @@ def test_small_deflection():
     assert Cone(lp, 0.0).deflection() == 0.0
 
 
-def test_what_has_no_state_is_refused():
+@pytest.mark.parametrize("e, deflection", [(0.39, 1.042277812), (0.397, 1.108941977)])
+def test_near_pull_in(e, deflection):
+    """Values of collocation (scipy's solve_bvp), followed from no field on."""
+    assert Cone(1.5, 0.5, e).deflection() == pytest.approx(deflection, abs=2e-9)
+
+
+@pytest.mark.parametrize("cone", [(2.0, 1.0, 0.6), (1.5, 0.5, 0.4)])
+def test_what_has_no_state_is_refused(cone):
+    """The second one is a little beyond its pull-in, between the fields 0.3985 and 0.3990."""
     with pytest.raises(dea.InputError, match="no taut state"):
-        Cone(2.0, 1.0, 0.6).deflection()
+        Cone(*cone).deflection()
     with pytest.raises(dea.InputError, match="between 0 and 1"):
         Cone(2.0, 1.0, inner=1.5)
 
@@ -74,6 +88,23 @@ def test_solids_tend_to_the_membrane(lp, q, e, deflection):
     assert np.all(np.abs(errors) < 2e-3), errors
     assert np.all(np.abs(errors[1:]) < np.abs(errors[:-1]) + 1e-4), errors
     assert 2 * found[2] - found[1] == pytest.approx(deflection, rel=1e-3)
+
+
+@on_demand
+@pytest.mark.demo
+@pytest.mark.slow
+@pytest.mark.parametrize("lp, q, e, deflection", THIN[::3])
+def test_a_solid_in_space(lp, q, e, deflection, tmp_path):
+    """Two thicknesses in three dimensions, extrapolated, are within 0.5 % of the limit."""
+    found = []
+    for thickness in (0.04, 0.02):
+        out = tmp_path / str(thickness)
+        given = ["--prestretch", lp, "--force", q, "--field", e, "--thickness", thickness,
+                 "--cells", 10, "--solid", "--quiet", "--out", out]  # fmt: skip
+        command = [sys.executable, DEMO, *map(str, given)]
+        subprocess.run(command, check=True, capture_output=True, text=True)
+        found.append(dea.read_summary(out)["deflection"])
+    assert 2 * found[1] - found[0] == pytest.approx(deflection, rel=5e-3)
 
 
 @pytest.mark.slow

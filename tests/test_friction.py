@@ -158,6 +158,33 @@ def test_steps_of_a_path(pushes):
     assert np.abs(middle - fine).max() < max(np.abs(coarse - fine).max(), rounding)
 
 
+@pytest.mark.parametrize("viscous", [False, True])
+def test_a_block_slides_down_an_incline(viscous):
+    """On a plane that leans, friction is the coefficient times the force along its normal.
+
+    So it is at each instant of a march, whatever the viscous stresses are.
+    """
+    angle, friction = 0.1, 0.3
+    up = np.array([np.cos(angle), np.sin(angle)])
+    normal = np.array([-up[1], up[0]])
+    x, y = -0.6 * L * up - 0.15 * L * normal
+    branches = [dea.Maxwell(2 * MU, 0.5)] if viscous else []
+    device = dea.read_gmsh(BoxStack(L, None, [Layer("film", L, divisions=2)], (2,)), MPI.COMM_SELF)
+    scene = dea.Scene(
+        device, {"film": dea.Material(dea.NeoHookean(MU), viscous=branches)},
+        kinematics=dea.PlaneStrain(DEPTH),
+        prescribed=[
+            dea.Displacement("top", "x", x), dea.Displacement("top", "y", y),
+        ],
+        supports=[dea.Obstacle("bottom", dea.Plane((L, 0.0), tuple(normal)), friction=friction)],
+    )  # fmt: skip
+    path = dea.March(1.0, {"stretch": dea.Rise(seconds=1.0)}) if viscous else dea.Ramp(steps=4)
+    run = solved(scene, path)
+    force = np.column_stack([run.column("t_N"), run.column("n_N")])[-3:]
+    assert np.all(force @ normal > 0)
+    assert force @ up == pytest.approx(friction * (force @ normal), rel=1e-7)
+
+
 def test_in_space():
     """A cube is pushed askew; friction acts against the slip, mu times the pressing force."""
     way = np.array([0.3, 0.4]) * L

@@ -50,6 +50,34 @@ def test_the_spring_takes_its_moment(kinematics):
     assert alone["a_rad"] == pytest.approx(angle, rel=1e-9)
 
 
+@pytest.mark.parametrize("kinematics", [None, dea.PlaneStrain(DEPTH)])
+def test_a_torsional_spring_holds_a_device(kinematics):
+    """The floor of a block on a hinge with a spring turns by the moment on its lid over k."""
+    k, moment = 5e-6, 2e-6
+    space = kinematics is None
+    scene = dea.Scene(
+        block((1, 1, 1)) if space else block((1, 1)), FILM,
+        kinematics=kinematics or dea.ThreeD(), supports=[
+            dea.Rigid("bottom", held="xyz" if space else "xy", turns="z"),
+            dea.Rigid("top", turns="z"), dea.TorsionSpring("bottom", k),
+        ], loads=[dea.Moment("top", moment)],
+    )  # fmt: skip
+    record = {"a": dea.PartRotation("bottom"), "m": dea.PartMoment("bottom")}
+    run = dea.solve(scene, dea.Ramp("load", steps=2), record, **EXACT)
+    assert run["a_rad"] == pytest.approx(moment / k, rel=1e-9)
+    assert run.summary["inertia"] == 0
+
+
+def test_a_torsional_spring_without_stiffness_holds_nothing():
+    scene = dea.Scene(
+        block((1, 1)), FILM, kinematics=dea.PlaneStrain(DEPTH),
+        supports=[dea.Rigid("bottom", held="xy"), dea.TorsionSpring("bottom", lambda a: a**3)],
+        loads=[dea.DeadLoad("top", (1.0, 0.0))],
+    )  # fmt: skip
+    with pytest.raises(dea.InputError, match="can move freely: rotation"):
+        dea.solve(scene, dea.Ramp("load", steps=1), {}, **EXACT)
+
+
 def test_a_strained_torsional_spring():
     """Between two parts the difference of the angles counts, less the angle without moment."""
     k, rest = 5e-6, 0.3

@@ -13,17 +13,48 @@ e = (V/H) sqrt(eps/mu), the undeformed radius R has the place r, z and the slope
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 
 PRECISION = 1e-11
 """Relative error of the integration."""
+
+TENSIONS = np.array([*np.arange(0.0, 1.55, 0.1), 2.0, 2.5, 5.0, 10.0])
+"""Tensions at the disc that are tried one after another, over a size of theirs."""
+
+
+def _bracket(
+    tried: Sequence[tuple[float, float]], beyond: Callable[[float], float]
+) -> tuple[float, float] | None:
+    """Two tensions between which the end comes to the ring from within, or None.
+
+    Parameters
+    ----------
+    tried
+        The last tensions, up to three, each with the distance of the end beyond the ring.
+    beyond
+        This distance as a function.
+    """
+    if len(tried) < 2 or not np.all(np.isfinite([value for _, value in tried])):
+        return None  # the end is at infinity where a stress loses its tension: a jump, no root
+    (low, a), (high, b) = tried[-2:]
+    if a <= 0 <= b:
+        return low, high
+    if len(tried) == 3 and tried[0][1] < a > b and a < 0:  # the largest place lies between
+        top = minimize_scalar(
+            lambda start: -beyond(start), bounds=(tried[0][0], high), method="bounded",
+            options={"xatol": 1e-9 * high},
+        )  # fmt: skip
+        if top.fun <= 0:
+            return tried[0][0], float(top.x)
+    return None
 
 
 @dataclass(frozen=True)
@@ -78,12 +109,14 @@ class Cone:
         lam, e = self.prestretch, self.field
         tension = self.inner * (lam - lam**-5 - e**2 * lam**3)
         size = abs(self.force) + abs(tension)
-        # The end lies the farther out, the larger the tension at the disc is.
-        starts = size * np.array([0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5, 2.5, 5.0, 10.0])
-        found = [beyond(start) for start in starts]
-        for low, high, a, b in zip(starts, starts[1:], found, found[1:], strict=False):
-            if a <= 0 <= b:
-                return float(brentq(beyond, low, high, xtol=1e-14 * size, rtol=1e-13))
+        # With the tension at the disc the end moves out, under a field only up to a largest place.
+        # The first root is stable.  Pull-in is where the largest place is that of the ring.
+        found: list[tuple[float, float]] = []
+        for start in size * TENSIONS:
+            found.append((start, beyond(start)))
+            bracket = _bracket(found[-3:], beyond)
+            if bracket is not None:
+                return float(brentq(beyond, *bracket, xtol=1e-14 * size, rtol=1e-13))
         raise InputError(
             f"The cone of pre-stretch {lam:g} has no taut state at the force {self.force:g} and "
             f"the field {e:g}; lower the field or raise the pre-stretch."

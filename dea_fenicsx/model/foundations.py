@@ -82,8 +82,19 @@ def spring_directions(
     return np.array(found).reshape(len(found), len(axes))
 
 
+def sprung_turns(springs: Sequence[SpringForce], name: str) -> str:
+    """Axes about which torsional springs to the ground hold a rigid part."""
+    return "".join(
+        str(told.axis) for told in springs
+        if isinstance(told, TorsionMoment) and told.surface == name and told.to is None
+        and _is_stiff(told, 1.0)
+    )  # fmt: skip
+
+
 def _is_stiff(told: SpringForce, length: float) -> bool:
     """Whether the force of a spring changes with its elongation at the start.
+
+    `length` is the unit of the elongation.
 
     A force that grows as a higher power than the first falls faster than its elongation.
     """

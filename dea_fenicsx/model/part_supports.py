@@ -14,7 +14,7 @@ from dea_fenicsx.model.attached_mass import carrying_points
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
-from dea_fenicsx.model.foundations import spring_directions
+from dea_fenicsx.model.foundations import spring_directions, sprung_turns
 from dea_fenicsx.model.prescribed_motion import PLANE_TOLERANCE, Prescription
 from dea_fenicsx.model.rigid_motions import Box, Joined
 from dea_fenicsx.model.rigid_parts import RigidPart, RigidParts
@@ -23,6 +23,7 @@ from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.declared import Declared
 from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.scene.part_declarations import RigidAngle, RigidSurface
+from dea_fenicsx.scene.rigid import AXES_OF_TURNS
 from dea_fenicsx.support.errors import InputError
 
 
@@ -64,7 +65,10 @@ def rigid_parts(
         directions = spring_directions(
             declared.springs, part.name, kinematics.axes, part.centre, device.length
         )
-        joined.append(_prevented(part, fixed, kinematics, directions))
+        sprung = sprung_turns(declared.springs, part.name)
+        turns = [axis in sprung for axis in AXES_OF_TURNS[kinematics.rotations]]
+        held = fixed | np.array([*(False for _ in part.shifts), *turns])
+        joined.append(_prevented(part, held, kinematics, directions))
     moments, forces = declared.rigid_moments, declared.rigid_forces
     return RigidParts(parts, space.rows, moments, forces), joined
 
@@ -231,11 +235,12 @@ def _basis(told: RigidSurface, dim: int) -> np.ndarray:
 
 
 def _prevented(
-    part: RigidPart, fixed: np.ndarray, kinematics: Kinematics, directions: np.ndarray
+    part: RigidPart, held: np.ndarray, kinematics: Kinematics, directions: np.ndarray
 ) -> Joined:
-    """What a part prevents of rigid motions: a row for each fixed unknown, and for each spring.
+    """What a part prevents of rigid motions: a row for each unknown held, and for each spring.
 
-    `directions` are those of its springs, shape (springs, axes).
+    `held` is the mask of its unknowns that are fixed or have a torsional spring, `directions` are
+    those of its other springs, shape (springs, axes).
     """
     dim, turns = len(part.centre), part.turning.count
 
@@ -248,7 +253,7 @@ def _prevented(
         slope = u[:, 1:] - u[:, :1]  # of axis a along coordinate c, by motion
         pairs = {0: [], 1: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}[turns]
         found += [(slope[j, i] - slope[i, j]) / 2 for i, j in pairs]
-        held = np.array(found)[fixed].reshape(int(fixed.sum()), u.shape[2])
-        return np.vstack([held, directions @ u[:, 0]])
+        kept = np.array(found)[held].reshape(int(held.sum()), u.shape[2])
+        return np.vstack([kept, directions @ u[:, 0]])
 
     return Joined(part.dofs[0][: part.meshed], rows)

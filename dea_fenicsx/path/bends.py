@@ -2,7 +2,10 @@
 
 There the path has a bend: its tangent changes at once, and no parabola through earlier states leads
 over it.  A step with one bend is a straight way along the tangent at its start, followed by one
-along the tangent at its end.
+along the tangent at its end.  States half-way on both parts prove it.
+
+Where a contact that is there grows, the tangent changes little by little.  Then the mean of the
+tangents at both ends leads from one state to the other, and no state half-way is needed.
 """
 
 from __future__ import annotations
@@ -20,6 +23,9 @@ from dea_fenicsx.solvers.newton import NewtonSolver
 
 MOST_DISTANCE = 0.25
 """Largest distance of a state from the bent way, as a share of the motion there."""
+
+SLOPE_TOLERANCE = 1e-3
+"""Relative tolerance of the linear solves for both tangents."""
 
 SHORT = 0.05
 """Motion along a straight part, as a share of the whole motion, that needs no state half-way."""
@@ -72,7 +78,9 @@ class Bend:
         """The bend that fits best; None if a tangent cannot be computed.  Collective."""
         problem = solver.problem
         rates = {name: last.factors[name] - f for name, f in first.factors.items()}
-        slopes = [path_slope(solver, state, rates) for state in (first, last)]
+        slopes = [
+            path_slope(solver, state, rates, SLOPE_TOLERANCE) for state in (first, last)
+        ]
         if slopes[0] is None or slopes[1] is None:
             return None
         ends = problem.moved(first, slopes[0]), problem.moved(last, -slopes[1])
@@ -96,6 +104,21 @@ class Bend:
         problem = self.predictor.problem
         factors = self.first.factors.mixed(share, self.last.factors)
         return problem.imposed(problem.under(self.first.with_values(values), factors))
+
+    def is_gentle(self, usual: float) -> bool:
+        """Whether the mean of both tangents leads from one state to the other.  Collective.
+
+        Then the tangent changes little by little on the way, as where a contact grows, and both
+        ends agree about the way between them: no state half-way is needed.  A state of another
+        branch lies off this way by the size of the jump.  `usual` is as of `is_followed`.
+        """
+        if self.predictor.speed(self.first, self.forward) > usual:
+            return False
+        start, end = self.first.values, self.last.values
+        mean = (self.forward.values - start + end - self.backward.values) / 2
+        missed = self.first.with_values(end - mean)
+        moved = self.predictor.moved(self.first, self.last)
+        return self.predictor.moved(self.first, missed) <= MOST_DISTANCE * moved
 
     def is_followed(self, solver: NewtonSolver, usual: float) -> bool:
         """Whether the path follows it, as states half-way on both sides show.  Collective.

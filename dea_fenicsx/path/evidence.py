@@ -170,12 +170,14 @@ class Evidence:
         return not doubtful or self.leads_to(found)
 
     def _bends(self, found: State) -> bool:
-        """Whether the step has one bend, where a surface closes on an obstacle or opens."""
+        """Whether the step is one in which a surface closes on an obstacle, or opens."""
         predictor, known = self.predictor, self.predictor.known
         usual = predictor.speed(known[-2], known[-1]) if len(known) > 1 else 0.0
         limit = MOST_SPEED_GROWTH_WITHOUT_PROOF * usual if usual else math.inf
         bend = Bend.between(self.solver, predictor, known[-1], found)
-        return bend is not None and bend.is_followed(self.solver, limit)
+        return bend is not None and (
+            bend.is_gentle(limit) or bend.is_followed(self.solver, limit)
+        )
 
     def _is_astray(self, guess: State, found: State) -> bool:
         """Whether a state lies far from its prediction, compared with the motion of the step."""

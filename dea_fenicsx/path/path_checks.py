@@ -67,7 +67,7 @@ def check_path(
     reached = dict.fromkeys(scene.ramps, 0.0) | dict(start or {})
     for item in path:
         for name in item.names(scene):
-            known(name, scene.ramps, "ramp in the scene")
+            known(name, scene.ramps, "ramp in the scene", "it")
         if isinstance(item, March):
             _check_march(item)
             check_amounts(scene, item)

@@ -86,14 +86,17 @@ of a bilayer, 60 times as long as thick, was wrong by a factor of ten.
 
 
 def path_slope(
-    solver: NewtonSolver, state: State, rates: Mapping[str, float]
+    solver: NewtonSolver,
+    state: State,
+    rates: Mapping[str, float],
+    tolerance: float = SLOPE_TOLERANCE,
 ) -> np.ndarray | None:
     """dx/df of the free unknowns at a state, each ramp's factor at its rate with f.
 
-    None if the linear solve fails.  Collective.
+    None if the linear solve, to a relative tolerance, fails.  Collective.
     """
     with solver.problem.at(state):
-        return solver.linear_solve(-load_derivative(solver.tangent, rates), SLOPE_TOLERANCE)
+        return solver.linear_solve(-load_derivative(solver.tangent, rates), tolerance)
 
 
 class Spectrum:

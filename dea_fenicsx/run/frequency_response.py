@@ -150,7 +150,7 @@ def frequency_response(
                 f"{', '.join(ramps) or 'none'}."
             )
         ramp = ramps[0]
-    known(ramp, ramps, "ramp in the scene")
+    known(ramp, ramps, "ramp in the scene", "it")
     frequencies = _checked(hertz)
     finite(amplitude, "The amplitude of the ramp's factor")
     check_same(problem.comm, {"hertz": frequencies, "ramp": ramp, "amplitude": amplitude})

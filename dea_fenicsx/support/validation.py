@@ -33,8 +33,9 @@ def known(name: str, names: Iterable[str], what: str, owner: str = "the mesh") -
     names = list(names)
     if name not in names:
         listing = ", ".join(sorted(names)) or "none"
+        hint = did_you_mean(name, names)
         raise InputError(
-            f"There is no {what} named {name!r}; {did_you_mean(name, names)} {owner} has: "
+            f"There is no {what} named {name!r};{f' {hint}' if hint else ''} {owner} has: "
             f"{listing}."
         )
 
