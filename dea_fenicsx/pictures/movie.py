@@ -63,7 +63,8 @@ def _view_of_all(
     folder: Path, field: str, warp: float, count: int, axes: tuple[str, str, str]
 ) -> View:
     low, high = np.inf, -np.inf
-    outside, section = [], []
+    outside: list[np.ndarray] = []
+    section: list[np.ndarray] = []
     for step in range(count):
         body = Body(folder, field, step, axes)
         if np.nanmax(np.abs(body.values), initial=0.0) > 0:

@@ -71,7 +71,7 @@ def _triangle(pieces: int) -> tuple[np.ndarray, np.ndarray]:
     """The same of a triangle with the corners (0, 0), (1, 0) and (0, 1)."""
     if pieces == 1:
         return np.array([(0, 0), (1, 0), (0, 1)]), np.array([(0, 1, 2)])
-    index = {}
+    index: dict[tuple[int, int], int] = {}
     for j in range(pieces + 1):
         for i in range(pieces + 1 - j):
             index[i, j] = len(index)

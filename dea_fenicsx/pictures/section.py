@@ -28,7 +28,7 @@ _TET_10 = ((0, 4, 6, 7), (4, 1, 5, 8), (6, 5, 2, 9), (7, 8, 9, 3),
 
 def _hex_27() -> tuple[tuple[int, ...], ...]:
     """The eight small hexahedra of one of second order, each as tetrahedra."""
-    number = {place: k for k, place in enumerate(_HEX_27)}
+    number: dict[tuple[int, ...], int] = {place: k for k, place in enumerate(_HEX_27)}
     found = []
     for start in product((0, 1), repeat=3):
         corners = [number[tuple(a + b // 2 for a, b in zip(start, end, strict=True))]
