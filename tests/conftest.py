@@ -60,7 +60,7 @@ AROUND = {
     # meshes and results of others, and what a user may do wrong with them
     "cad", "foreign_cells", "foreign_meshes", "foreign_overlap", "malformed", "strange_meshes",
     "results_of_strangers", "results_safety", "vtk", "geometry_cli", "report", "paraview",
-    "export",
+    "export", "notebook",
     # what users look at, and their machine
     "cli", "demos", "docs", "pictures", "progress", "doctor", "compile_cache", "interruption",
     "site", "ending", "import_effects", "reading_alone",

@@ -139,13 +139,16 @@ def test_without_a_compiler(monkeypatch, tmp_path):
     assert "apt install gcc" in found["form compiler"].mend
 
 
-@pytest.mark.skipif(importlib.util.find_spec("pyvista") is None, reason="pyvista is not installed")
-def test_without_display_and_opengl(monkeypatch, tmp_path):
-    """VTK must open an X window where there is no X: it ends its process."""
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setenv("VTK_DEFAULT_OPENGL_WINDOW", "vtkXOpenGLRenderWindow")
-    monkeypatch.setenv("PATH", str(tmp_path))  # no xvfb-run either
+@pytest.mark.skipif(
+    importlib.util.find_spec("matplotlib") is None, reason="matplotlib is not installed"
+)
+def test_pictures_that_cannot_be_drawn(monkeypatch, tmp_path):
+    (found,) = doctor.drawing(60)
+    assert (found.level, found.what) == ("ok", "pictures")
+    (tmp_path / "matplotlib.py").write_text("import os; os.abort()")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=":")
     (found,) = doctor.drawing(60)
     assert (found.level, found.what) == ("warn", "pictures")
-    assert "VTK cannot draw: ended by signal" in found.text and "libegl1" in found.mend
+    assert "matplotlib cannot draw: ended by signal" in found.text
     assert "\x1b" not in found.text

@@ -83,6 +83,34 @@ def test_vtu_in_pyvista_and_meshio(run, tmp_path, capsys):
     assert other.cell_data["region cover"][0].tolist() == [0, 0, 1, 1]
 
 
+def test_vtkhdf_in_vtks_own_reader(run, tmp_path, capsys):
+    """All steps with their times, the same numbers as in nodal.xdmf, and the names."""
+    if pyvista.vtk_version_info < (9, 4):
+        pytest.skip("VTK reads these files from 9.4 on")
+    target = tmp_path / "film.vtkhdf"
+    assert main(["export", str(run), "--vtkhdf", "--out", str(target)]) == 0
+    assert capsys.readouterr().out.strip() == str(target)
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    reader = vtkHDFReader()
+    reader.SetFileName(str(target))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == 2
+    for step in (0, 1):
+        reader.SetStep(step)
+        reader.Update()
+        assert reader.GetTimeValue() == pytest.approx(float(step))
+        read, frame = pyvista.wrap(reader.GetOutput()), read_frame(run, step, nodal=True).grid
+        moved = np.asarray(frame.point_data["displacement_m"])
+        assert np.asarray(read.point_data["displacement_m"]) == pytest.approx(moved, rel=1e-6)
+        assert np.array_equal(read.points, frame.points)
+    assert np.abs(moved).max() > 1e-6
+    assert volume(np.asarray(read.points), read.cells_dict[29], 29) == pytest.approx(2 * L**3)
+    assert read.cell_data["region film, 1"].tolist() == [1, 1, 0, 0]
+    top = np.flatnonzero(read.point_data["surface top"])
+    assert np.asarray(read.points)[top, 2] == pytest.approx(L) and len(top) == 15
+
+
 # -------------------------------------------------------------------------------------- Abaqus
 
 
@@ -189,7 +217,8 @@ def test_table_of_nodes(run, tmp_path):
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    ([], "--vtu, --inp or --csv"), (["--vtu", "--csv", "--out", "x"], "several are asked for"),
+    ([], "--vtu, --vtkhdf, --inp or --csv"),
+    (["--vtu", "--csv", "--out", "x"], "several are asked for"),
     (["--vtu", "--step", "9"], "Step 9 is not in"),
 ])  # fmt: skip
 def test_refusals(run, capsys, options, words):

@@ -242,8 +242,9 @@ def test_a_cut_that_ends_inside_of_a_region():
 def test_outer_faces_and_vtks_reader(tmp_path, monkeypatch):
     """Faces between regions are not drawn; VTK's own reader of XDMF reads the document."""
     pyvista = pytest.importorskip("pyvista")
-    from dea_fenicsx.pictures.fields import _surface
-    from dea_fenicsx.pictures.outside import is_split, outer_faces
+    from dea_fenicsx.pictures.faces import faces_of
+    from dea_fenicsx.pictures.pieces import triangles_of
+    from dea_fenicsx.pictures.stored import stored_step
 
     monkeypatch.setattr(hdf5, "PACKED_FROM", 0)
     device = dea.device(BoxStack(H, H, [Layer("a", H), Layer("b", H)], 1))
@@ -254,12 +255,16 @@ def test_outer_faces_and_vtks_reader(tmp_path, monkeypatch):
     )  # fmt: skip
     out = dea.solve(scene, dea.Ramp(steps=1), out=tmp_path / "run", quiet=True).out
     grid = read_frame(out, nodal=True).grid
-    assert is_split(grid) and not is_split(read_frame(out).grid)
     assert grid.n_points == 5 * 9 + 9
-    skin = outer_faces(grid)
-    assert skin.n_cells == 10 and set(skin.celltypes) == {28}
-    assert _surface(skin, 0).area == pytest.approx(10 * H**2)
-    assert skin.cell_data["region"].tolist() == [1] * 5 + [2] * 5
+    stored = stored_step(out, -1, "field_strength_V_per_m", ("x", "y", "z"))
+    assert stored.size == grid.n_points
+    faces = faces_of(stored)
+    assert faces.nodes[faces.seen].shape == (10, 9) and faces.inner.sum() == 1
+    fine = triangles_of(faces, np.flatnonzero(faces.seen))
+    a, b, c = (fine.at(faces.points)[fine.corners[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+    assert area == pytest.approx(10 * H**2)
+    assert faces.regions[faces.seen].tolist() == [1] * 5 + [2] * 5
     strength = np.asarray(grid.point_data["field_strength_V_per_m"])
     assert strength == pytest.approx(np.full(grid.n_points, VOLTS / (2 * H)), rel=1e-3)
     pytest.importorskip("vtkmodules.vtkIOXdmf2")

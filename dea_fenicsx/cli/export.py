@@ -8,7 +8,7 @@ from pathlib import Path
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean
 
-HELP = "a run or a mesh as VTU, Abaqus' input file or CSV"
+HELP = "a run or a mesh as VTU, VTKHDF, Abaqus' input file or CSV"
 LONGEST_PATH = 1000
 
 
@@ -16,6 +16,8 @@ def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", type=Path, metavar="RESULTS|MESH",
                         help="results folder; or a .msh, .geo, .step or .stp file, for --inp")
     parser.add_argument("--vtu", action="store_true", help="for VTK, ParaView, pyvista and meshio")
+    parser.add_argument("--vtkhdf", action="store_true",
+                        help="all steps in one file, for ParaView 5.13 and newer")
     parser.add_argument("--inp", action="store_true", help="the undeformed mesh for Abaqus")
     parser.add_argument("--csv", action="store_true", help="a table of the nodes and their fields")
     parser.add_argument("--step", type=int, default=-1, metavar="N",
@@ -33,20 +35,24 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    kinds = [kind for kind in ("vtu", "inp", "csv") if getattr(options, kind)]
+    kinds = [kind for kind in ("vtu", "vtkhdf", "inp", "csv") if getattr(options, kind)]
     if not kinds:
-        raise InputError("Say what to export to: --vtu, --inp or --csv.")
+        raise InputError("Say what to export to: --vtu, --vtkhdf, --inp or --csv.")
     if options.source.is_file():
         if kinds != ["inp"]:
             raise InputError("A mesh is exported as --inp alone; results have the other files.")
         return _mesh(options)
     from dea_fenicsx.pictures.export import export
+    from dea_fenicsx.pictures.vtkhdf import export_vtkhdf
     from dea_fenicsx.results.reading import frame_times
 
     steps = range(len(frame_times(options.source))) if options.all else [options.step]
     if options.out is not None and len(kinds) * len(steps) > 1:
         raise InputError("--out names one file, but several are asked for; leave it out.")
     for kind in kinds:
+        if kind == "vtkhdf":  # all steps, in any case
+            print(clean(export_vtkhdf(options.source, options.out), LONGEST_PATH))
+            continue
         for step in steps:
             path = export(options.source, kind, step, options.out)
             print(clean(path, LONGEST_PATH))

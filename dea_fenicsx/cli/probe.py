@@ -152,17 +152,25 @@ def _form(compat: Any) -> float:
 
 
 def draw() -> None:
-    """Render a sphere off screen."""
+    """Draw a triangle as a picture in memory."""
+    import io
     import resource
 
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    import pyvista
+    import matplotlib
+    from matplotlib.figure import Figure
 
-    plotter = pyvista.Plotter(off_screen=True, window_size=[64, 64])
-    plotter.background_color = "white"
-    plotter.add_mesh(pyvista.Sphere(), color="red")
-    image = plotter.screenshot(None, return_img=True)
-    tell(drawn=bool(np.ptp(image) > 0), pyvista=pyvista.__version__)
+    from dea_fenicsx.pictures.raster import Canvas
+
+    canvas = Canvas(64, 64)
+    corners = np.array([[4.0, 4.0, 0.0], [60.0, 4.0, 0.0], [4.0, 60.0, 0.0]])
+    red = np.array([[255, 0, 0]])
+    canvas.fill(corners, np.array([[0, 1, 2]]), np.ones(1), False, red, red[0], (0.0, 1.0))
+    figure = Figure(figsize=(1, 1))
+    figure.subplots().imshow(canvas.image())
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    tell(drawn=len(file.getvalue()) > 0, matplotlib=matplotlib.__version__)
 
 
 if __name__ == "__main__":

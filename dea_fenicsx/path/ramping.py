@@ -14,6 +14,7 @@ from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.evidence import Evidence
 from dea_fenicsx.path.falling import Fall
 from dea_fenicsx.path.items import InMotion, Ramp
+from dea_fenicsx.path.limit_ahead import limit_ahead
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.snapping import over_the_limit
 from dea_fenicsx.path.stability import Place
@@ -37,6 +38,9 @@ It also holds if no limit point is seen ahead.  In both cases the path may have 
 is sharper for a smaller imperfection: with two loads that differ by 1e-5 the sheet of Treloar and
 Kearsley needs steps of 1e-4.
 """
+
+STEP_OF_SEARCH = 2.0**-2
+"""Step, in units of the first one, below which a limit point is searched for by arc length."""
 
 LONGEST_BRIDGE = 2.0**-4
 """Longest way along the load over which the branch is followed by arc length behind a sharp bend.
@@ -96,6 +100,8 @@ class RampWalk:
         self.origin = self.problem.state
         self.limit: float | None = None  # position of the limit point ahead, where it is known
         self.near_limit: bool | None = None  # whether the last failed step shows one, if asked
+        self.beyond: float | None = None  # position from which on there is no equilibrium nearby
+        self._searched = False
         self._start_from(self.origin)
 
     def _start_from(self, state: State) -> None:
@@ -132,6 +138,9 @@ class RampWalk:
             # If the remainder would be under 25 % of a step, go straight to the landing point.
             near = landing - position < LONGEST_LAST_STEP * self.size
             target = landing if near else position + self.size
+            if self._is_beyond(target, position):
+                retries, self.size = retries + 1, (target - position) / 2
+                continue
             attempt = self.predictor.solve(self.factors_at(target), self.evidence.judge)
             if attempt.converged:
                 place = self.predictor.between(self.predictor.known[-1], attempt.found)
@@ -143,6 +152,7 @@ class RampWalk:
             self.size = (target - position) / 2
             self._tell_retry(target, attempt)
             if self._may_halve(target, attempt):
+                self._search(target, attempt)
                 continue
             left = self.cursor.position
             for step in self._cross(target, landing, attempt, retries):
@@ -160,6 +170,7 @@ class RampWalk:
                 retries = 0
             self.sentinel.start()
             self.size, self.limit = self.first, None
+            self.beyond, self._searched = None, False
             self._start_from(self.problem.state)
 
     def _events(
@@ -223,6 +234,35 @@ class RampWalk:
         self.near_limit = is_near_limit(self.predictor, self.origin, failed)
         may_halve = self.size >= self.first * SMALLEST_STEP_AT_JUMP
         return not self.near_limit and attempt.outcome in INCONCLUSIVE_OUTCOMES and may_halve
+
+    def _is_beyond(self, target: float, position: float) -> bool:
+        """Whether a step need not be tried, because it leads over a limit point that is known.
+
+        The last step before the ramp ends is tried nevertheless, so that the end does not rest on
+        this alone.
+        """
+        shortest = self.first * SMALLEST_STEP
+        return (
+            self.beyond is not None and target > self.beyond
+            and (target - position) / 2 >= shortest
+        )  # fmt: skip
+
+    def _search(self, target: float, attempt: Attempt) -> None:
+        """Look once for a limit point ahead, when the steps have become short.  Collective."""
+        position = self.cursor.position
+        short = self.size < self.first * STEP_OF_SEARCH
+        if self._searched or not short or attempt.outcome not in INCONCLUSIVE_OUTCOMES:
+            return
+        self._searched = True
+        if not is_near_limit(self.predictor, self.origin, self.factors_at(target)):
+            return
+        self.beyond = limit_ahead(
+            self.solver, self.sentinel, self.rates, self.first, position, target
+        )
+        self.solver.forget_factor()
+        if self.beyond is not None:
+            load = self.factors_at(self.beyond).told(self.names)
+            self.log(f"{self.label}: a limit point lies at {load}; loads beyond it are not tried")
 
     def _cross(
         self, target: float, landing: float, attempt: Attempt, retries: int

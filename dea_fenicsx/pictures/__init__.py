@@ -5,7 +5,7 @@
     python -m dea_fenicsx.pictures curve FOLDER --x voltage_V --y contraction
     python -m dea_fenicsx.pictures render FOLDER --field field_strength_V_per_m --warp 5
 
-Needs matplotlib, and pyvista for `deformed`: the extra "plots".  This room imports `results` and
+Needs matplotlib, and neither a screen nor OpenGL.  This room imports `results` and
 the rooms before it, and never DOLFINx.
 """
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from dea_fenicsx.pictures.curves import axis_label, curve, lettering, spoken, write_whole
-from dea_fenicsx.pictures.drawing import NO_PYVISTA, animated, deformed
+from dea_fenicsx.pictures.drawing import NO_MATPLOTLIB, animated, deformed
 from dea_fenicsx.results.axes import FIXED, axes_told
 from dea_fenicsx.results.history import field_times
 from dea_fenicsx.results.reading import (
@@ -99,10 +99,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if made:
             print(made)
         return 0 if made else 1
-    for module in ("pyvista", "matplotlib"):
-        if find_spec(module) is None:
-            print(f"{module} is not installed; pip install {module}.", file=sys.stderr)
-            return NO_PYVISTA
+    if find_spec("matplotlib") is None:
+        print("matplotlib is not installed; pip install matplotlib.", file=sys.stderr)
+        return NO_MATPLOTLIB
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
     def title(time: float) -> str:

@@ -1,13 +1,12 @@
 """The deformed device in colours, drawn by a process of its own.
 
-Where OpenGL is missing VTK ends its process, and inside an MPI process it may hang.  So each
-picture is made by a child process, free of MPI.
+A picture of a large device needs memory that a run shall not keep, and a fault of a library must
+not end a run.  So each picture is made by a child process, free of MPI.
 """
 
 from __future__ import annotations
 
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -21,8 +20,8 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.subprocesses import environment
 
 _MPI = ("PMI", "OMPI_", "PRTE_", "PRRTE_", "MPI", "HYDRA_", "HYDI_")
-NO_PYVISTA = 5
-"""Exit status of the drawing process where pyvista or matplotlib is not installed."""
+NO_MATPLOTLIB = 5
+"""Exit status of the drawing process where matplotlib is not installed."""
 
 _TIMEOUT_S = 180.0
 
@@ -41,8 +40,8 @@ def deformed(
     """Draw the deformed device, coloured by a field: from outside and in section.
 
     The undeformed outline is drawn in red.  The drawing is done in a process of its own, free of
-    MPI: where OpenGL is missing VTK ends its process, and inside an MPI one it may hang.  On a run
-    with several ranks call it on rank 0 alone.
+    MPI; it needs matplotlib, and neither a screen nor OpenGL.  On a run with several ranks call it
+    on rank 0 alone.
 
     Parameters
     ----------
@@ -61,7 +60,7 @@ def deformed(
     path
         The PNG file; by default ``FIELD.png`` (less the unit) beside fields.xdmf.
     say
-        Called with one sentence if no picture could be made for want of pyvista or OpenGL.
+        Called with one sentence if no picture could be made, for example for want of matplotlib.
 
     Returns
     -------
@@ -127,21 +126,11 @@ def _drawn(
     command = [
         sys.executable, "-m", "dea_fenicsx.pictures", what, str(place), "--here", *options,
     ]  # fmt: skip
-    variables = environment(without=_MPI)
-    trials = [command]
-    if not variables.get("DISPLAY") and shutil.which("xvfb-run"):
-        # VTK before 9.4 can do nothing without a display
-        trials.append(["xvfb-run", "-a", *command])
-    reason = ""
-    for trial in trials:
-        status, told = _child(trial, variables, seconds)
-        if status == 0:
-            return True
-        if status == InputError.exit_status and told.startswith("Error: "):
-            raise InputError(told.removeprefix("Error: "))
-        reason = told
-        if status == NO_PYVISTA:
-            break
+    status, reason = _child(command, environment(without=_MPI), seconds)
+    if status == 0:
+        return True
+    if status == InputError.exit_status and reason.startswith("Error: "):
+        raise InputError(reason.removeprefix("Error: "))
     if say:
         say(f"No picture of {place}: {reason}")
     return False
@@ -162,10 +151,8 @@ def _child(command: list[str], environment: dict[str, str], seconds: float) -> t
         return -1, f"drawing took more than {seconds:g} s and was stopped."
     status = process.returncode
     if status < 0 or status > 128:
-        return status, (
-            "VTK found no OpenGL and ended; install libegl1, libgl1 and libxrender1 or, for VTK "
-            "before 9.4, xvfb."
-        )
+        number = -status if status < 0 else status - 128
+        return status, f"drawing was ended by signal {number}; is there memory enough?"
     lines = errors.strip().splitlines()
     return status, lines[-1] if lines else f"drawing ended with status {status}."
 

@@ -1,26 +1,26 @@
 """Rendering of a run's fields: the device and a section through it, side by side.
 
-Only `dea_fenicsx.pictures render` comes here, in a process of its own, because VTK ends the whole
-process where it finds no OpenGL.  The 3-D images are VTK's; axes, scales and text are matplotlib's.
+Only `dea_fenicsx.pictures render` comes here, in a process of its own, whose memory is free again
+afterwards.  The images are drawn by `raster`; axes, scales and text are matplotlib's.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.pictures.outside import is_split, outer_faces
-from dea_fenicsx.results.axes import FIXED
-from dea_fenicsx.results.components import component
-from dea_fenicsx.results.reading import frame_for
-from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.pictures.faces import Faces, edges_of, faces_of, sharp
+from dea_fenicsx.pictures.pieces import lines_of, triangles_of
+from dea_fenicsx.pictures.raster import Canvas
+from dea_fenicsx.pictures.section import Section, section_of
+from dea_fenicsx.pictures.stored import stored_step
 
-DISPLACEMENT = "displacement_m"
-_GREY, _LINE, _COLOURS = "#b8b8b8", "#404040", "viridis"
+_GREY, _LINE, _RED = (0xB8, 0xB8, 0xB8), (0x40, 0x40, 0x40), (0xD6, 0x27, 0x28)
+_COLOURS = "viridis"
 _WIDTH = 174 / 25.4  # inch: two columns
 _DPI = 300
 _TALLEST = 1.1 * _WIDTH
@@ -32,50 +32,80 @@ _LEAST_HEIGHT = 1.8
 _NARROWEST = 4.0
 """Smallest width of a picture in inches, in which its title has room."""
 
-_MOST_PIXELS = 8e6
+_MOST_PIXELS = 6e6
 """Most pixels of a rendered image; twice as many across as are shown, so that edges are smooth."""
 
+_LINE_WIDTH = 3
+"""Width of a line in pixels of a rendered image."""
 
-def scalar(
-    grid: Any, field: str, axes: tuple[str, str, str] = FIXED
-) -> tuple[np.ndarray, str, bool]:
-    """A field, or a component by its axes, as one number a node or cell.
+_X, _Y, _Z = np.eye(3)
+_ISOMETRIC = np.array([1, 1, 0]) / 2**0.5, np.array([-1, 1, 2]) / 6**0.5
+_LIGHT = np.array([0.2, 0.5, 0.85])
+"""Where the light comes from, as seen in a picture: from the right, from above, from the viewer."""
 
-    The magnitude of a vector; von Mises' equivalent of a stress.  Regions without an electric
-    field (conductors) become NaN in pictures of it, and are shown in grey.
+_AMBIENT, _DIFFUSE = 0.5, 0.55
+"""Brightness of a surface without light, and what the light adds to it."""
 
-    Returns
-    -------
-    values, name with the unit as suffix, whether they are nodal
+
+_MANY = 100_000
+"""Triangles that are looked at together."""
+
+
+class Body:
+    """A step of a run as it is drawn: its faces and its section in the colours of a field.
+
+    Parameters
+    ----------
+    folder, field, step, axes
+        The run, one of its fields or a component, the step, and the names of the run's axes.
+
+    Raises
+    ------
+    InputError
+        If there are no fields, no such field or no such step.
     """
-    part = component(field, [*grid.point_data, *grid.cell_data], axes)
-    whole = field if part is None else part[0]
-    nodal = whole in grid.point_data
-    if not nodal and whole not in grid.cell_data:
-        names = ", ".join(sorted([*grid.point_data, *grid.cell_data]))
-        raise InputError(f"There is no field {field!r} in the results; there are: {names}.")
-    values = np.array(grid.point_data[whole] if nodal else grid.cell_data[whole], dtype=float)
-    name = field
-    if part is not None:
-        values = values[:, part[1]]
-    elif values.ndim > 1 and values.shape[1] == 9:
-        stress = values.reshape(-1, 3, 3)
-        deviator = stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
-        values = np.sqrt(1.5 * np.einsum("nij,nij->n", deviator, deviator))
-        name = "von_Mises_stress_Pa"
-    elif values.ndim > 1:
-        values = np.linalg.norm(values, axis=1)
-    if "V_per_m" in field and values.any():
-        regions = np.asarray(grid.cell_data["region"])
-        if nodal:  # each node belongs to cells of one region
-            table = grid.cells_dict.popitem()[1]
-            of_nodes = np.zeros(grid.n_points, dtype=regions.dtype)
-            of_nodes[table.ravel()] = np.repeat(regions, table.shape[1])
-            regions = of_nodes
-        for region in np.unique(regions):
-            if not values[regions == region].any():
-                values[regions == region] = np.nan
-    return values, name, nodal
+
+    def __init__(self, folder: Path, field: str, step: int, axes: tuple[str, str, str]) -> None:
+        self._stored = stored_step(folder, step, field, axes)
+        self.time, self.flat = self._stored.time, self._stored.flat
+        self.values, self.name, self.nodal = self._stored.values(field, axes)
+
+    @cached_property
+    def faces(self) -> Faces:
+        """The faces of the device."""
+        return faces_of(self._stored)
+
+    @cached_property
+    def edges(self) -> tuple[np.ndarray, np.ndarray]:
+        """Edges of faces, and the faces of each, see `edges_of`."""
+        return edges_of(self.faces)
+
+    @cached_property
+    def section(self) -> Section | None:
+        """The section of a device in space, if its plane meets a cell."""
+        if self.flat:
+            return None
+        return section_of(self._stored, self.faces, self.values, self.nodal)
+
+    def outlines(self, points: np.ndarray) -> np.ndarray:
+        """Ends of the lines at edges that are sharp where the nodes have these positions."""
+        edges, pairs = self.edges
+        return lines_of(edges[sharp(self.faces, pairs, points)], points)
+
+    def seen(self, warp: float) -> tuple[np.ndarray, np.ndarray]:
+        """Outermost points of the device and of its section, deformed and not, shapes (n, 3)."""
+        at, section = self.faces.points, self.section
+        outside = [_extreme(at), _extreme(at + warp * self.faces.moves)]
+        if section is None:
+            return np.vstack(outside), np.empty((0, 3))
+        cut = [section.points, section.points + warp * section.moves]
+        return np.vstack(outside), np.vstack([_extreme(at.reshape(-1, 3)) for at in cut])
+
+
+def _extreme(points: np.ndarray) -> np.ndarray:
+    """The points that lie farthest in the directions of a picture's axes, shape (n, 3)."""
+    along = points @ np.array([_X, _Y, _Z, *_ISOMETRIC, np.cross(*_ISOMETRIC)]).T
+    return points[np.unique([*along.argmin(axis=0), *along.argmax(axis=0)])]
 
 
 # ------------------------------------------------------------------------ images
@@ -89,41 +119,50 @@ class _Image:
     extent: tuple[float, float, float, float]
 
 
-def _shoot(
-    draw: Callable[[Any], None], bounds: Any, right: np.ndarray, up: np.ndarray, width_inch: float,
-    dpi: int, margin: float = 0.03,
-) -> _Image:  # fmt: skip
-    """Render in parallel projection; `bounds` (n, 3) are points that must be seen."""
-    import pyvista
+class _Camera:
+    """A view in parallel projection, which a canvas takes in pixels.
 
-    across, along = bounds @ right, bounds @ up
-    low, high = np.array([across.min(), along.min()]), np.array([across.max(), along.max()])
-    pad = margin * (high - low).max()
-    low, high = low - pad, high + pad
-    width, height = high - low
-    size = _pixels(width, height, width_inch, dpi)
-    normal = np.cross(right, up)
-    depth = bounds @ normal
-    focus = (low[0] + high[0]) / 2 * right + (low[1] + high[1]) / 2 * up + depth.mean() * normal
-    reach = 2 * max(np.ptp(depth), width, height)
-    plotter = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="light kit")
-    plotter.background_color = "white"
-    draw(plotter)
-    camera = plotter.camera
-    camera.focal_point = focus
-    camera.position = focus + reach * normal
-    camera.up = up
-    camera.parallel_projection = True
-    camera.parallel_scale = height / 2
-    plotter.renderer.ResetCameraClippingRange()
-    image = plotter.screenshot(None, return_img=True)
-    plotter.close()
-    image = image[: size[1] // 2 * 2, : size[0] // 2 * 2]
-    total = np.full((size[1] // 2, size[0] // 2, image.shape[2]), 2, dtype=np.uint16)  # rounds
-    for row in (0, 1):
-        for column in (0, 1):
-            total += image[row::2, column::2]
-    return _Image((total // 4).astype(np.uint8), (low[0], high[0], low[1], high[1]))
+    Parameters
+    ----------
+    seen
+        Points that must be seen, shape (n, 3).
+    right, up
+        Unit vectors of the picture.
+    width_inch, dpi, margin
+        Width, resolution, and room around as a share of the larger side.
+    """
+
+    def __init__(
+        self, seen: np.ndarray, right: np.ndarray, up: np.ndarray, width_inch: float, dpi: int,
+        margin: float = 0.03,
+    ) -> None:  # fmt: skip
+        self.axes = np.array([right, up, np.cross(right, up)])
+        across = [seen @ axis for axis in self.axes[:2]]
+        low, high = np.array([a.min() for a in across]), np.array([a.max() for a in across])
+        pad = margin * (high - low).max()
+        self.low, self.high = low - pad, high + pad
+        width, height = self.high - self.low
+        size = _pixels(width, height, width_inch, dpi)
+        self.canvas = Canvas(*(n // 2 * 2 for n in size))
+        self.scale = self.canvas.width / width, self.canvas.height / height
+
+    def at(self, points: np.ndarray) -> np.ndarray:
+        """Places of points in pixels, shape (..., 3)."""
+        across = points @ self.axes.T
+        for k in (0, 1):
+            across[..., k] = (across[..., k] - self.low[k]) * self.scale[k]
+        across[..., 2] *= max(self.scale)
+        return np.asarray(across)
+
+    def image(self) -> _Image:
+        """What was drawn, at half the resolution."""
+        fine = self.canvas.image()
+        total = np.full((fine.shape[0] // 2, fine.shape[1] // 2, 3), 2, dtype=np.uint16)  # rounds
+        for row in (0, 1):
+            for column in (0, 1):
+                total += fine[row::2, column::2]
+        extent = self.low[0], self.high[0], self.low[1], self.high[1]
+        return _Image((total // 4).astype(np.uint8), extent)
 
 
 def _pixels(width: float, height: float, width_inch: float, dpi: int) -> tuple[int, int]:
@@ -134,62 +173,11 @@ def _pixels(width: float, height: float, width_inch: float, dpi: int) -> tuple[i
     return max(round(across), 16), max(round(across * height / width), 16)
 
 
-def _edges(surface: Any) -> Any:
-    """Sharp edges, free edges and borders of regions of a surface, as lines."""
-    import pyvista
+def _colours() -> np.ndarray:
+    """The scale of colours from 0 to 255, shape (256, 3)."""
+    import matplotlib
 
-    parts = pyvista.MultiBlock()
-    regions = np.asarray(surface.cell_data["region"])
-    for region in np.unique(regions):
-        part = surface.extract_cells(np.flatnonzero(regions == region))
-        part = _surface(part, 0)
-        parts.append(
-            part.extract_feature_edges(
-                40, manifold_edges=False, non_manifold_edges=False, clear_data=True
-            )
-        )
-    return parts.combine()
-
-
-def _warped(grid: Any, factor: float) -> Any:
-    moved = grid.copy()
-    if factor:
-        moved.points = grid.points + factor * np.asarray(grid.point_data[DISPLACEMENT])
-    return moved
-
-
-def _surface(mesh: Any, subdivision: int) -> Any:
-    """The outer surface; curved faces are split `subdivision` times."""
-    # not pyvista's extract_surface, whose choice of algorithm is about to change
-    import pyvista
-    from vtkmodules.vtkFiltersGeometry import vtkDataSetSurfaceFilter
-
-    if is_split(mesh):
-        mesh = outer_faces(mesh)
-    algorithm = vtkDataSetSurfaceFilter()
-    algorithm.SetInputData(mesh)
-    algorithm.SetNonlinearSubdivisionLevel(subdivision)
-    algorithm.Update()
-    return pyvista.wrap(algorithm.GetOutput())
-
-
-def _section(grid: Any) -> Any:
-    """The undeformed device cut by the plane y = middle, or one side of it if it has a hole there.
-
-    The plane lies a little off the middle, where cell faces are likely to lie.
-    """
-    low, high = np.array(grid.bounds).reshape(3, 2).T
-    middle = (low + high) / 2
-    cut = grid.slice(normal="y", origin=middle + np.array([0, 2e-3, 0]) * (high - low))
-    if cut.n_cells == 0:
-        return None
-    cut = cut.triangulate()
-    x = np.asarray(cut.points)[cut.faces.reshape(-1, 4)[:, 1:], 0] - middle[0]
-    # the side x < 0: at x > 0 lie the ends of a helical device, where nothing is typical
-    left = x.max(axis=1) < -0.01 * (high[0] - low[0])
-    if left.any() and (left | (x.min(axis=1) > 0)).all():
-        cut = _surface(cut.extract_cells(np.flatnonzero(left)), 0)
-    return cut
+    return np.asarray(255 * matplotlib.colormaps[_COLOURS](np.arange(256))[:, :3])
 
 
 @dataclass(frozen=True)
@@ -234,16 +222,6 @@ def limits_of(values: np.ndarray, name: str) -> tuple[float, float]:
     return (low, high) if high > low else (low, low + 1.0)
 
 
-def points_seen(frame: Any, warp: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the device and of its section, deformed and not, shapes (n, 3)."""
-    grid = frame.grid
-    outside = np.vstack([_surface(_warped(grid, warp), 3).points, np.asarray(grid.points)])
-    section = None if frame.flat else _section(grid)
-    if section is None:
-        return outside, np.empty((0, 3))
-    return outside, np.vstack([_warped(section, warp).points, section.points])
-
-
 def render(
     folder: Path, field: str, step: int, warp: float, path: Path, words: Words,
     view: View | None = None,
@@ -263,20 +241,17 @@ def render(
     view
         Colour scale, frame and resolution; by default what fits this step.
     """
-    frame = frame_for(folder, step, field)
-    grid = frame.grid
-    values, name, nodal = scalar(grid, field, words.axes)
-    (grid.point_data if nodal else grid.cell_data)["shown"] = values
+    body = Body(folder, field, step, words.axes)
     if view is None:
-        view = View(limits_of(values, name), *points_seen(frame, warp), _DPI)
+        view = View(limits_of(body.values, body.name), *body.seen(warp), _DPI)
     low, high = view.limits
-    text, divisor = words.label(name, max(abs(low), abs(high)))
-    grey = "" if np.isfinite(values).all() else ", no field in grey"
+    text, divisor = words.label(body.name, max(abs(low), abs(high)))
+    grey = "" if np.isfinite(body.values).all() else ", no field in grey"
     _compose(
-        _panels(frame, nodal, warp, view, words.axes),
+        _panels(body, warp, view, words.axes),
         (low / divisor, high / divisor),
         text,
-        words.title(frame.time) + grey,
+        words.title(body.time) + grey,
         path,
         view.dpi,
     )
@@ -298,48 +273,76 @@ class _Panel:
     title: str = ""
 
 
-def _painter(
-    surface: Any, lines: Any, view: View, nodal: bool, lit: bool
-) -> Callable[[Any], None]:
-    """What draws a surface in the colours of its field, and lines in red over it."""
-
-    def paint(plotter: Any) -> None:
-        plotter.add_mesh(
-            surface, scalars="shown", preference="point" if nodal else "cell", cmap=_COLOURS,
-            clim=view.limits, nan_color=_GREY, show_scalar_bar=False,
-            ambient=0.5 if lit else 1.0, diffuse=0.55 if lit else 0.0, specular=0.0,
-        )  # fmt: skip
-        plotter.add_mesh(_edges(surface), color=_LINE, line_width=3)
-        if lines is not None:
-            plotter.add_mesh(lines, color="#d62728", line_width=3)
-
-    return paint
-
-
 def _panels(
-    frame: Any, nodal: bool, warp: float, view: View, axes: tuple[str, str, str]
+    body: Body, warp: float, view: View, axes: tuple[str, str, str]
 ) -> list[_Panel]:
     """Images of the deformed device and of its section, each over the undeformed edges."""
-    grid = frame.grid
-    x, y, z = np.eye(3)
-    whole = _surface(_warped(grid, warp), 3)
-    outline = _edges(_surface(grid, 3)) if warp else None
-    if frame.flat:
-        paint = _painter(whole, outline, view, nodal, lit=False)
-        return [_Panel(_shoot(paint, view.outside, x, y, _WIDTH, view.dpi), axes[:2])]
-    right, up = np.array([1, 1, 0]) / 2**0.5, np.array([-1, 1, 2]) / 6**0.5
-    paint = _painter(whole, outline, view, nodal, lit=True)
-    panels = [_Panel(_shoot(paint, view.outside, right, up, _WIDTH / 2, view.dpi, 0.01), ())]
-    section = _section(grid)
+    if body.flat:
+        camera = _Camera(view.outside, _X, _Y, _WIDTH, view.dpi)
+        _draw_device(camera, body, warp, view.limits)
+        return [_Panel(camera.image(), axes[:2])]
+    camera = _Camera(view.outside, *_ISOMETRIC, _WIDTH / 2, view.dpi, 0.01)
+    _draw_device(camera, body, warp, view.limits)
+    panels = [_Panel(camera.image(), ())]
+    section = body.section
     if section is not None:
-        seen = view.section
-        nearer = -1e-2 * (seen.max() - seen.min()) * y  # in front of the section
-        edges = _edges(section).translate(nearer) if warp else None
-        paint = _painter(_warped(section, warp), edges, view, nodal, lit=False)
-        middle = 1e3 * (grid.bounds[2] + grid.bounds[3]) / 2
-        above = f"section y = {round(middle, 4) + 0.0:g} mm"
-        panels.append(_Panel(_shoot(paint, seen, x, z, _WIDTH / 2, view.dpi), ("x", "z"), above))
+        camera = _Camera(view.section, _X, _Z, _WIDTH / 2, view.dpi)
+        _draw_section(camera, section, warp, view.limits)
+        above = f"section y = {round(1e3 * section.at, 4) + 0.0:g} mm"
+        panels.append(_Panel(camera.image(), ("x", "z"), above))
     return panels
+
+
+def _draw_device(
+    camera: _Camera, body: Body, warp: float, limits: tuple[float, float]
+) -> None:
+    """Draw the deformed device, its edges, and those of the undeformed one in red."""
+    faces = body.faces
+    moved = faces.points + warp * faces.moves
+    fine = triangles_of(faces, np.flatnonzero(faces.seen))
+    at = fine.at(camera.at(moved))
+    shade = None if body.flat else _brightness(at, fine.corners)
+    values = fine.at(body.values[faces.kept]) if body.nodal else body.values[
+        faces.parents[fine.faces]
+    ]
+    camera.canvas.fill(
+        at, fine.corners, values, body.nodal, _colours(), np.array(_GREY), limits, shade
+    )
+    camera.canvas.lines(camera.at(body.outlines(moved)), _LINE, _LINE_WIDTH, not body.flat)
+    if warp:
+        camera.canvas.lines(
+            camera.at(body.outlines(faces.points)), _RED, _LINE_WIDTH, not body.flat
+        )
+
+
+def _brightness(at: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Brightness of each triangle by its direction to the light."""
+    light = (_LIGHT / np.linalg.norm(_LIGHT)).astype(np.float32)
+    found = np.empty(len(corners), dtype=np.float32)
+    for begin in range(0, len(corners), _MANY):
+        some = corners[begin : begin + _MANY]
+        a, b, c = (at[some[:, k]].astype(np.float32) for k in range(3))
+        normal = np.cross(b - a, c - a)
+        normal *= np.where(normal[:, 2:] < 0, -1, 1).astype(np.float32)  # the side that is seen
+        towards = normal @ light / np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
+        found[begin : begin + _MANY] = _AMBIENT + _DIFFUSE * np.clip(towards, 0.0, 1.0)
+    return found
+
+
+def _draw_section(
+    camera: _Camera, section: Section, warp: float, limits: tuple[float, float]
+) -> None:
+    """Draw the deformed section, its edges, and those of the undeformed one in red over it."""
+    at = camera.at(section.points + warp * section.moves).reshape(-1, 3)
+    corners = np.arange(len(at)).reshape(-1, 3)
+    nodal = section.values.ndim == 2
+    camera.canvas.fill(
+        at, corners, section.values.ravel(), nodal, _colours(), np.array(_GREY), limits
+    )
+    lines = camera.at(section.lines + warp * section.line_moves)
+    camera.canvas.lines(lines, _LINE, _LINE_WIDTH, False)
+    if warp:
+        camera.canvas.lines(camera.at(section.lines), _RED, _LINE_WIDTH, False)
 
 
 def _compose(

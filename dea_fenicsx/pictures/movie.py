@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.pictures.fields import View, Words, limits_of, points_seen, render, scalar
-from dea_fenicsx.results.reading import frame_for, frame_times
+from dea_fenicsx.pictures.fields import Body, View, Words, limits_of, render
+from dea_fenicsx.results.reading import frame_times
 from dea_fenicsx.support.errors import InputError
 
 ENDINGS = (".gif", ".mp4")
@@ -63,16 +63,15 @@ def _view_of_all(
     folder: Path, field: str, warp: float, count: int, axes: tuple[str, str, str]
 ) -> View:
     low, high = np.inf, -np.inf
-    outside, section = [], []
+    outside: list[np.ndarray] = []
+    section: list[np.ndarray] = []
     for step in range(count):
-        frame = frame_for(folder, step, field)
-        values, name, _ = scalar(frame.grid, field, axes)
-        if np.nanmax(np.abs(values), initial=0.0) > 0:
-            a, b = limits_of(values, name)
+        body = Body(folder, field, step, axes)
+        if np.nanmax(np.abs(body.values), initial=0.0) > 0:
+            a, b = limits_of(body.values, body.name)
             low, high = min(low, a), max(high, b)
-        seen = points_seen(frame, warp)
-        outside.append(seen[0])
-        section.append(seen[1])
+        for found, seen in zip((outside, section), body.seen(warp), strict=True):
+            found.append(seen)
     if not low < high:
         low, high = 0.0, 1.0
     return View((low, high), np.vstack(outside), np.vstack(section), _DPI)

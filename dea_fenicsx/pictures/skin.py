@@ -6,18 +6,16 @@ nodes that were kept.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.pictures.fields import DISPLACEMENT, scalar
-from dea_fenicsx.pictures.outside import FACES, outer_faces
-from dea_fenicsx.results.reading import frame_for, frame_times
+from dea_fenicsx.pictures.faces import faces_of
+from dea_fenicsx.pictures.stored import DISPLACEMENT, Stored, stored_step
+from dea_fenicsx.results.reading import frame_times
 from dea_fenicsx.results.reading_surfaces import Facets
-from dea_fenicsx.results.surface_names import ORIGIN
 
 MOST_POINTS = 20_000
 """Points to which the surface of a device is thinned."""
@@ -75,29 +73,39 @@ def skin_of(
     wanted
         Numbers of nodes in fields.xdmf whose places and displacements are wanted too.
     """
-    frame = frame_for(folder, -1, DISPLACEMENT if not fields else fields[0])
-    grid = frame.grid
-    if ORIGIN not in grid.point_data:
-        grid.point_data[ORIGIN] = np.arange(grid.n_points)
-    ids, triangles = _thinned(grid)
-    points = np.asarray(grid.points, dtype=float)
-    where = _first_of_each(np.asarray(grid.point_data[ORIGIN]))[wanted]
-    count = len(frame_times(folder))
-    each = 4 * (len(ids) * (3 + len(fields)) + 3 * len(wanted))
-    steps = _chosen(count, max(2, MOST_BYTES // max(each, 1)))
+    first = DISPLACEMENT if not fields else fields[0]
+    last = stored_step(folder, -1, first, axes)
+    ids, triangles = _thinned(last)
+    origin = last.origin
+    where = wanted if origin is None else _first_of_each(origin)[wanted]
+    kept, asked = _Rows(ids, last.size), _Rows(where, last.size)
     times = frame_times(folder)
-    found = Skin(points[ids], triangles, frame.flat, steps, [times[k] for k in steps],
-                 lines=points[where])  # fmt: skip
+    each = 4 * (len(ids) * (3 + len(fields)) + 3 * len(wanted))
+    steps = _chosen(len(times), max(2, MOST_BYTES // max(each, 1)))
+    found = Skin(kept.of(last.points), triangles, last.flat, steps, [times[k] for k in steps],
+                 lines=asked.of(last.points))  # fmt: skip
     for step in steps:
-        now = frame_for(folder, step, DISPLACEMENT if not fields else fields[0]).grid
-        moved = np.asarray(now.point_data[DISPLACEMENT], dtype=float)
-        found.moved.append(moved[ids])
-        found.line_moved.append(moved[where])
+        now = stored_step(folder, step, first, axes)
+        found.moved.append(kept.of(now.displacements))
+        found.line_moved.append(asked.of(now.displacements))
         for name in fields:
-            values, shown, nodal = scalar(now, name, axes)
+            values, shown, nodal = now.values(name, axes)
             values = values if nodal else _at_nodes(now, values)
             found.fields.setdefault(shown, []).append(values[ids])
     return found
+
+
+class _Rows:
+    """Some nodes in an order, of which a step tells numbers by one truth value for each node."""
+
+    def __init__(self, nodes: np.ndarray, size: int) -> None:
+        self._kept = np.zeros(size, dtype=bool)
+        self._kept[nodes] = True
+        self._order = (np.cumsum(self._kept) - 1)[nodes]
+
+    def of(self, read: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """What a function reads for these nodes, in their order."""
+        return read(self._kept)[self._order]
 
 
 def _chosen(count: int, most: int) -> list[int]:
@@ -114,34 +122,35 @@ def _first_of_each(origin: np.ndarray) -> np.ndarray:
     return found
 
 
-def _at_nodes(grid: Any, values: np.ndarray) -> np.ndarray:
+def _at_nodes(stored: Stored, values: np.ndarray) -> np.ndarray:
     """Means at the nodes of values of cells; for runs without fields at nodes."""
-    table = grid.cells_dict.popitem()[1]
     known = np.isfinite(values)
-    spread = np.repeat(np.where(known, values, 0.0), table.shape[1])
-    size = grid.n_points
-    counts = np.bincount(table.ravel(), np.repeat(known, table.shape[1]), minlength=size)
-    sums = np.bincount(table.ravel(), spread, minlength=size)
+    filled = np.where(known, values, 0.0)
+    counts, sums = np.zeros(stored.size), np.zeros(stored.size)
+    for begin, table in stored.tables():
+        mine, nodes = slice(begin, begin + len(table)), table.ravel()
+        each = table.shape[1]
+        counts += np.bincount(nodes, np.repeat(known[mine], each), minlength=stored.size)
+        sums += np.bincount(nodes, np.repeat(filled[mine], each), minlength=stored.size)
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
 
 
-def _thinned(grid: Any) -> tuple[np.ndarray, np.ndarray]:
+def _thinned(stored: Stored) -> tuple[np.ndarray, np.ndarray]:
     """Nodes that are kept, and triangles between them by their place among these."""
-    grid.point_data["kept"] = np.arange(grid.n_points)
-    space = int(grid.celltypes[0]) in FACES
-    faces = outer_faces(grid) if space else grid
-    ids = np.asarray(faces.point_data["kept"])
-    kind = int(faces.celltypes[0])
-    table = ids[faces.cells_dict[kind]]
-    triangles = table[:, np.array(TRIANGLES[kind])].reshape(-1, 3)
-    if len(ids) > MOST_POINTS:
-        corners = 4 if kind in (28, 9) else 3
-        simple = TRIANGLES[9] if corners == 4 else TRIANGLES[5]
-        triangles = table[:, np.array(simple)].reshape(-1, 3)
+    faces = faces_of(stored)
+    ids = np.flatnonzero(faces.kept)
+    table = ids[faces.nodes[faces.seen]]
+    corners = faces.corners
+    simple = TRIANGLES[9] if corners == 4 else TRIANGLES[5]
+    many = len(np.unique(table)) > MOST_POINTS
+    kind = {(4, 9): 28, (3, 6): 22}.get((corners, table.shape[1]))
+    local = simple if many or kind is None else TRIANGLES[kind]
+    triangles = table[:, np.array(local)].reshape(-1, 3)
     kept, numbers = np.unique(triangles.ravel(), return_inverse=True)
     triangles = numbers.reshape(-1, 3)
     if len(kept) > MOST_POINTS:
-        kept, triangles = _decimated(np.asarray(grid.points)[kept], triangles, kept)
+        points = faces.points[np.searchsorted(ids, kept)]
+        kept, triangles = _decimated(points, triangles, kept)
     return kept, triangles
 
 

@@ -130,11 +130,11 @@ def _grids(folder: Path, name: str = FIELDS) -> list[ET.Element]:
         attributes = grid.findall("Attribute")
         if any(not {"Name", "Center"} <= set(a.attrib) for a in attributes):
             raise InputError(f"{file} is damaged: a field has no name or no place.")
-        _time(file, grid)
+        grid_time(file, grid)
     return grids
 
 
-def _time(file: Path, grid: ET.Element) -> float:
+def grid_time(file: Path, grid: ET.Element) -> float:
     """Path parameter of a step."""
     time = grid.find("Time")
     try:
@@ -143,9 +143,29 @@ def _time(file: Path, grid: ET.Element) -> float:
         raise InputError(f"{file} is damaged: the time of a step is no number.") from error
 
 
-def _grid(folder: Path, step: int, name: str = FIELDS) -> ET.Element:
-    """One of the steps in fields.xdmf, or in another document of a run."""
+def grid_element(
+    folder: Path, step: int, name: str = FIELDS, time: float | None = None
+) -> ET.Element:
+    """One of the steps in fields.xdmf, or in another document of a run.
+
+    Parameters
+    ----------
+    folder, name
+        The run's folder and the document in it.
+    step
+        Which of the steps, from 0; negative ones count from the last.
+    time
+        The path parameter that the step is to have; it is then searched for, whatever its number.
+
+    Raises
+    ------
+    InputError
+        If there is no such document or step, or it is damaged.
+    """
     grids = _grids(folder, name)
+    if time is not None:
+        times = [grid_time(folder / name, grid) for grid in grids]
+        step = times.index(time) if time in times else len(grids)
     if not -len(grids) <= step < len(grids):
         raise InputError(
             f"Step {step} is not in {folder / name}; it holds steps 0 to "
@@ -159,7 +179,7 @@ def check_field(folder: Path, field: str, step: int = -1) -> None:
 
     Components are named by the axes of the run's fields, see `components`.
     """
-    names = [a.attrib["Name"] for a in _grid(folder, step).findall("Attribute")]
+    names = [a.attrib["Name"] for a in grid_element(folder, step).findall("Attribute")]
     axes = FIXED
     with suppress(InputError):
         axes = axes_told(read_summary(folder))
@@ -172,7 +192,7 @@ def check_field(folder: Path, field: str, step: int = -1) -> None:
 def frame_times(folder: str | os.PathLike) -> list[float]:
     """Path parameter of each step in fields.xdmf."""
     folder = Path(folder)
-    return [_time(folder / "fields.xdmf", grid) for grid in _grids(folder)]
+    return [grid_time(folder / "fields.xdmf", grid) for grid in _grids(folder)]
 
 
 def field_names(folder: str | os.PathLike) -> list[str]:
@@ -208,7 +228,7 @@ def read_frame(
     folder = Path(folder)
     whole = NODAL_DOCUMENT if nodal else FIELDS
     file = folder / (whole if surface is None else surface_document(surface))
-    xml = _grid(folder, step, file.name)
+    xml = grid_element(folder, step, file.name)
 
     def data(element: ET.Element | None) -> np.ndarray:
         place = "" if element is None else element.findtext("DataItem") or ""
@@ -234,7 +254,7 @@ def read_frame(
         (grid.point_data if nodal else grid.cell_data)[name] = values
     # the surface of a device in space lies in no plane, that of a flat one consists of lines
     flat = cell.flat and (surface is None or kind in LINES)
-    return Frame(grid, flat, _time(file, xml))
+    return Frame(grid, flat, grid_time(file, xml))
 
 
 def frame_for(folder: str | os.PathLike, step: int, field: str) -> Frame:
@@ -243,11 +263,11 @@ def frame_for(folder: str | os.PathLike, step: int, field: str) -> Frame:
     Both are of the same time, so that a run that is writing at this moment gives no other step.
     """
     folder = Path(folder)
-    time = _time(folder / FIELDS, _grid(folder, step))
+    time = grid_time(folder / FIELDS, grid_element(folder, step))
     if (folder / NODAL_DOCUMENT).is_file():
         with suppress(InputError):
             grids = _grids(folder, NODAL_DOCUMENT)
-            times = [_time(folder / NODAL_DOCUMENT, grid) for grid in grids]
+            times = [grid_time(folder / NODAL_DOCUMENT, grid) for grid in grids]
             found = read_frame(folder, times.index(time), nodal=True) if time in times else None
             if found is not None and _has(found.grid, field):
                 return found

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,10 @@ LARGEST_XML = 500_000_000
 
 MOST_COMPRESSION = 200
 """Largest factor by which compression may reduce a data set in its file."""
+
+
+BLOCK_ROWS = 50_000
+"""Rows that are read at once where a large data set is read in blocks."""
 
 
 class Foreign(Exception):
@@ -75,6 +81,26 @@ def read_data(folder: Path, place: str) -> np.ndarray:
     InputError
         If it is not there, lies outside of the folder, or does not hold plain numbers.
     """
+    with _stored(folder, place) as data:
+        return _plain(data[()])
+
+
+def shape_of(folder: Path, place: str) -> tuple[int, ...]:
+    """Shape of a data set; places and errors are those of `read_data`."""
+    with _stored(folder, place) as data:
+        return tuple(int(n) for n in data.shape)
+
+
+def read_blocks(folder: Path, place: str, rows: int = BLOCK_ROWS) -> Iterator[np.ndarray]:
+    """The numbers of a data set in blocks of so many rows; places and errors as of `read_data`."""
+    with _stored(folder, place) as data:
+        for begin in range(0, data.shape[0] if data.shape else 0, rows):
+            yield _plain(data[begin : begin + rows])
+
+
+@contextmanager
+def _stored(folder: Path, place: str) -> Iterator[Any]:
+    """A data set to read from."""
     import h5py
 
     name, _, where = place.strip().partition(":")
@@ -82,7 +108,8 @@ def read_data(folder: Path, place: str) -> np.ndarray:
         file = inside(folder, name)
         # without a lock: the run, or another program, may have the file open
         with h5py.File(file, "r", locking=False) as h5:
-            return _numbers(h5py, h5, where, file.stat().st_size)
+            yield _data_set(h5py, h5, where, file.stat().st_size)
+            return
     except Foreign as error:
         why = f" ({error})"
     except (OSError, KeyError, ValueError, TypeError, RuntimeError, MemoryError) as error:
@@ -90,7 +117,13 @@ def read_data(folder: Path, place: str) -> np.ndarray:
     raise InputError(f"{clean(folder / name)} cannot be read, or lacks {clean(where, 80)!r}{why}.")
 
 
-def _numbers(h5py: Any, h5: Any, where: str, size: int) -> np.ndarray:
+def _plain(values: Any) -> np.ndarray:
+    """Numbers in double precision; VTK takes neither half nor quadruple one, nor other orders."""
+    values = np.asarray(values)
+    return values.astype(np.float64 if values.dtype.kind == "f" else np.int64, copy=False)
+
+
+def _data_set(h5py: Any, h5: Any, where: str, size: int) -> Any:
     """A data set that is reached without links, with its numbers in the file itself."""
     here = h5
     for part in [part for part in where.split("/") if part not in ("", ".")]:
@@ -109,6 +142,4 @@ def _numbers(h5py: Any, h5: Any, where: str, size: int) -> np.ndarray:
     packed = here.compression or here.chunks
     if here.nbytes > (MOST_COMPRESSION if packed else 1) * size:
         raise Foreign("it says that it is larger than its file")
-    # VTK takes neither half nor quadruple precision, nor another order of bytes
-    kind = np.float64 if here.dtype.kind == "f" else np.int64
-    return np.asarray(here[()]).astype(kind, copy=False)
+    return here
