@@ -78,6 +78,17 @@ def test_an_observable_that_is_no_integral_is_differenced(pulled):
     assert list(found.values()) == pytest.approx(exact, rel=1e-8, abs=1e-15)
 
 
+def test_what_is_made_for_one_call_serves_the_next(pulled, monkeypatch):
+    """At another step no form is compiled and no factor is made, so that a call costs solves."""
+    to = ["film.elastic.mu", "film.electric.eps_r", "stretch", "thickness:film:z", "voltage"]
+    pulled.sensitivity("force", to)
+    solver, compiled = pulled._gradients.solver, []
+    monkeypatch.setattr("dea_fenicsx.support.compat.compile_form", compiled.append)
+    before = solver.counters.factorisations
+    assert len(pulled.sensitivity("force", to, step=1)) == 5
+    assert solver.counters.factorisations == before and not compiled
+
+
 @pytest.mark.parametrize("name, to, words", [
     ("force", ["film.elastic.my"], "did you mean 'film.elastic.mu'"),
     ("force", ["voltag"], "did you mean 'voltage'"),

@@ -16,6 +16,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from dea_fenicsx.gradients.kept_forms import KeptForms
 from dea_fenicsx.measure.axial import (
     OverallContraction,
     OverallForce,
@@ -49,7 +50,6 @@ from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.scene.declarations import ELONGATION, TWIST
 from dea_fenicsx.scene.kinematics import cofactor
-from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 
@@ -78,22 +78,22 @@ class Functional:
     combine: Callable[[Sequence[Any], Mapping[str, Any]], Any]
     ramps: Sequence[str] = field(default_factory=tuple)
     rows: np.ndarray | None = None
+    _slopes: list[Any] = field(default_factory=list, init=False)
+    _weighted: list[Any] = field(default_factory=list, init=False)
 
-    def weighted(self, problem: Problem) -> tuple[list[Any], dict[str, float]]:
+    def weighted(self, problem: Problem, kept: KeptForms) -> tuple[list[Any], dict[str, float]]:
         """Forms whose derivatives add up to those of J at fixed factors, and dJ/df.  Collective.
 
         They are (dg/dI_k) I_k with the present values of dg/dI_k.  Those over the same surfaces or
         regions are one form; a form cannot hold two lists of them.
         """
-        values = [_assembled(problem, form) for form in self.forms]
+        values = [kept.value(form) for form in self.forms]
         factors = {name: float(value) for name, value in problem.factors.items()}
-        alike: dict[int, Any] = {}
-        for k, form in enumerate(self.forms):
+        if len(self._slopes) != len(self.forms):
+            self._weigh(problem)
+        for k, slope in enumerate(self._slopes):
             moved = [v + 1j * COMPLEX_STEP * (i == k) for i, v in enumerate(values)]
-            slope = np.imag(self.combine(moved, factors)) / COMPLEX_STEP
-            place = id(form.integrals()[0].subdomain_data())
-            weighted = dolfinx.fem.Constant(problem.mesh, float(slope)) * form
-            alike[place] = alike[place] + weighted if place in alike else weighted
+            slope.value = float(np.imag(self.combine(moved, factors)) / COMPLEX_STEP)
         by_load = {}
         for name in self.ramps:
             moved_factors = factors | {name: factors[name] + 1j * COMPLEX_STEP}
@@ -102,12 +102,17 @@ class Functional:
             for name in problem.loads.unit_work:
                 mine = float(self.rows @ problem.forms.load_vector(name))
                 by_load[name] = problem.comm.allreduce(mine, op=MPI.SUM)
-        return list(alike.values()), by_load
+        return self._weighted, by_load
 
-
-def _assembled(problem: Problem, form: Any) -> float:
-    mine = float(np.real(dolfinx.fem.assemble_scalar(compat.compile_form(form))))
-    return float(problem.comm.allreduce(mine, op=MPI.SUM))
+    def _weigh(self, problem: Problem) -> None:
+        """Weigh the integrals by constants, which get their values at each state."""
+        alike: dict[int, Any] = {}
+        for form in self.forms:
+            self._slopes.append(dolfinx.fem.Constant(problem.mesh, 0.0))
+            place = id(form.integrals()[0].subdomain_data())
+            weighted = self._slopes[-1] * form
+            alike[place] = alike[place] + weighted if place in alike else weighted
+        self._weighted = list(alike.values())
 
 
 @singledispatch
