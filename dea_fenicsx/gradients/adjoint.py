@@ -134,8 +134,8 @@ class Gradients:
                 raise InputError(
                     f"{type(observable).__name__} has no derivative by {shape!r}: it is measured "
                     "on the mesh as it was; those that are known as integrals are "
-                    "MeanDisplacement, MeanStretch, Contraction, Area, Charge, Capacitance and "
-                    "Energy."
+                    "MeanDisplacement, MeanStretch, Contraction, Area, Charge, Capacitance, "
+                    "Energy, and the mean or the integral of an Expression."
                 )
             measure = bind_alike(problem, name, observable)
             value = measure()

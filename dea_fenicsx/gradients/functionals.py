@@ -44,6 +44,7 @@ from dea_fenicsx.measure.observables import (
     group_names,
 )
 from dea_fenicsx.measure.over_region import Expression, OverRegion
+from dea_fenicsx.measure.point_in_si import PointInSI
 from dea_fenicsx.measure.vibration import Frequency
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
@@ -294,12 +295,32 @@ def _(observable: LargestDisplacement, problem: Problem) -> None:
 
 @functional_of.register(OverRegion)
 @functional_of.register(Expression)
-def _(observable: Any, problem: Problem) -> None:
+def _(observable: Any, problem: Problem) -> Functional | None:
     if observable.take in ("min", "max"):
         _refuse(
             observable, f'the {observable.take} changes from one place to another; record the '
             '"mean" or the "integral", or AtPoint',
         )  # fmt: skip
+    if isinstance(observable, OverRegion):
+        return None
+    observable.bind(problem)  # which refuses where there is none
+    device = problem.scene.device
+    names = None if observable.regions is None else group_names(observable.regions)
+    parts = [
+        [device.cells_of(name) for name in kernel.regions if names is None or name in names]
+        for kernel in problem.kernels
+    ]
+    cells = [np.unique(np.concatenate([np.empty(0, dtype=np.int32), *part])) for part in parts]
+    dx = measure(device, cells, problem.scene.elements.quadrature_degree)
+    weight = problem.scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
+    one = dolfinx.fem.Constant(problem.mesh, 1.0)
+    chosen = [k for k, part in enumerate(parts) if part]
+    value = sum(observable.value(PointInSI(problem, k)) * weight * dx(k) for k in chosen)
+    if observable.take == "integral":
+        unit = problem.scales.volume
+        return Functional([value], lambda i, _: i[0] * unit)
+    volume = sum(one * weight * dx(k) for k in chosen)
+    return Functional([value, volume], lambda i, _: i[0] / i[1])
 
 
 @functional_of.register
