@@ -45,17 +45,22 @@ from dea_fenicsx.measure.observables import (
 )
 from dea_fenicsx.measure.over_region import Expression, OverRegion
 from dea_fenicsx.measure.point_in_si import PointInSI
-from dea_fenicsx.measure.vibration import Frequency
+from dea_fenicsx.measure.vibration import Frequency, vibrations
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
+from dea_fenicsx.model.mass import QUADRATURE_DEGREE
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.scene.declarations import ELONGATION, TWIST
 from dea_fenicsx.scene.kinematics import cofactor
+from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 
 COMPLEX_STEP = 1e-40
 """The step of the derivatives of g.  Its square vanishes beside 1, and nothing is subtracted."""
+
+SHARED = 1e-6
+"""Relative difference of two squares of frequencies that counts as none."""
 
 
 @dataclass
@@ -73,12 +78,15 @@ class Functional:
     rows
         For an observable that is a sum of residuals its weights over the owned degrees of freedom,
         in SI units: it depends on the loads through the residual.  Its form is that of `forms`.
+    refresh
+        Brings what the forms hold beside the state, such as a shape, to the present state.
     """
 
     forms: Sequence[Any]
     combine: Callable[[Sequence[Any], Mapping[str, Any]], Any]
     ramps: Sequence[str] = field(default_factory=tuple)
     rows: np.ndarray | None = None
+    refresh: Callable[[], None] | None = None
     _slopes: list[Any] = field(default_factory=list, init=False)
     _weighted: list[Any] = field(default_factory=list, init=False)
 
@@ -88,6 +96,8 @@ class Functional:
         They are (dg/dI_k) I_k with the present values of dg/dI_k.  Those over the same surfaces or
         regions are one form; a form cannot hold two lists of them.
         """
+        if self.refresh is not None:
+            self.refresh()
         values = [kept.value(form) for form in self.forms]
         factors = {name: float(value) for name, value in problem.factors.items()}
         if len(self._slopes) != len(self.forms):
@@ -278,6 +288,36 @@ def _means(
     return u[a] * weight * ds, one * weight * ds, x[max(along, 0)] * weight * ds
 
 
+@functional_of.register
+def _(observable: Frequency, problem: Problem) -> Functional:
+    observable.bind(problem)  # which refuses where there is none
+    if problem.rigid or problem.springs.rows.size or not problem.forms.is_symmetric:
+        _refuse(observable, "the scene has rigid parts, springs or a tangent without symmetry")
+    solver, shape = NewtonSolver(problem), dolfinx.fem.Function(problem.W)
+    k = observable.number
+
+    def refresh() -> None:
+        found = vibrations(solver, k + 2)
+        gaps = [abs(found[k].square - found[j].square) for j in (k - 1, k + 1) if j >= 0]
+        if min(gaps) < SHARED * abs(found[k].square):
+            _refuse(observable, "two vibrations have this frequency, and change places")
+        shape.x.array[:] = found[k].shape
+
+    stiffness = ufl.action(problem.forms.tangent(shape), shape)
+    density = problem.massive().density
+    u = problem.space.symbolic(Role.MOTION, shape)
+    dx = ufl.Measure("dx", problem.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
+    weight = problem.scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
+
+    def hertz(i: Sequence[Any], _: Any) -> Any:
+        square = i[0] / i[1]  # Rayleigh's quotient, which is stationary at a vibration
+        sign = np.sign(np.real(square))
+        return sign * np.sqrt(sign * square) / (2 * np.pi)
+
+    forms = [stiffness, density * ufl.inner(u, u) * weight * dx]
+    return Functional(forms, hertz, refresh=refresh)
+
+
 # ------------------------------------------------------------------------- what has no derivative
 
 
@@ -326,11 +366,6 @@ def _(observable: Any, problem: Problem) -> Functional | None:
 @functional_of.register
 def _(observable: ContactArea, problem: Problem) -> None:
     _refuse(observable, "the area in contact grows in jumps, point by point")
-
-
-@functional_of.register
-def _(observable: Frequency, problem: Problem) -> None:
-    _refuse(observable, "that of a frequency needs second derivatives, which are not built yet")
 
 
 @functional_of.register(Current)
