@@ -17,6 +17,7 @@ from dea_fenicsx.design.descent import Descent, Sample
 from dea_fenicsx.design.kept_designs import KeptDesigns
 from dea_fenicsx.design.variables import goals, limits, ranges
 from dea_fenicsx.design.variations import Build, variation
+from dea_fenicsx.gradients.critical import limit_row
 from dea_fenicsx.path.items import Item, Ramp, Trace
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.results.identity import described
@@ -255,6 +256,9 @@ class _Sampler:
             if not isinstance(scene, Scene):
                 raise InputError(f"build returned {shown(scene)}, but must return a Scene.")
             solved = [self._solved(scene, one) for one in self.runs]
+            for one, run in zip(self.runs, solved, strict=True):
+                if one.traced:
+                    limit_row(run.history, -1)  # which refuses a trace without a limit point
         except (Interrupted, MachineError):
             raise
         except DeaError as error:
