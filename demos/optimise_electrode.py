@@ -71,7 +71,7 @@ def analyses(args):
 
 
 def pull_in(args, comm, edge, run):
-    """The voltage of pull-in across the whole film, or None if the trace is too short to find it."""
+    """The pull-in voltage of the whole film, or None if the trace is too short to find it."""
     traced = dea.solve(disc(args, comm, edge), run.items, run.record, quiet=True, **run.solve)
     if "maximum" not in traced.column("event"):
         return None
