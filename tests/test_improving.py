@@ -9,14 +9,13 @@ from scipy.optimize import minimize_scalar
 
 import dea_fenicsx as dea
 from dea_fenicsx.design import Analysis, improve
-from dea_fenicsx.design.variations import variation
 from dea_fenicsx.support.compat import dolfinx
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 T, VOLTS, LENGTH, MIDDLE = 1e-3, 100.0, 8.0, 2.0
 STIFF = dea.Material(dea.NeoHookean(2e5), dea.IdealDielectric(3.0))
 SLOPE = dea.Expression(lambda at: at.F[1, 0], "mean", ("active_middle", "passive_middle"))
-"""Slope over the middle, where it is the curvature times the distance from the plane of symmetry."""
+"""Slope over the middle: there it is the curvature times the distance from the middle plane."""
 
 ANALYSIS = Analysis({"slope": SLOPE}, dea.Ramp(steps=1), {"options": dea.NewtonOptions(1e-12)})
 
@@ -78,3 +77,55 @@ def test_the_best_thickness_of_a_passive_layer(tmp_path):
     again = search(resume=True)
     assert again.design == found.design and again.evaluations == found.evaluations
     assert again.solved == found.evaluations - 3
+
+
+def test_rates_of_constants_voltages_and_nodes_add_up():
+    """A variable that changes all three at once, against solved neighbours."""
+
+    def build(comm, p):
+        return bilayer(comm, 0.5 + 0.2 * p, VOLTS * (1 + p), 5e4 * (1 + p**2))
+
+    def slope(p):
+        run = dea.solve(build(MPI.COMM_SELF, p), ANALYSIS.items, ANALYSIS.record, quiet=True,
+                        **ANALYSIS.solve)  # fmt: skip
+        return run, run["slope"]
+
+    run, _ = slope(0.5)
+    change = variation(build, run.problem, {"p": 0.5}, "p", (0.0, 1.0), MPI.COMM_SELF)
+    assert set(change.rates) == {"active.elastic.mu", "active_middle.elastic.mu"}
+    found = run.sensitivity("slope", change.variables())
+    total = change.total(found.derivatives, run.problem.factors)
+    h = 1e-3
+    assert total == pytest.approx((slope(0.5 + h)[1] - slope(0.5 - h)[1]) / (2 * h), rel=1e-5)
+
+
+def test_a_constraint_holds():
+    """At 120 V at most a stroke that grows with the voltage ends there."""
+    volts = {"volts": dea.Potential("bottom"), "slope": SLOPE}
+    found = improve(
+        lambda comm, volts: bilayer(comm, 0.3, volts), {"volts": (50.0, 200.0)}, {"slope": "max"},
+        Analysis(volts, dea.Ramp(steps=1)), {"volts": (None, 120.0)}, quiet=True,
+        comm=MPI.COMM_SELF,
+    )  # fmt: skip
+    assert found.feasible and found.design["volts"] == pytest.approx(120.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("changes, words", [
+    ({"variables": {"ratio": (0.1, 1.5, 3.0)}}, "must lie in its range"),
+    ({"variables": {"ratio": 0.5}}, "All variables are fixed"),
+    ({"objective": {"slop": "max"}}, "did you mean 'slope'"),
+    ({"objective": {"slope": "most"}}, 'must be "min" or "max"'),
+    ({"constraints": {"pull-in": (1.0, None)}}, "no quantity 'pull-in'"),
+    ({"build": lambda comm, ratio: bilayer(comm, 0.5)}, "changes nothing"),
+    ({"build": lambda comm, ratio: 3}, "must return a Scene"),
+    ({"resume": True}, "give out="),
+])  # fmt: skip
+def test_what_is_wrong_is_told(changes, words):
+    given = {
+        "build": bilayer, "variables": {"ratio": (0.1, 1.5)}, "objective": {"slope": "max"},
+        "analyses": ANALYSIS, "quiet": True, "comm": MPI.COMM_SELF,
+    }  # fmt: skip
+    with pytest.raises(dea.InputError) as caught:
+        improve(**(given | changes))
+    told = str(caught.value)
+    assert words in told and len(told) <= 400 and told.endswith(".")

@@ -272,7 +272,8 @@ class _Sampler:
         for one, run in zip(self.runs, solved, strict=True):
             to: dict[str, Any] = {}
             for change in changes.values():
-                to |= {getattr(v, "name", v): v for v in change.variables(one.traced)}
+                to |= {v if isinstance(v, str) else v.name: v
+                       for v in change.variables(one.traced)}  # fmt: skip
             for name in one.names:
                 if name not in self.names:
                     continue

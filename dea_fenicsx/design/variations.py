@@ -190,7 +190,7 @@ def _neutral(thing: Any) -> Any:
     found = []
     for item in thing:
         if isinstance(item, PreStretch):
-            given = {a: 1.0 for a in "xyzr" if getattr(item, a) is not None}
+            given: Any = {a: 1.0 for a in "xyzr" if getattr(item, a) is not None}
             item = replace(item, **given)
         told = described(item)
         if isinstance(told, dict) and "volts" in told:

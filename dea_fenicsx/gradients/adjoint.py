@@ -172,7 +172,7 @@ class Gradients:
             given = problem.circuits.given_rows()
             rhs[given] = 0.0
             solution, residual = self._solved(rhs, transposed=True)
-        paired = Paired(self, -solution, forms)
+        paired = Paired(self.kept, self.solver.tangent, -solution, forms)
         slopes = {}
         for one in found:
             slope = paired.slope(one)

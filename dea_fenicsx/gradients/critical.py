@@ -85,7 +85,7 @@ def critical_load(
         point = _located(gradients, state, ramp)
     with problem.at(point.state):
         left = point.direction if gradients.solver.tangent.is_symmetric else _left(gradients)
-        paired = Paired(gradients, left)
+        paired = Paired(gradients.kept, gradients.solver.tangent, left)
         by_load = paired.slope(Load(ramp, ramp, 1.0))
         slopes = {one.name: -paired.slope(one) / by_load * unit for one in found}
     return Gradient("pull-in", point.factor * unit, slopes, "adjoint", abs(point.slope))

@@ -28,12 +28,14 @@ class KeptForms:
 
     Attributes
     ----------
+    problem
+        The problem.
     weight
         A function of the unknowns, by which `work` weighs the residual.
     """
 
     def __init__(self, problem: Problem) -> None:
-        self._problem = problem
+        self.problem = problem
         self.weight = dolfinx.fem.Function(problem.W)
         self._work: Any = None
         self._nodes: Any = None
@@ -45,7 +47,7 @@ class KeptForms:
     def work(self) -> Any:
         """The virtual work of the residual in the motion `weight`, symbolic."""
         if self._work is None:
-            self._work = ufl.action(self._problem.forms.residual, self.weight)
+            self._work = ufl.action(self.problem.forms.residual, self.weight)
         return self._work
 
     def value(self, form: Any) -> float:
@@ -53,11 +55,15 @@ class KeptForms:
         if id(form) not in self._scalars:
             self._scalars[id(form)] = form, compat.compile_form(form)
         mine = float(np.real(dolfinx.fem.assemble_scalar(self._scalars[id(form)][1])))
-        return float(self._problem.comm.allreduce(mine, op=MPI.SUM))
+        return self.total(mine)
+
+    def total(self, mine: float) -> float:
+        """A sum over all ranks.  Collective."""
+        return float(self.problem.comm.allreduce(float(mine), op=MPI.SUM))
 
     def by_state(self, form: Any) -> np.ndarray:
         """The derivative of a form by the unknowns, over the owned values.  Collective."""
-        problem = self._problem
+        problem = self.problem
         found = self._vector(form, problem.w, lambda: problem.space.test, problem.W)
         return found[: problem.owned]
 
@@ -71,13 +77,13 @@ class KeptForms:
 
         The direction must be the same function at each call.
         """
-        found = self._vector(form, coefficient, lambda: direction, self._problem.W)
-        return found[: self._problem.owned]
+        found = self._vector(form, coefficient, lambda: direction, self.problem.W)
+        return found[: self.problem.owned]
 
     def by_nodes(self, form: Any) -> np.ndarray:
         """The derivative of a form by the coordinates of the nodes, owned values.  Collective."""
         space = self.nodes
-        x = ufl.SpatialCoordinate(self._problem.mesh)
+        x = ufl.SpatialCoordinate(self.problem.mesh)
         found = self._vector(form, x, lambda: ufl.TestFunction(space), space)
         return found[: space.dofmap.index_map.size_local * space.dofmap.index_map_bs]
 
@@ -85,7 +91,7 @@ class KeptForms:
     def nodes(self) -> Any:
         """The function space of the mesh's own coordinates."""
         if self._nodes is None:
-            mesh = self._problem.mesh
+            mesh = self.problem.mesh
             element = mesh.ufl_domain().ufl_coordinate_element()
             self._nodes = dolfinx.fem.functionspace(mesh, element)
         return self._nodes

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.gradients.kept_forms import KeptForms
 from dea_fenicsx.gradients.shapes import fixed_change, nodal_values
 from dea_fenicsx.gradients.variables import Coefficients, Load, Variable
-
-if TYPE_CHECKING:
-    from dea_fenicsx.gradients.adjoint import Gradients
+from dea_fenicsx.solvers.tangent import Tangent
 
 
 class Paired:
@@ -23,48 +22,52 @@ class Paired:
 
     Parameters
     ----------
-    owner
-        What solves.
+    kept
+        The forms of the problem.
+    tangent
+        Its tangent at the present state.
     vector
         In the free unknowns (owned).
     beside
         Forms, which are added.
     """
 
-    def __init__(self, owner: Gradients, vector: np.ndarray, beside: Iterable[Any] = ()) -> None:
-        problem = owner.problem
-        self._owner, self._problem, self.vector = owner, problem, vector
+    def __init__(
+        self, kept: KeptForms, tangent: Tangent, vector: np.ndarray, beside: Iterable[Any] = ()
+    ) -> None:
+        self._kept, self._tangent, self.vector = kept, tangent, vector
+        self._problem = problem = kept.problem
         inside = vector.copy()
         inside[problem.circuits.given_rows()] = 0.0
-        problem.spread(inside, owner.kept.weight)
-        self._forms = [owner.kept.work, *beside]
+        problem.spread(inside, kept.weight)
+        self._forms = [kept.work, *beside]
         self._by_coefficient: dict[int, np.ndarray] = {}
         self._by_nodes: np.ndarray | None = None
 
     def slope(self, one: Variable) -> float:
         """The derivative by a variable, in units of the variable.  Collective."""
-        problem, owner = self._problem, self._owner
+        problem, kept = self._problem, self._kept
         if isinstance(one, Load):
-            forces = owner.solver.tangent.by_load(one.ramp)
-            return owner.total(self.vector @ forces) / one.unit
+            forces = self._tangent.by_load(one.ramp)
+            return kept.total(self.vector @ forces) / one.unit
         if isinstance(one, Coefficients):
             owned = problem.scene.device.owned_cells()
-            return owner.total(sum(
+            return kept.total(sum(
                 rate * float(self._cells(coefficient)[cells[cells < owned]].sum())
                 for coefficient, cells, rate in one.changes
             ))  # fmt: skip
         gradient = self.by_nodes()
-        values = nodal_values(owner.kept.nodes, one.velocity)[: len(gradient)]
-        slope = owner.total(gradient @ values)
+        values = nodal_values(kept.nodes, one.velocity)[: len(gradient)]
+        slope = kept.total(gradient @ values)
         change = fixed_change(problem, one.velocity)
         if problem.comm.allreduce(bool(change.any()), op=MPI.LOR):
-            moved = owner.solver.tangent.times_fixed(change[problem.fixed])
-            slope += owner.total(self.vector @ moved)
+            moved = self._tangent.times_fixed(change[problem.fixed])
+            slope += kept.total(self.vector @ moved)
         return slope
 
     def _cells(self, coefficient: Any) -> np.ndarray:
         """The derivative by a cell-wise coefficient in each local cell.  Collective."""
-        key, kept = id(coefficient), self._owner.kept
+        key, kept = id(coefficient), self._kept
         if key not in self._by_coefficient:
             self._by_coefficient[key] = np.sum(
                 [kept.by_coefficient(form, coefficient) for form in self._forms], axis=0
@@ -77,6 +80,6 @@ class Paired:
         Displacements that are given as functions of the place are not among it.
         """
         if self._by_nodes is None:
-            kept = self._owner.kept
+            kept = self._kept
             self._by_nodes = np.sum([kept.by_nodes(form) for form in self._forms], axis=0)
         return self._by_nodes
