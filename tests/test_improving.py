@@ -9,6 +9,7 @@ from scipy.optimize import minimize_scalar
 
 import dea_fenicsx as dea
 from dea_fenicsx.design import Analysis, improve
+from dea_fenicsx.design.variations import variation
 from dea_fenicsx.support.compat import dolfinx
 
 pytestmark = pytest.mark.usefixtures("quick_compile")

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.design.descent import Descent, Sample
 from dea_fenicsx.design.kept_designs import KeptDesigns
-from dea_fenicsx.design.variables import goals, limits, ranges
+from dea_fenicsx.design.variables import goals, limits, one_of, ranges
 from dea_fenicsx.design.variations import Build, variation
 from dea_fenicsx.gradients.critical import limit_row
 from dea_fenicsx.path.items import Item, Ramp, Trace
@@ -25,7 +25,7 @@ from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import DeaError, InputError, Interrupted, MachineError
 from dea_fenicsx.support.type_checks import shown
-from dea_fenicsx.support.validation import finite, keywords, known, positive, whole
+from dea_fenicsx.support.validation import finite, keywords, positive, whole
 
 PULL_IN = "pull-in"
 """The name of the load at the limit point of an analysis that ends with a trace."""
@@ -233,7 +233,7 @@ def _check_quantities(
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"Two analyses give {twice[0]!r}; give one of them another name.")
     for name in (*wanted, *bounds):
-        known(name, names, "quantity", "the analyses")
+        one_of(name, names, "quantity")
 
 
 class _Sampler:
