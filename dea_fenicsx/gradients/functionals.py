@@ -350,7 +350,11 @@ def _(observable: Any, problem: Problem) -> Functional | None:
         [device.cells_of(name) for name in kernel.regions if names is None or name in names]
         for kernel in problem.kernels
     ]
-    cells = [np.unique(np.concatenate([np.empty(0, dtype=np.int32), *part])) for part in parts]
+    none = np.empty(0, dtype=np.int32)
+    cells = [  # those of kernels are owned, so that none counts on two ranks
+        np.intersect1d(kernel.cells, np.concatenate([none, *part]))
+        for kernel, part in zip(problem.kernels, parts, strict=True)
+    ]
     dx = measure(device, cells, problem.scene.elements.quadrature_degree)
     weight = problem.scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
     one = dolfinx.fem.Constant(problem.mesh, 1.0)
