@@ -130,3 +130,16 @@ def test_what_is_wrong_is_told(changes, words):
         improve(**(given | changes))
     told = str(caught.value)
     assert words in told and len(told) <= 400 and told.endswith(".")
+
+
+def slope_by_ratio(comm):
+    run = dea.solve(bilayer(comm, 1.0), ANALYSIS.items, ANALYSIS.record, quiet=True,
+                    **ANALYSIS.solve)  # fmt: skip
+    change = variation(bilayer, run.problem, {"ratio": 1.0}, "ratio", (0.1, 1.5), comm)
+    return list(run.sensitivity("slope", change.variables()).values())
+
+
+@pytest.mark.mpi
+def test_three_ranks_find_what_one_finds(on_ranks):
+    found = on_ranks("test_improving", "slope_by_ratio", 3)
+    assert np.array(found) == pytest.approx(np.array(slope_by_ratio(MPI.COMM_SELF)), rel=1e-8)
