@@ -415,6 +415,17 @@ def check_calibrate_actuator(out, printed):
     assert (out / "calibration.png").exists()
 
 
+def check_optimise_electrode(out, printed):
+    s = summary(out)
+    assert s["converged"] and s["evaluations"] <= 10
+    # own values, mesh 1, 2026-11; mesh 3 gives 2.3959e-5, 4.2820e-5 and 5.440e-3
+    assert s["stroke_before_m"] == pytest.approx(2.4111e-5, rel=1e-3)
+    assert s["stroke_after_m"] == pytest.approx(4.2787e-5, rel=1e-3)
+    assert s["edge_after_m"] == pytest.approx(5.434e-3, rel=1e-3)
+    assert "the mark moves by" in printed
+    assert (out / "designs.png").exists()
+
+
 def check_study(out, printed):
     s = summary(out)
     assert s["runs"] == 4 and s["completed"] + s["failed"] == 4

@@ -78,6 +78,17 @@ def test_an_observable_that_is_no_integral_is_differenced(pulled):
     assert list(found.values()) == pytest.approx(exact, rel=1e-8, abs=1e-15)
 
 
+def test_what_is_made_for_one_call_serves_the_next(pulled, monkeypatch):
+    """At another step no form is compiled and no factor is made, so that a call costs solves."""
+    to = ["film.elastic.mu", "film.electric.eps_r", "stretch", "thickness:film:z", "voltage"]
+    pulled.sensitivity("force", to)
+    solver, compiled = pulled._gradients.solver, []
+    monkeypatch.setattr("dea_fenicsx.support.compat.compile_form", compiled.append)
+    before = solver.counters.factorisations
+    assert len(pulled.sensitivity("force", to, step=1)) == 5
+    assert solver.counters.factorisations == before and not compiled
+
+
 @pytest.mark.parametrize("name, to, words", [
     ("force", ["film.elastic.my"], "did you mean 'film.elastic.mu'"),
     ("force", ["voltag"], "did you mean 'voltage'"),
@@ -198,3 +209,40 @@ def test_two_ranks_find_what_one_finds(on_ranks):
     assert np.array(on_ranks("test_gradients", "on_ranks_found", 2)) == pytest.approx(
         np.array(alone), rel=1e-8
     )
+
+
+# ------------------------------------------------------------------------------------ frequencies
+
+
+def test_frequency_of_a_strip_under_voltage():
+    """f = sqrt(mu/rho)/L g(eps V^2/(mu L^2)) gives its derivatives by all but one of the voltage.
+
+    That one is compared with solved neighbours, and a central difference is off by the square of
+    its step.
+    """
+    material = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(EPS_R), density=1000.0)
+    scene = dea.Scene(
+        block((4, 1), L, T), {"film": material},
+        [dea.Electrode("top", 2e3), dea.Ground("bottom")], [dea.Clamp("x_min")],
+        kinematics=dea.PlaneStrain(L),
+    )  # fmt: skip
+    record = {"f": dea.Frequency()}
+
+    def solved(factor=1.0):
+        path = dea.Ramp("voltage", to=factor, steps=2)
+        return dea.solve(scene, path, record, quiet=True, options=TIGHT)
+
+    run = solved()
+    larger = dea.ShapeChange("size", lambda X: X / L)
+    found = run.sensitivity("f", ["film.elastic.mu", "film.electric.eps_r", "voltage", larger])
+    by_mu, by_eps, by_volts, by_size = found.values()
+    f = run["f_Hz"]
+    assert found.value == pytest.approx(f, rel=1e-8) and found.method == "adjoint"
+    assert MU * by_mu + EPS_R * by_eps == pytest.approx(f / 2, rel=1e-7)
+    assert 2e3 * by_volts == pytest.approx(2 * EPS_R * by_eps, rel=1e-7)
+    assert L * by_size == pytest.approx(-f - 2e3 * by_volts, rel=1e-7)
+    errors = [
+        (solved(1 + h)["f_Hz"] - solved(1 - h)["f_Hz"]) / (2 * h * 2e3) / by_volts - 1
+        for h in (4e-2, 2e-2)
+    ]
+    assert abs(errors[1]) < 1e-2 and errors[0] / errors[1] == pytest.approx(4, rel=0.02)

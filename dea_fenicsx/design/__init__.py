@@ -1,4 +1,6 @@
-"""Design search: NSGA-II (pymoo) on the analytic helical actuator or on any Python function.
+"""Design search: by gradients, or by NSGA-II (pymoo) for several objectives.
+
+    better = improve(build, {"inset": (1e-4, 2e-3)}, {"tip": "max"}, Analysis({"tip": tip}))
 
     front = search("elastosil-2030", objectives=("voltage", "strain"), constraints={"pull_in": 1.2})
     front.write("front.csv", UNITS)
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
         HelicalModel,
         exact_hypervolume,
     )
+    from dea_fenicsx.design.improving import Analysis, Improved, improve
     from dea_fenicsx.design.searching import optimise, search
     from dea_fenicsx.design.sensitivity import Sensitivity, draw_sensitivities, sensitivities
 
@@ -37,6 +40,7 @@ _HOME = {
         "CONSTRAINTS", "EFFECTIVE_MU", "ENVELOPE", "OBJECTIVES", "TABLE_4_2", "UNITS",
         "HelicalModel", "exact_hypervolume",
     ),
+    "improving": ("Analysis", "Improved", "improve"),
     "searching": ("optimise", "search"),
     "sensitivity": ("Sensitivity", "draw_sensitivities", "sensitivities"),
 }  # fmt: skip

@@ -1,33 +1,21 @@
-"""Designs evaluated once, by all ranks together, and kept on disk.
-
-    search.json          what the search is about; a resumed one must be about the same
-    designs.RANK.jsonl   a line for each design, written by the rank that evaluated it
-
-Each file has one writer, and a line is one write: a killed search loses the designs under work.
-"""
+"""Designs evaluated once, by all ranks together, and kept on disk."""
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dea_fenicsx.design.evolution import Columns
 from dea_fenicsx.design.front import Front
+from dea_fenicsx.design.kept_designs import KeptDesigns, Key, Record
 from dea_fenicsx.support.agreement import together
 from dea_fenicsx.support.errors import InputError, Interrupted, MachineError
-from dea_fenicsx.support.file_lock import FolderLock
-from dea_fenicsx.support.files import free_name, replace_file
-
-Key = tuple[float, ...]
-Record = dict[str, Any]
 
 
 class Evaluator:
@@ -55,18 +43,14 @@ class Evaluator:
         self.function, self.names, self.fixed = function, names, dict(fixed)
         self.failures, self.comm = failures, comm
         self.needed: list[str] = []
-        self.known: dict[Key, Record] = {}
         self.seen: set[Key] = set()
-        self.folder = Path(out) if out is not None else None
-        self._lock: FolderLock | None = None
-        if self.folder:
-            self._open(json.loads(json.dumps(facts)), resume)
+        self.kept = KeptDesigns(out, names, facts, resume, comm)
+        self.known = self.kept.known
         self.cached = len(self.known)
 
     def close(self) -> None:
         """Give the folder free for other searches."""
-        if self._lock:
-            self._lock.release()
+        self.kept.close()
 
     # ------------------------------------------------------------------ evaluation
 
@@ -108,7 +92,7 @@ class Evaluator:
         except self.failures as error:
             record["failed"] = f"{type(error).__name__}: {error}"
         record["wall_s"] = round(time.perf_counter() - started, 3)
-        self._append(record)
+        self.kept.append(record)
         return record
 
     def _check(self, good: list[Mapping[str, float]]) -> None:
@@ -125,75 +109,3 @@ class Evaluator:
             r["failed"].split(":")[0] for key in self.seen if "failed" in (r := self.known[key])
         )
         return replace(front, reasons=dict(reasons))
-
-    # ------------------------------------------------------------------ disk
-
-    def _open(self, facts: dict[str, Any], resume: bool) -> None:
-        """Read what is there, or put it aside.  Rank 0 does it; errors are raised on all."""
-        told: tuple[str, Any] = ("", None)
-        if self.comm.rank == 0:
-            try:
-                told = "", self._prepare(facts, resume)
-            except InputError as error:
-                told = str(error), None
-                self.close()
-            except OSError as error:
-                told = f"The folder {self.folder} cannot be used ({error.strerror}).", None
-        problem, known = self.comm.bcast(told, root=0)
-        if problem:
-            raise InputError(problem)
-        self.known = known
-
-    def _prepare(self, facts: dict[str, Any], resume: bool) -> dict[Key, Record]:
-        assert self.folder
-        self.folder.mkdir(parents=True, exist_ok=True)
-        self._lock = FolderLock(self.folder)
-        self._lock.take()
-        about = self.folder / "search.json"
-        parts = sorted(self.folder.glob("designs.*.jsonl"))
-        known: dict[Key, Record] = {}
-        if resume and about.exists():
-            earlier = json.loads(about.read_text("utf-8"))
-            for name, value in facts.items():
-                if earlier.get(name) != value:
-                    raise InputError(
-                        f"The search in {self.folder} cannot be resumed: its {name} are not these; "
-                        "start anew without resume, or in another folder."
-                    )
-            for part in parts:
-                for line in part.read_text("utf-8").splitlines():
-                    try:
-                        record = json.loads(line)
-                        known[tuple(record["design"][n] for n in self.names)] = record
-                    except (ValueError, KeyError):
-                        continue  # cut short by a kill
-            return known
-        if parts or about.exists():
-            old = free_name(self.folder / "previous")
-            old.mkdir()
-            for part in [*parts, about]:
-                if part.exists():
-                    os.replace(part, old / part.name)
-
-        def write(target: Path) -> None:
-            target.write_text(json.dumps(facts, indent=2) + "\n", "utf-8")
-
-        replace_file(about, write)
-        return known
-
-    def _append(self, record: Record) -> None:
-        if not self.folder:
-            return
-        path = self.folder / f"designs.{self.comm.rank}.jsonl"
-        line = json.dumps(record) + "\n"
-        try:
-            with path.open("ab+") as f:
-                if f.tell():  # a line cut short by a kill must not swallow this one
-                    f.seek(-1, os.SEEK_END)
-                    line = line if f.read(1) == b"\n" else "\n" + line
-                f.write(line.encode())
-        except OSError as error:
-            raise MachineError(
-                f"{path} cannot be written any more ({error.strerror}); all designs before are "
-                "kept there, and the search can be resumed from them."
-            ) from error

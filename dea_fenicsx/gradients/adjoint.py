@@ -18,11 +18,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.gradients.functionals import Functional, functional_of
-from dea_fenicsx.gradients.shapes import fixed_change, most, nodal_space, nodal_values
+from dea_fenicsx.gradients.kept_forms import KeptForms
+from dea_fenicsx.gradients.paired import Paired
+from dea_fenicsx.gradients.shapes import fixed_change, most
 from dea_fenicsx.gradients.variables import (
     Coefficients,
     Load,
@@ -36,7 +37,6 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.refinement import solve_to
-from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import bind_alike
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError, SolverError
@@ -103,6 +103,9 @@ class Gradients:
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
+        self.kept = KeptForms(problem)
+        self._directions: dict[int, Any] = {}
+        self._functionals: dict[tuple[int, frozenset[str]], tuple[Any, Functional | None]] = {}
 
     @cached_property
     def solver(self) -> NewtonSolver:
@@ -125,14 +128,14 @@ class Gradients:
         check_static(state)
         found = variables(problem, to)
         with problem.at(state):
-            functional = functional_of(observable, problem)
+            functional = self._functional(observable)
             if functional is None and any(isinstance(v, Shape) for v in found):
                 shape = next(v.name for v in found if isinstance(v, Shape))
                 raise InputError(
                     f"{type(observable).__name__} has no derivative by {shape!r}: it is measured "
                     "on the mesh as it was; those that are known as integrals are "
-                    "MeanDisplacement, MeanStretch, Contraction, Area, Charge, Capacitance and "
-                    "Energy."
+                    "MeanDisplacement, MeanStretch, Contraction, Area, Charge, Capacitance, "
+                    "Energy, and the mean or the integral of an Expression."
                 )
             measure = bind_alike(problem, name, observable)
             value = measure()
@@ -146,21 +149,30 @@ class Gradients:
     def _linearise(self) -> None:
         """Let the rows of the linear systems be weighed as Newton's method does it."""
         self.solver.residual_of(self.problem.residual())
-        self.solver.forget_factor()
+
+    def _functional(self, observable: Any) -> Functional | None:
+        """The observable as a function of integrals, whose forms are kept; None if it is none."""
+        loaded = frozenset(name for name, factor in self.problem.factors.items() if factor)
+        key = id(observable), loaded  # a capacitance is no such function without a voltage
+        if key not in self._functionals:
+            self._functionals[key] = observable, functional_of(observable, self.problem)
+        return self._functionals[key][1]
 
     def _by_adjoint(
         self, functional: Functional, found: list[Variable]
     ) -> tuple[dict[str, float], float]:
         problem = self.problem
-        forms, by_factor = functional.weighted(problem)
-        by_state = self._by_state(forms)
+        forms, by_factor = functional.weighted(problem, self.kept)
+        by_state = np.zeros(problem.owned)
+        for form in forms:
+            by_state += self.kept.by_state(form)
         rhs = problem.restrict(by_state)
         solution, residual = np.zeros(len(problem.free)), 0.0
         if self.total(rhs @ rhs) > 0:
             given = problem.circuits.given_rows()
             rhs[given] = 0.0
             solution, residual = self._solved(rhs, transposed=True)
-        paired = Paired(self, -solution, forms)
+        paired = Paired(self.kept, self.solver.tangent, -solution, forms)
         slopes = {}
         for one in found:
             slope = paired.slope(one)
@@ -237,13 +249,19 @@ class Gradients:
         assert isinstance(one, Coefficients)
         total = np.zeros(problem.owned)
         for coefficient, cells, rate in one.changes:
-            along = dolfinx.fem.Function(coefficient.function_space)
-            along.x.array[cells] = rate
-            form = ufl.derivative(problem.forms.residual, coefficient, along)
-            total += _vector(form, problem.W)[: problem.owned]
+            total += self._along(coefficient, cells, rate)
         rows = problem.restrict(total)
         rows[problem.circuits.given_rows()] = 0.0
         return rows
+
+    def _along(self, coefficient: Any, cells: np.ndarray, rate: float) -> np.ndarray:
+        """The residual's derivative by a coefficient that changes in some cells.  Collective."""
+        along = self._directions.setdefault(
+            id(coefficient), dolfinx.fem.Function(coefficient.function_space)
+        )
+        along.x.array[:] = 0.0
+        along.x.array[cells] = rate
+        return self.kept.along(self.problem.forms.residual, coefficient, along)
 
     def _solved(self, rhs: np.ndarray, transposed: bool = False) -> tuple[np.ndarray, float]:
         """Solve with the tangent or its transpose; the solution and its residual.  Collective.
@@ -269,15 +287,6 @@ class Gradients:
             )
         return found.values, found.residual
 
-    def _by_state(self, forms: Iterable[Any]) -> np.ndarray:
-        """The derivative of forms by the state, over its owned values.  Collective."""
-        problem = self.problem
-        found = np.zeros(problem.owned)
-        for form in forms:
-            derivative = ufl.derivative(form, problem.w, problem.space.test)
-            found += _vector(derivative, problem.W)[: problem.owned]
-        return found
-
     def lifted(self, ramp: str) -> np.ndarray:
         """Change of the fixed values with a ramp's factor, over the owned values.  Collective."""
         problem = self.problem
@@ -299,78 +308,6 @@ class Gradients:
         return float(self.problem.comm.allreduce(float(value), op=MPI.SUM))
 
 
-class Paired:
-    """The derivatives of `vector . R + beside` by variables, at fixed free unknowns.
-
-    Parameters
-    ----------
-    owner
-        What solves.
-    vector
-        In the free unknowns (owned).
-    beside
-        Forms, which are added.
-    """
-
-    def __init__(
-        self, owner: Gradients, vector: np.ndarray, beside: Iterable[Any] = ()
-    ) -> None:
-        problem = owner.problem
-        self._owner, self._problem, self.vector = owner, problem, vector
-        inside = vector.copy()
-        inside[problem.circuits.given_rows()] = 0.0
-        weight = dolfinx.fem.Function(problem.W)
-        problem.spread(inside, weight)
-        self._forms = [ufl.action(problem.forms.residual, weight), *beside]
-        self._by_coefficient: dict[int, np.ndarray] = {}
-        self._by_nodes: tuple[Any, np.ndarray] | None = None
-
-    def slope(self, one: Variable) -> float:
-        """The derivative by a variable, in units of the variable.  Collective."""
-        problem, owner = self._problem, self._owner
-        if isinstance(one, Load):
-            forces = owner.solver.tangent.by_load(one.ramp)
-            return owner.total(self.vector @ forces) / one.unit
-        if isinstance(one, Coefficients):
-            owned = problem.scene.device.owned_cells()
-            return owner.total(sum(
-                rate * float(self._cells(coefficient)[cells[cells < owned]].sum())
-                for coefficient, cells, rate in one.changes
-            ))  # fmt: skip
-        space, gradient = self.by_nodes()
-        values = nodal_values(space, one.velocity)[: len(gradient)]
-        change = fixed_change(problem, one.velocity)
-        moved = owner.solver.tangent.times_fixed(change[problem.fixed])
-        return owner.total(gradient @ values) + owner.total(self.vector @ moved)
-
-    def _cells(self, coefficient: Any) -> np.ndarray:
-        """The derivative by a cell-wise coefficient in each local cell.  Collective."""
-        key = id(coefficient)
-        if key not in self._by_coefficient:
-            space = coefficient.function_space
-            each = ufl.TestFunction(space)
-            self._by_coefficient[key] = np.sum(
-                [_vector(ufl.derivative(form, coefficient, each), space) for form in self._forms],
-                axis=0,
-            )
-        return self._by_coefficient[key]
-
-    def by_nodes(self) -> tuple[Any, np.ndarray]:
-        """The space of the mesh's coordinates, and the derivative by each owned one.  Collective.
-
-        Displacements that are given as functions of the place are not among it.
-        """
-        if self._by_nodes is None:
-            space = nodal_space(self._problem)
-            x, each = ufl.SpatialCoordinate(self._problem.mesh), ufl.TestFunction(space)
-            gradient = np.sum(
-                [_vector(ufl.derivative(form, x, each), space) for form in self._forms], axis=0
-            )
-            owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-            self._by_nodes = space, gradient[:owned]
-        return self._by_nodes
-
-
 def check_static(state: State) -> None:
     """Raise InputError at a step of a march, whose derivative depends on all steps before it."""
     if state.time or state.history:
@@ -379,13 +316,3 @@ def check_static(state: State) -> None:
             "charges that move), and so does its derivative; only equilibria without a past are "
             "derived."
         )
-
-
-def _vector(form: Any, space: Any) -> np.ndarray:
-    """A linear form on a space, assembled over all ranks, with its local values.  Collective."""
-    form = ufl.algorithms.expand_derivatives(form)
-    if form.empty():  # nothing depends on it
-        return np.zeros(dolfinx.fem.Function(space).x.array.size)
-    vector = dolfinx.fem.assemble_vector(compat.compile_form(form))
-    vector.scatter_reverse(dolfinx.la.InsertMode.add)
-    return np.asarray(vector.array.copy())

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.gradients.adjoint import Gradient, Gradients, Paired, check_static
+from dea_fenicsx.gradients.adjoint import Gradient, Gradients, check_static
+from dea_fenicsx.gradients.paired import Paired
 from dea_fenicsx.gradients.variables import Load, ShapeChange, variables
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.arclength import Branch, Point
@@ -84,7 +85,7 @@ def critical_load(
         point = _located(gradients, state, ramp)
     with problem.at(point.state):
         left = point.direction if gradients.solver.tangent.is_symmetric else _left(gradients)
-        paired = Paired(gradients, left)
+        paired = Paired(gradients.kept, gradients.solver.tangent, left)
         by_load = paired.slope(Load(ramp, ramp, 1.0))
         slopes = {one.name: -paired.slope(one) / by_load * unit for one in found}
     return Gradient("pull-in", point.factor * unit, slopes, "adjoint", abs(point.slope))

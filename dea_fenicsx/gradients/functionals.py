@@ -16,6 +16,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from dea_fenicsx.gradients.kept_forms import KeptForms
 from dea_fenicsx.measure.axial import (
     OverallContraction,
     OverallForce,
@@ -43,18 +44,23 @@ from dea_fenicsx.measure.observables import (
     group_names,
 )
 from dea_fenicsx.measure.over_region import Expression, OverRegion
-from dea_fenicsx.measure.vibration import Frequency
+from dea_fenicsx.measure.point_in_si import PointInSI
+from dea_fenicsx.measure.vibration import Frequency, vibrations
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
+from dea_fenicsx.model.mass import QUADRATURE_DEGREE
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.scene.declarations import ELONGATION, TWIST
 from dea_fenicsx.scene.kinematics import cofactor
-from dea_fenicsx.support import compat
+from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 
 COMPLEX_STEP = 1e-40
 """The step of the derivatives of g.  Its square vanishes beside 1, and nothing is subtracted."""
+
+SHARED = 1e-6
+"""Relative difference of two squares of frequencies that counts as none."""
 
 
 @dataclass
@@ -72,28 +78,33 @@ class Functional:
     rows
         For an observable that is a sum of residuals its weights over the owned degrees of freedom,
         in SI units: it depends on the loads through the residual.  Its form is that of `forms`.
+    refresh
+        Brings what the forms hold beside the state, such as a shape, to the present state.
     """
 
     forms: Sequence[Any]
     combine: Callable[[Sequence[Any], Mapping[str, Any]], Any]
     ramps: Sequence[str] = field(default_factory=tuple)
     rows: np.ndarray | None = None
+    refresh: Callable[[], None] | None = None
+    _slopes: list[Any] = field(default_factory=list, init=False)
+    _weighted: list[Any] = field(default_factory=list, init=False)
 
-    def weighted(self, problem: Problem) -> tuple[list[Any], dict[str, float]]:
+    def weighted(self, problem: Problem, kept: KeptForms) -> tuple[list[Any], dict[str, float]]:
         """Forms whose derivatives add up to those of J at fixed factors, and dJ/df.  Collective.
 
         They are (dg/dI_k) I_k with the present values of dg/dI_k.  Those over the same surfaces or
         regions are one form; a form cannot hold two lists of them.
         """
-        values = [_assembled(problem, form) for form in self.forms]
+        if self.refresh is not None:
+            self.refresh()
+        values = [kept.value(form) for form in self.forms]
         factors = {name: float(value) for name, value in problem.factors.items()}
-        alike: dict[int, Any] = {}
-        for k, form in enumerate(self.forms):
+        if len(self._slopes) != len(self.forms):
+            self._weigh(problem)
+        for k, slope in enumerate(self._slopes):
             moved = [v + 1j * COMPLEX_STEP * (i == k) for i, v in enumerate(values)]
-            slope = np.imag(self.combine(moved, factors)) / COMPLEX_STEP
-            place = id(form.integrals()[0].subdomain_data())
-            weighted = dolfinx.fem.Constant(problem.mesh, float(slope)) * form
-            alike[place] = alike[place] + weighted if place in alike else weighted
+            slope.value = float(np.imag(self.combine(moved, factors)) / COMPLEX_STEP)
         by_load = {}
         for name in self.ramps:
             moved_factors = factors | {name: factors[name] + 1j * COMPLEX_STEP}
@@ -102,12 +113,17 @@ class Functional:
             for name in problem.loads.unit_work:
                 mine = float(self.rows @ problem.forms.load_vector(name))
                 by_load[name] = problem.comm.allreduce(mine, op=MPI.SUM)
-        return list(alike.values()), by_load
+        return self._weighted, by_load
 
-
-def _assembled(problem: Problem, form: Any) -> float:
-    mine = float(np.real(dolfinx.fem.assemble_scalar(compat.compile_form(form))))
-    return float(problem.comm.allreduce(mine, op=MPI.SUM))
+    def _weigh(self, problem: Problem) -> None:
+        """Weigh the integrals by constants, which get their values at each state."""
+        alike: dict[int, Any] = {}
+        for form in self.forms:
+            self._slopes.append(dolfinx.fem.Constant(problem.mesh, 0.0))
+            place = id(form.integrals()[0].subdomain_data())
+            weighted = self._slopes[-1] * form
+            alike[place] = alike[place] + weighted if place in alike else weighted
+        self._weighted = list(alike.values())
 
 
 @singledispatch
@@ -272,6 +288,36 @@ def _means(
     return u[a] * weight * ds, one * weight * ds, x[max(along, 0)] * weight * ds
 
 
+@functional_of.register
+def _(observable: Frequency, problem: Problem) -> Functional:
+    observable.bind(problem)  # which refuses where there is none
+    if problem.rigid or problem.springs.rows.size or not problem.forms.is_symmetric:
+        _refuse(observable, "the scene has rigid parts, springs or a tangent without symmetry")
+    solver, shape = NewtonSolver(problem), dolfinx.fem.Function(problem.W)
+    k = observable.number
+
+    def refresh() -> None:
+        found = vibrations(solver, k + 2)
+        gaps = [abs(found[k].square - found[j].square) for j in (k - 1, k + 1) if j >= 0]
+        if min(gaps) < SHARED * abs(found[k].square):
+            _refuse(observable, "two vibrations have this frequency, and change places")
+        shape.x.array[:] = found[k].shape
+
+    stiffness = ufl.action(problem.forms.tangent(shape), shape)
+    density = problem.massive().density
+    u = problem.space.symbolic(Role.MOTION, shape)
+    dx = ufl.Measure("dx", problem.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
+    weight = problem.scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
+
+    def hertz(i: Sequence[Any], _: Any) -> Any:
+        square = i[0] / i[1]  # Rayleigh's quotient, which is stationary at a vibration
+        sign = np.sign(np.real(square))
+        return sign * np.sqrt(sign * square) / (2 * np.pi)
+
+    forms = [stiffness, density * ufl.inner(u, u) * weight * dx]
+    return Functional(forms, hertz, refresh=refresh)
+
+
 # ------------------------------------------------------------------------- what has no derivative
 
 
@@ -289,22 +335,41 @@ def _(observable: LargestDisplacement, problem: Problem) -> None:
 
 @functional_of.register(OverRegion)
 @functional_of.register(Expression)
-def _(observable: Any, problem: Problem) -> None:
+def _(observable: Any, problem: Problem) -> Functional | None:
     if observable.take in ("min", "max"):
         _refuse(
             observable, f'the {observable.take} changes from one place to another; record the '
             '"mean" or the "integral", or AtPoint',
         )  # fmt: skip
+    if isinstance(observable, OverRegion):
+        return None
+    observable.bind(problem)  # which refuses where there is none
+    device = problem.scene.device
+    names = None if observable.regions is None else group_names(observable.regions)
+    parts = [
+        [device.cells_of(name) for name in kernel.regions if names is None or name in names]
+        for kernel in problem.kernels
+    ]
+    none = np.empty(0, dtype=np.int32)
+    cells = [  # those of kernels are owned, so that none counts on two ranks
+        np.intersect1d(kernel.cells, np.concatenate([none, *part]))
+        for kernel, part in zip(problem.kernels, parts, strict=True)
+    ]
+    dx = measure(device, cells, problem.scene.elements.quadrature_degree)
+    weight = problem.scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
+    one = dolfinx.fem.Constant(problem.mesh, 1.0)
+    chosen = [k for k, part in enumerate(parts) if part]
+    value = sum(observable.value(PointInSI(problem, k)) * weight * dx(k) for k in chosen)
+    if observable.take == "integral":
+        unit = problem.scales.volume
+        return Functional([value], lambda i, _: i[0] * unit)
+    volume = sum(one * weight * dx(k) for k in chosen)
+    return Functional([value, volume], lambda i, _: i[0] / i[1])
 
 
 @functional_of.register
 def _(observable: ContactArea, problem: Problem) -> None:
     _refuse(observable, "the area in contact grows in jumps, point by point")
-
-
-@functional_of.register
-def _(observable: Frequency, problem: Problem) -> None:
-    _refuse(observable, "that of a frequency needs second derivatives, which are not built yet")
 
 
 @functional_of.register(Current)

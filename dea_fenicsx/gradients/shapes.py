@@ -17,7 +17,6 @@ from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.prescribed_motion import prescriptions
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.support import compat
-from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import known, one_of
 
@@ -135,13 +134,6 @@ def check_shape(problem: Problem, name: str) -> None:
             )
 
 
-def nodal_space(problem: Problem) -> Any:
-    """The function space of the mesh's own coordinates."""
-    return dolfinx.fem.functionspace(
-        problem.mesh, problem.mesh.ufl_domain().ufl_coordinate_element()
-    )
-
-
 def nodal_values(space: Any, velocity: Velocity) -> np.ndarray:
     """A velocity at the nodes of the space of coordinates, as its local values."""
     dim = space.mesh.geometry.dim
@@ -173,9 +165,7 @@ def _given(problem: Problem) -> np.ndarray:
     scene = problem.scene
     motion = problem.displacement
     values = FixedValues(problem.size, scene.ramps)
-    for item in prescriptions(
-        scene.declared.displacements, scene.device, scene.kinematics, motion
-    ):
+    for item in prescriptions(scene.declared.displacements, scene.device, scene.kinematics, motion):
         values.fix(motion[item.axis].dofs[item.local], item.values, item.ramp)
     return values.values(problem.factors)
 

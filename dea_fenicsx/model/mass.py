@@ -55,6 +55,8 @@ class Mass:
     ----------
     matrix
         PETSc matrix M in all owned degrees of freedom of the mixed function, in s^2.
+    density
+        The density in each cell, in units of the matrix.
     stiffness
         c in 1/s^2.
     constant
@@ -73,7 +75,8 @@ class Mass:
     ) -> None:  # fmt: skip
         check_mass(materials, scene)
         self._petsc = PetscObjects(scene.device.comm)
-        matrix = _assembled(scene, scales, space, materials)
+        self.density = _density(scene, scales, materials)
+        matrix = products_of_motions(scene, space, self.density)
         add_attached(matrix, scene.declared.rigid_surfaces, rigid.parts, scales)
         self.matrix = self._petsc.keep("mass", matrix)
         self._x, self._y = self.matrix.createVecs()
@@ -150,17 +153,14 @@ def check_mass(materials: Mapping[str, Material], scene: Scene) -> None:
         )
 
 
-def _assembled(
-    scene: Scene, scales: Scales, space: Unknowns, materials: Mapping[str, Material]
-) -> Any:
-    """The mass matrix.  Collective."""
-    mesh = scene.device.mesh
-    density = dolfinx.fem.Function(dolfinx.fem.functionspace(mesh, ("DG", 0)))
+def _density(scene: Scene, scales: Scales, materials: Mapping[str, Material]) -> Any:
+    """The density in each cell, in units of which the mass matrix is in s^2."""
+    density = dolfinx.fem.Function(dolfinx.fem.functionspace(scene.device.mesh, ("DG", 0)))
     for name, material in materials.items():
         assert material.density is not None
         unit = scales.stress / scales.length**2
         density.x.array[scene.device.cells_of(name)] = material.density / unit
-    return products_of_motions(scene, space, density)
+    return density
 
 
 def products_of_motions(scene: Scene, space: Unknowns, density: Any = 1.0) -> Any:

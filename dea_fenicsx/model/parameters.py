@@ -184,6 +184,17 @@ class Parameters(MutableMapping[str, float]):
             self._store(handle, materials[handle.region])
         self.materials = dict(materials)
 
+    def values_in(self, materials: Mapping[str, Material]) -> dict[str, float]:
+        """The constants of materials of the same kinds, by name."""
+        return {name: h.read(materials[h.region]) for name, h in self._handles.items()}
+
+    def put_into(self, materials: Mapping[str, Material]) -> dict[str, Material]:
+        """Materials of the same kinds with the present constants, and with all else as it was."""
+        found = dict(materials)
+        for name, handle in self._handles.items():
+            found[handle.region] = handle.changed(found[handle.region], self[name])
+        return found
+
     def _handle(self, name: str) -> _Handle:
         known(name, self._handles, "constant", "the problem")
         return self._handles[name]

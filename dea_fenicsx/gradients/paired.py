@@ -1,0 +1,85 @@
+"""Derivatives of the residual's product with a vector, by many variables at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.gradients.kept_forms import KeptForms
+from dea_fenicsx.gradients.shapes import fixed_change, nodal_values
+from dea_fenicsx.gradients.variables import Coefficients, Load, Variable
+from dea_fenicsx.solvers.tangent import Tangent
+
+
+class Paired:
+    """The derivatives of `vector . R + beside` by variables, at fixed free unknowns.
+
+    The derivative by all cells of a coefficient, or by all nodes, is assembled once.  That by one
+    variable is a sum over it.
+
+    Parameters
+    ----------
+    kept
+        The forms of the problem.
+    tangent
+        Its tangent at the present state.
+    vector
+        In the free unknowns (owned).
+    beside
+        Forms, which are added.
+    """
+
+    def __init__(
+        self, kept: KeptForms, tangent: Tangent, vector: np.ndarray, beside: Iterable[Any] = ()
+    ) -> None:
+        self._kept, self._tangent, self.vector = kept, tangent, vector
+        self._problem = problem = kept.problem
+        inside = vector.copy()
+        inside[problem.circuits.given_rows()] = 0.0
+        problem.spread(inside, kept.weight)
+        self._forms = [kept.work, *beside]
+        self._by_coefficient: dict[int, np.ndarray] = {}
+        self._by_nodes: np.ndarray | None = None
+
+    def slope(self, one: Variable) -> float:
+        """The derivative by a variable, in units of the variable.  Collective."""
+        problem, kept = self._problem, self._kept
+        if isinstance(one, Load):
+            forces = self._tangent.by_load(one.ramp)
+            return kept.total(self.vector @ forces) / one.unit
+        if isinstance(one, Coefficients):
+            owned = problem.scene.device.owned_cells()
+            return kept.total(sum(
+                rate * float(self._cells(coefficient)[cells[cells < owned]].sum())
+                for coefficient, cells, rate in one.changes
+            ))  # fmt: skip
+        gradient = self.by_nodes()
+        values = nodal_values(kept.nodes, one.velocity)[: len(gradient)]
+        slope = kept.total(gradient @ values)
+        change = fixed_change(problem, one.velocity)
+        if problem.comm.allreduce(bool(change.any()), op=MPI.LOR):
+            moved = self._tangent.times_fixed(change[problem.fixed])
+            slope += kept.total(self.vector @ moved)
+        return slope
+
+    def _cells(self, coefficient: Any) -> np.ndarray:
+        """The derivative by a cell-wise coefficient in each local cell.  Collective."""
+        key, kept = id(coefficient), self._kept
+        if key not in self._by_coefficient:
+            self._by_coefficient[key] = np.sum(
+                [kept.by_coefficient(form, coefficient) for form in self._forms], axis=0
+            )
+        return self._by_coefficient[key]
+
+    def by_nodes(self) -> np.ndarray:
+        """The derivative by each owned coordinate of the nodes.  Collective.
+
+        Displacements that are given as functions of the place are not among it.
+        """
+        if self._by_nodes is None:
+            kept = self._kept
+            self._by_nodes = np.sum([kept.by_nodes(form) for form in self._forms], axis=0)
+        return self._by_nodes
