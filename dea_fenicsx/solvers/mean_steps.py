@@ -80,7 +80,7 @@ class MeanSteps:
     def _change(self, residual: np.ndarray) -> np.ndarray:
         """Newton's step of the free unknowns (owned).  Collective."""
         matrix = self._matrix()
-        ksp = factor(matrix, self.problem.comm)
+        ksp = factor(matrix)
         x, b = matrix.createVecs()
         b.array[:] = -self.problem.unbalanced(residual)
         ksp.solve(b, x)
