@@ -43,6 +43,7 @@ class MotionCase:
     ranks : on which both codes run
     codes : those that take part
     like : the scene whose plain script the value is compared with
+    plain_steps : on how many first steps the plain script is timed; 0 for all
     """
 
     device: Callable[[MPI.Comm], dea.Device]
@@ -58,6 +59,7 @@ class MotionCase:
     ranks: int = 1
     codes: tuple[str, ...] = ("ours", "plain")
     like: str | None = None
+    plain_steps: int = 0
 
     def small(self) -> MotionCase:
         """The same forms on the same cells over two steps."""
@@ -161,7 +163,7 @@ def helix(along: int, across: int) -> MotionCase:
     seen = tuple(float(x) for x in ribbon.place(1.0, 0.5, 1.0))
     return MotionCase(
         lambda comm: dea.read_gmsh(ribbon, comm), 1000.0, 0.25, "outer", ("inner",), "start", seen,
-        "z", seconds=2.5, steps=625, ranks=2,
+        "z", seconds=2.5, steps=625, ranks=2, plain_steps=25,
     )  # fmt: skip
 
 
