@@ -72,6 +72,7 @@ def vibrations(
     response
         How viscous branches take part: with ``"instantaneous"`` their viscous strains stay as they
         are, with ``"relaxed"`` they carry no stress, as in vibrations that are infinitely slow.
+        Charges that depend on the past stay as they are.
 
     Raises
     ------
@@ -82,7 +83,7 @@ def vibrations(
     """
     problem = solver.problem
     whole(count, "The number of modes", 1)
-    one_of(response, RESPONSES, "The response of viscous branches in modes")
+    _check_response(problem, response)
     _check_number(problem, count)
     mass = problem.massive()
     with _responding(problem, response):
@@ -123,16 +124,42 @@ def _check_number(problem: Problem, count: int) -> None:
 @contextmanager
 def _responding(problem: Problem, response: Response) -> Iterator[None]:
     """The present state, in which viscous branches respond to a small change in some way."""
-    state, memory = problem.state, problem.forms.memory
-    if memory:
+    state, viscous = problem.state, problem.forms.memory.NAME
+    kept = dict(state.history)
+    for memory in problem.memories:
         history = problem.histories[memory.NAME]
-        if response == "relaxed":
-            history = history.ahead(math.inf)
-        elif not history.settled:
-            history = memory.settled(history, state.time)
-        state = replace(state, history={**state.history, memory.NAME: history})
-    with problem.at(state):
+        if response == "relaxed" and memory.NAME == viscous:
+            kept[memory.NAME] = history.ahead(math.inf)
+        else:
+            kept[memory.NAME] = memory.settled(history, state.time)
+    with problem.at(replace(state, history=kept)):
         yield
+
+
+def kept_charges(problem: Problem) -> str:
+    """What must be known of vibrations where charge depends on the past, or an empty string."""
+    kept = []
+    if problem.forms.leaks:
+        kept.append("charge that has leaked, and polarisation that is delayed,")
+    if problem.circuits:
+        kept.append("the charge behind a resistance or an open switch")
+    if not kept:
+        return ""
+    words = " and ".join(kept)
+    return (
+        f"{words[0].upper()}{words[1:]} stays as it is in these vibrations, which is right where "
+        "they are much faster than it changes."
+    )
+
+
+def _check_response(problem: Problem, response: Response) -> None:
+    """Raise InputError if charges would have to relax."""
+    one_of(response, RESPONSES, "The response of viscous branches in modes")
+    if response == "relaxed" and kept_charges(problem):
+        raise InputError(
+            'Modes with response="relaxed" are not available where charge leaks, is delayed or '
+            'passes a resistance; take response="instantaneous", in which it stays as it is.'
+        )
 
 
 def check_rest(solver: NewtonSolver) -> None:
