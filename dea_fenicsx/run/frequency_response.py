@@ -13,13 +13,13 @@ import numpy as np
 
 from dea_fenicsx.measure.harmonic import Harmonic, check_linear
 from dea_fenicsx.measure.observables import Charge, Observable, electrode_named
+from dea_fenicsx.measure.vibration import vibration_solver
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.path.path_checks import MOST_STEPS
 from dea_fenicsx.results.columns import column_of
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.run.adaptive_frequencies import refined, resonances
 from dea_fenicsx.run.modes import checked_problem
-from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.agreement import bind_alike, check_same
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import replace_file
@@ -162,7 +162,7 @@ def frequency_response(
     measures = {
         column_of(name, o): bind_alike(problem, name, o) for name, o in record.items()
     }
-    solver = NewtonSolver(problem)
+    solver = vibration_solver(problem)
     check_linear(problem)
     near = resonances(solver, max(frequencies)) if share else []
     harmonic = Harmonic(solver, ramp)

@@ -13,14 +13,19 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Observable
-from dea_fenicsx.measure.vibration import Vibration, kept_charges, signed_hertz, vibrations
+from dea_fenicsx.measure.vibration import (
+    Vibration,
+    kept_charges,
+    signed_hertz,
+    vibration_solver,
+    vibrations,
+)
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_shapes import rigid_shapes
 from dea_fenicsx.path.items import Response
 from dea_fenicsx.results import hdf5, xdmf
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.finished import Run
-from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import replace_file
@@ -232,7 +237,7 @@ def modes(
     """
     problem = checked_problem(run, "modes")
     check_same(problem.comm, {"count": count, "response": response})
-    solver = NewtonSolver(problem)
+    solver = vibration_solver(problem)
     found = vibrations(solver, count, response)
     scaled = [_scaled(problem, vibration) for vibration in found]
     modes = Modes(
