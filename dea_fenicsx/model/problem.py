@@ -92,9 +92,12 @@ class Problem:
         Whether a free body is held by its inertia alone, and not by the pins of `FreeBody`.
     mass
         The mass, whose inertia acts where something has set it; None where nothing moves in time.
+    earlier
+        dg/dq of rigid parts and the factors where a step begins whose forces are means, or None.
     """
 
     mass: Mass | None = None
+    earlier: tuple[Any, Mapping[str, float]] | None = None
 
     def __init__(self, scene: Scene, released: bool = False) -> None:
         self.scene, self.mesh = scene, scene.device.mesh
@@ -368,7 +371,11 @@ class Problem:
             return residual[self.free]
         self._all.array[:] = residual
         self.expansion.multTranspose(self._all, self._few)
-        return self._few.array_r.copy()
+        found = self._few.array_r.copy()
+        if self.earlier is not None:
+            self.earlier[0].multTranspose(self._all, self._few)
+            found = (found + self._few.array_r) / 2
+        return found
 
     def unbalanced(self, residual: np.ndarray) -> np.ndarray:
         """The unbalanced force or charge in each free row.
@@ -378,6 +385,8 @@ class Problem:
         rows = self.restrict(residual)
         for ramp, factor in self.factors.items():
             self.add_sources(rows, ramp, factor)
+            if self.earlier is not None:
+                self.add_sources(rows, ramp, (self.earlier[1][ramp] - factor) / 2, charges=False)
         at = self.springs
         rows[at.rows] += self.turning.force(at, self.w.x.array, self.factors)
         if self.forms.sheets:
@@ -386,10 +395,12 @@ class Problem:
             self.circuits.add_charges(rows, self.w.x.array, self.factors)
         return rows
 
-    def add_sources(self, rows: np.ndarray, ramp: str, factor: float) -> None:
+    def add_sources(
+        self, rows: np.ndarray, ramp: str, factor: float, charges: bool = True
+    ) -> None:
         """Add a ramp's charges, forces and torques on groups to the free rows."""
         for group in self.conditions.groups:
-            if group.master >= 0:
+            if group.master >= 0 and (charges or not group.electric):
                 row = np.searchsorted(self.free, group.master)
                 total = sum(amount for name, amount in group.sources if name == ramp)
                 rows[row] += factor * total / (self.forms.leaks.psi if group.electric else 1.0)
