@@ -234,7 +234,8 @@ def test_what_is_refused():
     scene = strip(supports=[*CLAMPED], materials={"film": rubber((dea.Maxwell(1.0, 1.0),))})
     with pytest.raises(dea.InputError, match="not available with viscous branches"):
         marched(scene, 1.0, 2, {})
-    rigid = strip(supports=[dea.Clamp("x_min"), dea.Rigid("x_max")], loads=[dea.Moment("x_max", 1.0)])
+    turned = [dea.Moment("x_max", 1.0)]
+    rigid = strip(supports=[dea.Clamp("x_min"), dea.Rigid("x_max")], loads=turned)
     with pytest.raises(dea.InputError, match="not available with moments on rigid parts"):
         marched(rigid, 1.0, 2, {})
     with pytest.raises(dea.InputError, match="one of generalised-alpha, energy-conserving"):

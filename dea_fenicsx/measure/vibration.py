@@ -138,7 +138,7 @@ def _responding(problem: Problem, response: Response) -> Iterator[None]:
     kept = dict(state.history)
     for memory in problem.memories:
         history = problem.histories[memory.NAME]
-        if response == "relaxed" and memory.NAME == viscous:
+        if response == "relaxed" and viscous == memory.NAME:
             kept[memory.NAME] = history.ahead(math.inf)
         else:
             kept[memory.NAME] = memory.settled(history, state.time)

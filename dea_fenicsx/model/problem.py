@@ -24,7 +24,7 @@ from dea_fenicsx.model.contact_start import depths
 from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.forms import Forms, assembled
 from dea_fenicsx.model.friction import FrictionHistory
-from dea_fenicsx.model.load_balance import check_cell, check_free_body
+from dea_fenicsx.model.load_balance import check_balance
 from dea_fenicsx.model.mass import Mass
 from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.motion import MOTION, Motion
@@ -113,7 +113,7 @@ class Problem:
         self.forms = Forms(scene, self.scales, self.space, self.cavities, springs, parts)
         self.parameters = Parameters(scene, self.scales, self.forms.kernels)
         self._name_parts()
-        self._check_balance()
+        check_balance(self.conditions, self.forms, self.displacement, self.scales, released)
         self.forms.compile()
         self.charges = ChargeMemory(self)
         self._weigh()
@@ -158,19 +158,9 @@ class Problem:
         self.shown, self._expanded = 0, 0
         if conditions.expansion is not None:
             self._few, self._all = conditions.expansion.createVecs()
-            for name, thing in (
-                ("expansion", conditions.expansion), ("few", self._few), ("all", self._all)
-            ):  # fmt: skip
-                self._petsc.keep(name, thing)
-
-    def _check_balance(self) -> None:
-        """Raise InputError if loads on surfaces have a resultant that nothing bears."""
-        forms, body = self.forms, self.conditions.body
-        if self.conditions.pairs is not None:
-            check_cell(self.displacement, forms.loads.on_surfaces, forms.load_vector)
-        elif body is not None and not self.released:
-            ramps = forms.loads.on_surfaces
-            check_free_body(body, self.displacement, ramps, forms.load_vector, self.scales)
+            self._petsc.keep("expansion", conditions.expansion)
+            self._petsc.keep("few", self._few)
+            self._petsc.keep("all", self._all)
 
     @property
     def pressure_kind(self) -> str:
@@ -372,10 +362,10 @@ class Problem:
         self._all.array[:] = residual
         self.expansion.multTranspose(self._all, self._few)
         found = self._few.array_r.copy()
-        if self.earlier is not None:
-            self.earlier[0].multTranspose(self._all, self._few)
-            found = (found + self._few.array_r) / 2
-        return found
+        if self.earlier is None:
+            return found
+        self.earlier[0].multTranspose(self._all, self._few)
+        return np.asarray((found + self._few.array_r) / 2)
 
     def unbalanced(self, residual: np.ndarray) -> np.ndarray:
         """The unbalanced force or charge in each free row.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 
@@ -62,7 +63,7 @@ def refined(
     for f in _beside(list(found), resonances):
         found[f] = answer(f)
     ends = sorted(found)
-    waiting = list(zip(ends, ends[1:], strict=False))[::-1]
+    waiting = list(itertools.pairwise(ends))[::-1]
     while waiting and len(found) < MOST:
         start, end = waiting.pop()
         size = np.maximum(np.maximum(np.abs(found[start]), np.abs(found[end])), low)

@@ -205,10 +205,10 @@ def modes(
 
     Voltages are given, and so is the charge of an electrode that floats.  Charge that has leaked,
     delayed polarisation and charge behind a resistance stay as they are, which `Modes.note` then
-    says: vibrations are undamped ones, much faster than what depends on the past.  Each region needs a
-    density.  Modes are found about any equilibrium: where it is not stable, those that grow come
-    first and have a negative omega^2.  Their linear systems are solved to 1e-11, and vectors keep
-    the volume of the cells and the electric equations to the same precision.
+    says: vibrations are undamped ones, much faster than what depends on the past.  Each region
+    needs a density.  Modes are found about any equilibrium: where it is not stable, those that grow
+    come first and have a negative omega^2.  Their linear systems are solved to 1e-11, and vectors
+    keep the volume of the cells and the electric equations to the same precision.
 
     Parameters
     ----------

@@ -64,8 +64,9 @@ def main() -> None:
     cpu = comm.allreduce(time.process_time() - busy, op=MPI.MAX)
     total = comm.allreduce(memory, op=MPI.SUM)
     if comm.rank == 0:
+        wall = time.perf_counter() - start
         print(f"{run.summary['unknowns']} unknowns on {comm.size} ranks: {len(modes)} modes in "
-              f"{time.perf_counter() - start:.1f} s, {cpu:.1f} s of CPU, {total:.2f} GB")  # fmt: skip
+              f"{wall:.1f} s, {cpu:.1f} s of CPU, {total:.2f} GB")  # fmt: skip
         print(modes)
         print("largest error of omega^2 as a share: "
               f"{(modes.errors / abs(modes.squares)).max():.1e}", flush=True)  # fmt: skip

@@ -83,7 +83,8 @@ def beam_of_tetrahedra(comm: MPI.Comm) -> dea.Device:
         ghost_mode=dolfinx.mesh.GhostMode.shared_facet,
     )  # fmt: skip
     mesh.topology.create_connectivity(2, 3)
-    places = {"x_min": (0, 0.0), "bottom": (2, 0.0), "middle": (2, size[2] / 2), "top": (2, size[2])}
+    heights = {"bottom": 0.0, "middle": beam.SIDE / 2, "top": beam.SIDE}
+    places = {"x_min": (0, 0.0)} | {name: (2, z) for name, z in heights.items()}
     facets, tags = [], []
     for tag, (axis, at) in enumerate(places.values(), 1):
         found = dolfinx.mesh.locate_entities(
