@@ -26,6 +26,11 @@ sys.path.append(str(Path(__file__).parents[2] / "demos"))
 import beam_in_motion as beam
 
 DENSITY = 1000.0
+DEGREE = 4
+"""Of the quadrature of the plain script."""
+
+SAME = dea.Discretisation(pressure="continuous", augmentation=0.0, quadrature_degree=DEGREE)
+OWN = dea.Discretisation()
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,7 @@ class MotionCase:
     codes : those that take part
     like : the scene whose plain script the value is compared with
     plain_steps : on how many first steps the plain script is timed; 0 for all
+    elements : of our own; those of the plain script, with its quadrature, unless said
     """
 
     device: Callable[[MPI.Comm], dea.Device]
@@ -60,6 +66,7 @@ class MotionCase:
     codes: tuple[str, ...] = ("ours", "plain")
     like: str | None = None
     plain_steps: int = 0
+    elements: dea.Discretisation = SAME
 
     def small(self) -> MotionCase:
         """The same forms on the same cells over two steps."""
@@ -172,13 +179,13 @@ BEAM = "beam in motion"
 CASES = {
     BEAM: bilayer(beam_of_tetrahedra, "middle"),
     "beam, coarse hexahedra": bilayer(
-        beam_of_hexahedra("coarse"), "interface_1", codes=("ours",), like=BEAM
+        beam_of_hexahedra("coarse"), "interface_1", codes=("ours",), like=BEAM, elements=OWN
     ),
     "beam, medium hexahedra": bilayer(
-        beam_of_hexahedra("medium"), "interface_1", codes=("ours",), like=BEAM
+        beam_of_hexahedra("medium"), "interface_1", codes=("ours",), like=BEAM, elements=OWN
     ),
     "beam, fine hexahedra": bilayer(
-        beam_of_hexahedra("fine"), "interface_1", codes=("ours",), like=BEAM
+        beam_of_hexahedra("fine"), "interface_1", codes=("ours",), like=BEAM, elements=OWN
     ),
     "helix in motion, coarse": helix(40, 3),
     "helix in motion": helix(80, 6),

@@ -25,6 +25,7 @@ def solve(case: MotionCase) -> dict[str, Any]:
             dea.Electrode(case.driven, case.volts), *(dea.Ground(name) for name in case.grounds)
         ],
         supports=[dea.Clamp(case.clamped)],
+        elements=case.elements,
     )  # fmt: skip
     march = dea.March(case.seconds, {"voltage": case.drive}, steps=case.steps, inertia=True)
     seen = {"seen": dea.AtPoint(case.seen, "displacement", case.axis)}

@@ -3,6 +3,9 @@
 Displacement and potential of degree 2, a continuous pressure of degree 1 that keeps the volume,
 trapezoidal Newmark, viscous strains at the quadrature points with backward Euler, fixed steps, LU
 by MUMPS in each Newton step.
+
+The energy is a function of C itself, and not of its isochoric part, as in this package.  On a
+coarse mesh, where J is 1 in the mean alone, both differ: by 1 % on the beam.
 """
 
 from __future__ import annotations
@@ -16,11 +19,9 @@ from mpi4py import MPI
 import dea_fenicsx as dea
 from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.support.compat import PETSc, basix, create_vector, dolfinx
-from tests.peers.motion_scenes import DENSITY, MotionCase, beam
+from tests.peers.motion_scenes import DEGREE, DENSITY, MotionCase, beam
 
 G, LIMIT, EPS = 15.36e3, 5.99, 4.8 * EPSILON_0
-DEGREE = 4
-"""Of the quadrature."""
 
 
 def solve(case: MotionCase) -> dict[str, Any]:
@@ -78,17 +79,19 @@ def _equations(W: Any, w: Any, motion: Any, h: float, length: float) -> tuple[An
     u, p, phi = ufl.split(w)
     F = ufl.Identity(3) + ufl.grad(u)
     J, C = ufl.det(F), F.T * F
-    Cbar = J ** (-2 / 3) * C
     element = basix.ufl.quadrature_element(
         mesh.topology.cell_name(), value_shape=(3, 3), degree=DEGREE
     )
     Q = dolfinx.fem.functionspace(mesh, element)
     past, new = [dolfinx.fem.Function(Q) for _ in beam.BRANCHES], []
     # network of Arruda and Boyce in Cohen's form, by its energy
-    z = ufl.sqrt(ufl.tr(Cbar) / 3) / LIMIT
+    z = ufl.sqrt(ufl.tr(C) / 3) / LIMIT
     energy = LIMIT**2 * (z**2 / 2 - ufl.ln(1 - z**2)) + p * (J - 1)
+    # so that the undeformed body has no pressure
+    rest = 1 / LIMIT**2
+    energy -= ((3 - rest) / (3 * (1 - rest)) + sum(mu for mu, _ in beam.BRANCHES) / G) * ufl.ln(J)
     for (mu, tau), old in zip(beam.BRANCHES, past, strict=True):
-        moved = old + step / tau * Cbar
+        moved = old + step / tau * C
         new.append(ufl.det(moved) ** (-1 / 3) * moved)
         energy += 3 * mu / (2 * G) * tau / step * ufl.det(moved) ** (1 / 3)
     pulled = ufl.dot(ufl.inv(F).T, ufl.grad(phi))
