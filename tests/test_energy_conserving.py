@@ -245,7 +245,8 @@ def test_what_is_refused():
 def on_these_ranks(comm):
     """Two cells or one, so that ranks hold one or none each."""
     run = marched(free_strip(comm=comm), 1.0, 3, ENERGIES | MOMENTA, velocity=spin)
-    return [run["K_J"], run["W_J"], run["px_Ns"], run["L_Nms"]]
+    part = marched(with_rigid_end(comm), 1.0, 3, ENERGIES | MOMENTA, velocity=spin)
+    return [found[name] for found in (run, part) for name in ("K_J", "W_J", "px_Ns", "L_Nms")]
 
 
 @pytest.mark.mpi

@@ -152,7 +152,13 @@ def test_what_is_told_and_refused():
 
 def on_some(comm):
     found = balloon(comm, cells=(1, 2))["a_m"]
-    return [*found.real, *found.imag]
+    base = dea.Displacement("x_min", "y", 1.0)
+    held = [dea.Fix("x_min", "x")]
+    run = at_rest(strip(supports=held, prescribed=[base], cells=(6, 1), comm=comm))
+    tip = {"tip": dea.AtPoint((10.0, 0.5), "displacement", "y")}
+    shaken = dea.frequency_response(run, [0.004, 0.02], record=tip, adaptive=0.8)
+    first = np.searchsorted(shaken.hertz, 0.02)
+    return [*found.real, *found.imag, len(shaken.hertz), first, shaken.hertz[first // 2]]
 
 
 @pytest.mark.mpi
