@@ -5,7 +5,7 @@ trapezoidal Newmark, viscous strains at the quadrature points with backward Eule
 by MUMPS in each Newton step.
 
 The energy is a function of C itself, and not of its isochoric part, as in this package.  On a
-coarse mesh, where J is 1 in the mean alone, both differ: by 1 % on the beam.
+coarse mesh, where J is 1 in the mean alone, both differ.
 """
 
 from __future__ import annotations
