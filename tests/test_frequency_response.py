@@ -157,7 +157,7 @@ def on_some(comm):
     run = at_rest(strip(supports=held, prescribed=[base], cells=(6, 1), comm=comm))
     tip = {"tip": dea.AtPoint((10.0, 0.5), "displacement", "y")}
     shaken = dea.frequency_response(run, [0.004, 0.02], record=tip, adaptive=0.8)
-    first = np.searchsorted(shaken.hertz, 0.02)
+    first = int(np.searchsorted(shaken.hertz, 0.02))
     return [*found.real, *found.imag, len(shaken.hertz), first, shaken.hertz[first // 2]]
 
 
