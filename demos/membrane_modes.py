@@ -7,8 +7,9 @@ thinner than wide the frequencies are known:
 
 with j_mn the n-th zero of the Bessel function J_m and a the deformed radius.  Voltage lowers them,
 and all of them vanish at loss of tension.  A film of finite thickness lies above this by about its
-thickness over its radius, since the clamp bends it.  All lengths are in units of the undeformed
-radius R, frequencies in units of sqrt(mu/rho)/R.
+thickness over its radius, since the clamp bends it.  With --extrapolate a second film of half the
+thickness is computed, and the frequencies of both are continued linearly to no thickness.  All
+lengths are in units of the undeformed radius R, frequencies in units of sqrt(mu/rho)/R.
 """
 
 import numpy as np
@@ -31,6 +32,8 @@ def parse():
     parser.number("--thickness", 0.02, "-", "undeformed thickness over undeformed radius")
     parser.count("--angular", 32, "cells around, a multiple of 4")
     parser.count("--radial", 8, "cells from the core to the rim, smaller towards the rim")
+    parser.add_argument("--extrapolate", action="store_true", help="also compute a film of half "
+                        "the thickness, and continue the frequencies to no thickness")  # fmt: skip
     return parser, parser.parse_args()
 
 
@@ -44,9 +47,9 @@ def closed_form(stretch, field):
     return np.sort(zeros)[:COUNT] / (2 * np.pi * stretch) * speed
 
 
-def scene(args):
+def scene(args, thickness):
     """The stretched film with mu, rho, eps and R all 1; at ramp factor 1 it has its field."""
-    a, h = args.stretch, args.thickness / args.stretch**2
+    a, h = args.stretch, thickness / args.stretch**2
     # bending by the clamp decays over a few thicknesses from the rim, where cells are small
     grading = max(1.0, min(0.25 * a / h, 40.0))
     disc = DiskStack(a, [Layer("film", h)], radial=args.radial, angular=args.angular,
@@ -59,7 +62,7 @@ def scene(args):
     return dea.Scene(
         device,
         {"film": film},
-        electrodes=[dea.Electrode("top", args.field * args.thickness), dea.Ground("bottom")],
+        electrodes=[dea.Electrode("top", args.field * thickness), dea.Ground("bottom")],
         supports=[dea.Clamp("side")],
         prescribed=stretch,
     )
@@ -75,32 +78,46 @@ def across(run):
     return modes, found[:COUNT]
 
 
-def main():
-    parser, args = parse()
-    made = scene(args)
+def solved(args, thickness, **options):
+    """The run of a film, all its modes, and the ten frequencies of those that move across it."""
+    made = scene(args, thickness)
     # the film is stretched first, then put under voltage; a ramp that drives nothing is none
     path = [dea.Ramp(name, steps=1) for name in ("prestretch", "voltage") if name in made.ramps]
-    run = dea.solve(
-        made, path or dea.March(1.0), out=args.out, resume=args.resume, quiet=args.quiet,
-        settings=parser.settings(args),
-    )  # fmt: skip
+    run = dea.solve(made, path or dea.March(1.0), quiet=args.quiet, **options)
     modes, found = across(run)
+    return run, modes, modes.frequencies[found]
+
+
+def main():
+    parser, args = parse()
+    run, modes, frequencies = solved(
+        args, args.thickness, out=args.out, resume=args.resume, settings=parser.settings(args)
+    )
     modes.write(run.out)
-    frequencies = modes.frequencies[found]
-    exact = closed_form(args.stretch, args.field)
-    keys = {f"frequency_{k}": f for k, f in enumerate(frequencies)}
-    keys |= {f"closed_form_{k}": f for k, f in enumerate(exact)}
+    columns = {"frequency": frequencies, "closed_form": closed_form(args.stretch, args.field)}
+    columns["extrapolated"] = np.full(COUNT, np.nan)
+    if args.extrapolate:
+        columns["extrapolated"] = 2 * solved(args, args.thickness / 2)[2] - frequencies
+    keys = {f"{name}_{k}": f for name, found in columns.items() for k, f in enumerate(found)}
     run.add(
         **{k: None if np.isnan(f) else float(f) for k, f in keys.items()},
         growing_modes=modes.growing,
     )
     if MPI.COMM_WORLD.rank == 0 and not args.quiet:
-        print("\nmode  frequency  thin membrane  difference    (units of sqrt(mu/rho)/R)")
-        for k, (f, g) in enumerate(zip(frequencies, exact, strict=True)):
-            print(f"{k:4}  {f:9.6f}  {g:13.6f}  {100 * (f / g - 1):+9.2f} %")
+        report(columns, args.extrapolate)
         if modes.growing:
             print(f"{modes.growing} of them grow: the film has lost its tension.")
         print(f"\nresults: {run.out}/modes.xdmf")
+
+
+def report(columns, extrapolated):
+    """Print the frequencies beside those of a thin membrane."""
+    what = ["frequency", *["extrapolated"] * extrapolated]
+    print("\nmode  thin membrane", *(f"{name:>12}  difference" for name in what),
+          "   (units of sqrt(mu/rho)/R)")  # fmt: skip
+    for k, g in enumerate(columns["closed_form"]):
+        told = (f"{columns[n][k]:12.6f}  {100 * (columns[n][k] / g - 1):+8.2f} %" for n in what)
+        print(f"{k:4}  {g:13.6f}", *told)
 
 
 if __name__ == "__main__":

@@ -44,8 +44,17 @@ def check_membrane_modes(out, printed):
     assert s["closed_form_0"] == pytest.approx(0.312139, abs=1e-6)
     assert np.all(found > 1.003 * known) and np.all(found < 1.013 * known)
     assert found[1] == pytest.approx(found[2], rel=1e-6)
-    assert s["growing_modes"] == 0
+    assert s["growing_modes"] == 0 and s["extrapolated_0"] is None
     assert (out / "modes.xdmf").exists()
+
+
+def check_thin_membrane(out, printed):
+    """Continued to no thickness they are those of a membrane to 0.1 %."""
+    s = dea.read_summary(out)
+    found, known = (
+        np.array([s[f"{what}_{k}"] for k in range(10)]) for what in ("extrapolated", "closed_form")
+    )
+    assert found == pytest.approx(known, rel=1e-3)
 
 
 def check_strip_frequency(out, printed):

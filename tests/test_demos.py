@@ -11,7 +11,7 @@ import re
 import numpy as np
 import pytest
 from branch_demo_checks import check_bonded_film, check_growing_wrinkles, check_two_modes
-from conftest import ROOT
+from conftest import ROOT, on_demand
 from demo_checks import (
     check_balloon,
     check_blister,
@@ -60,6 +60,7 @@ from motion_demo_checks import (
     check_membrane_modes,
     check_snap_in_motion,
     check_strip_frequency,
+    check_thin_membrane,
 )
 
 import dea_fenicsx as dea
@@ -435,6 +436,15 @@ def test_demo(name, start, tmp_path):
         history = dea.read_history(tmp_path / "run")
         driven = [n for n in history if n in ("voltage_V", "twist_deg") or n.endswith("_factor")]
         assert driven and all(np.all(np.isfinite(history[name])) for name in driven)
+
+
+@on_demand
+@pytest.mark.demo
+def test_membrane_without_thickness(start, tmp_path):
+    """Two films, continued to no thickness, on a mesh that resolves all ten shapes."""
+    done = start(DEMOS / "membrane_modes.py", "--extrapolate", "--radial", 12, "--out", tmp_path,
+                 check=True)  # fmt: skip
+    check_thin_membrane(tmp_path, done.stdout)
 
 
 @pytest.mark.demo

@@ -193,12 +193,50 @@ def test_carried_on():
     assert more["L_Nms"] == pytest.approx(whole["L_Nms"], rel=1e-9)
 
 
+HEAVY = {"kilograms": 1.5, "moments": 0.4}
+
+
+def with_rigid_end(comm=MPI.COMM_SELF, supports=(), **changes):
+    """A short strip whose end is rigid and carries a body."""
+    given = [*(supports or [dea.FreeBody()]), dea.Rigid("x_max", **HEAVY)]
+    return strip(0.3, given, cells=(2, 1), length=2.0, comm=comm, **changes)
+
+
+def test_a_free_body_with_a_rigid_end():
+    """It flies, turns by several radians and swings; nothing of the three is lost."""
+    run = marched(with_rigid_end(), 6.0, 60, ENERGIES | MOMENTA, velocity=spin)
+    assert np.ptp(total(run)) < 1e-8 * run.column("K_J").max()
+    for name in ("px_Ns", "py_Ns", "L_Nms"):
+        found = run.column(name)[2:]
+        assert found == pytest.approx(found[0], rel=1e-9), name
+    assert run.column("newton_iterations").max() <= 10
+
+
+def test_a_rigid_end_beside_the_other_scheme():
+    """Both schemes are of second order, so that they meet."""
+    tip = {"a": dea.PartRotation("x_max"), "y": dea.PartDisplacement("x_max", "y")}
+    scene = with_rigid_end(
+        supports=[dea.Clamp("x_min")], loads=[dea.Force("x_max", (0.0, 0.02))]
+    )
+    found = []
+    for steps in (20, 40):
+        drive = {"voltage": 1.0, "load": dea.Rise(1.0, 2.0)}
+        run = marched(scene, 8.0, steps, tip, drive=drive)
+        found.append([run["a_rad"], run["y_m"]])
+    fine = dea.March(8.0, drive, steps=160, inertia=dea.Inertia(0.9))
+    run = dea.solve(scene, fine, tip, quiet=True, stability="never", failures=())
+    known = np.array([run["a_rad"], run["y_m"]])
+    off = [np.abs(np.array(f) - known).max() for f in found]
+    assert off[1] < 0.35 * off[0] and off[1] < 0.02 * np.abs(known).max()
+
+
 def test_what_is_refused():
     scene = strip(supports=[*CLAMPED], materials={"film": rubber((dea.Maxwell(1.0, 1.0),))})
     with pytest.raises(dea.InputError, match="not available with viscous branches"):
         marched(scene, 1.0, 2, {})
-    rigid = strip(supports=[dea.Clamp("x_min"), dea.Rigid("x_max")])
-    with pytest.raises(dea.InputError, match="not available with rigid parts"):
+    turned = [dea.Moment("x_max", 1.0)]
+    rigid = strip(supports=[dea.Clamp("x_min"), dea.Rigid("x_max")], loads=turned)
+    with pytest.raises(dea.InputError, match="not available with moments on rigid parts"):
         marched(rigid, 1.0, 2, {})
     with pytest.raises(dea.InputError, match="one of generalised-alpha, energy-conserving"):
         dea.solve(rigid, dea.March(1.0, inertia=dea.Inertia(scheme="exact")), quiet=True)
@@ -207,7 +245,8 @@ def test_what_is_refused():
 def on_these_ranks(comm):
     """Two cells or one, so that ranks hold one or none each."""
     run = marched(free_strip(comm=comm), 1.0, 3, ENERGIES | MOMENTA, velocity=spin)
-    return [run["K_J"], run["W_J"], run["px_Ns"], run["L_Nms"]]
+    part = marched(with_rigid_end(comm), 1.0, 3, ENERGIES | MOMENTA, velocity=spin)
+    return [found[name] for found in (run, part) for name in ("K_J", "W_J", "px_Ns", "L_Nms")]
 
 
 @pytest.mark.mpi

@@ -86,6 +86,49 @@ def test_a_free_body():
     assert answers == pytest.approx([known, -known], rel=1e-7)
 
 
+def test_frequencies_are_put_around_resonances():
+    """A shaken strip without damping: the bare list sees nothing of its resonances."""
+    base = dea.Displacement("x_min", "y", 1.0)
+    scene = strip(supports=[dea.Fix("x_min", "x")], prescribed=[base], cells=(6, 1))
+    run, tip = at_rest(scene), {"tip": dea.AtPoint((10.0, 0.5), "displacement", "y")}
+    modes = dea.modes(run, 3).frequencies
+    hertz = [0.9 * modes[2], 0.1 * modes[0]]
+    found = dea.frequency_response(run, hertz, record=tip, adaptive=0.3)
+    f, y = found.hertz, found["tip_m"]
+    assert np.all(np.diff(f) > 0) and set(hertz) <= set(f) and len(f) < 250
+    for mode in modes[:2]:
+        # the sign turns there, from a large amplitude to a large one
+        k = np.searchsorted(f, mode)
+        assert y[k - 1].real * y[k].real < 0 and min(abs(y[k - 1]), abs(y[k])) > 1e3
+        assert f[k] - f[k - 1] < 3.1e-4 * mode
+    change = np.abs(np.diff(y)) / np.maximum(np.abs(y[1:]), np.abs(y[:-1]))
+    wide = np.diff(f) > 3e-4 * f[1:]
+    large = np.abs(y[1:]) > 0.1
+    assert np.all(change[wide & large] < 0.3 + 1e-9)
+    again = dea.frequency_response(run, hertz[::-1], record=tip, adaptive=0.3)
+    assert again["tip_m"] == pytest.approx(y, rel=1e-9)
+
+
+def test_a_damped_resonance_is_resolved():
+    """The answer of a balloon with a branch, between the frequencies of a list of two."""
+    scene = sphere(pressure=1.0, viscous=[dea.Maxwell(0.05, 0.3)], cells=(2, 6))
+    run = dea.solve(scene, dea.Ramp("load", 0.0, 1, response="relaxed"), quiet=True)
+    found = dea.frequency_response(run, [0.1, 0.9], "load", RADIUS, adaptive=0.2)
+
+    def compliance(hertz):
+        omega = 2 * np.pi * hertz
+        mu = 1 + 0.05j * omega * 0.3 / (1 + 0.3j * omega)
+        return 1 / (91 / 54 * mu - omega**2 / 6)
+
+    assert found["a_m"] == pytest.approx(compliance(found.hertz), rel=2e-3)
+    fine = np.linspace(0.1, 0.9, 2000)
+    peak = np.abs(compliance(fine)).max()
+    assert np.abs(found["a_m"]).max() == pytest.approx(peak, rel=5e-3)
+    # so close that straight lines between them are the curve
+    between = np.interp(fine, found.hertz, np.abs(found["a_m"]))
+    assert between == pytest.approx(np.abs(compliance(fine)), rel=0.02)
+
+
 def test_what_is_told_and_refused():
     run = at_rest(strip(0.1, CLAMPED, cells=(2, 1)))
     record = {"tip": dea.LargestDisplacement("top", "y")}
@@ -94,6 +137,9 @@ def test_what_is_told_and_refused():
     for hertz, words in (([-1.0], ">= 0"), ("fast", "list of numbers"), ([], "at least 1")):
         with pytest.raises(dea.InputError, match=words):
             dea.frequency_response(run, hertz)
+    for share in (0, 1.5, "fine"):
+        with pytest.raises(dea.InputError, match="adaptive is"):
+            dea.frequency_response(run, [1.0], adaptive=share)
     with pytest.raises(dea.InputError, match="no ramp in the scene named 'load'"):
         dea.frequency_response(run, [1.0], "load")
     with pytest.raises(dea.InputError, match="no column"):
@@ -106,7 +152,13 @@ def test_what_is_told_and_refused():
 
 def on_some(comm):
     found = balloon(comm, cells=(1, 2))["a_m"]
-    return [*found.real, *found.imag]
+    base = dea.Displacement("x_min", "y", 1.0)
+    held = [dea.Fix("x_min", "x")]
+    run = at_rest(strip(supports=held, prescribed=[base], cells=(6, 1), comm=comm))
+    tip = {"tip": dea.AtPoint((10.0, 0.5), "displacement", "y")}
+    shaken = dea.frequency_response(run, [0.004, 0.02], record=tip, adaptive=0.8)
+    first = int(np.searchsorted(shaken.hertz, 0.02))
+    return [*found.real, *found.imag, len(shaken.hertz), first, shaken.hertz[first // 2]]
 
 
 @pytest.mark.mpi

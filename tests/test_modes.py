@@ -8,8 +8,10 @@ import pytest
 from motion_scenes import CLAMPED, at_rest, rubber, sphere, strip
 from mpi4py import MPI
 from scipy.linalg import eigh
+from scipy.optimize import brentq
 
 import dea_fenicsx as dea
+from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.tangent import Tangent
@@ -109,6 +111,64 @@ def test_responses_of_a_branch():
     assert fast.squares == pytest.approx(2.5 * plain.squares, rel=1e-9)
     # a relaxed branch still resists changes of volume, which elements keep on the average only
     assert slow.squares == pytest.approx(plain.squares, rel=3e-3)
+
+
+def breathing_with_kept_polarisation(volts, late, B=1.2):
+    """omega^2 about equilibrium with eps = 1 and a polarisation of eps = `late` that has followed.
+
+    Of the round state r^3 = R^3 + a^3 - 1, with s = R^2/r^2 and the polarisation P(R) that stays,
+    the energy over 4 pi is int (W - E^2/(2 s^2) + s^2 P^2/(2 late) - P E) R^2 dR, where
+    E/s^2 + P = c/R^2 and int E dR = V.
+    """
+    x, w = np.polynomial.legendre.leggauss(40)
+    R, w = 1 + (B - 1) * (x + 1) / 2, w * (B - 1) / 2
+
+    def energy(a, P=None):
+        s = (R**3 / (R**3 + a**3 - 1)) ** (2 / 3)
+        eps, held = (1 + late, 0.0) if P is None else (1.0, P)
+        c = (eps * volts + w @ (s**2 * held)) / (w @ (s**2 / R**2))
+        E = s**2 * (c / R**2 - held) / eps
+        electric = -eps * E**2 / (2 * s**2) - held * E
+        if P is not None:
+            electric = electric + s**2 * P**2 / (2 * late)
+        return w @ ((s**2 + 2 / s - 3) / 2 * R**2 + electric * R**2), late * E / s**2
+
+    h = 1e-3
+    a = brentq(lambda a: energy(a + h)[0] - energy(a - h)[0], 1.0, 1.3, xtol=1e-14)
+    P = energy(a)[1]
+    bend = sum(k * energy(a + n * h, P)[0] for n, k in ((-1, 1), (0, -2), (1, 1))) / h**2
+    b = (a**3 + B**3 - 1) ** (1 / 3)
+    return bend / (a**4 * (1 / a - 1 / b))
+
+
+def test_polarisations_that_follow_late():
+    """In no time none follows; when all have followed, they stay as they are in a vibration."""
+    plain = dea.modes(dea.solve(sphere(0.1), dea.Ramp("voltage", steps=2), quiet=True), 4)
+    late = dea.IdealDielectric(1 / EPSILON_0, relaxation=[dea.Debye(0.5 / EPSILON_0, 1e3)])
+    scene, found = sphere(0.1, electric=late), []
+    for path in ([], [dea.March(5e4, steps=4)]):
+        run = dea.solve(scene, [dea.Ramp("voltage", steps=2), *path], quiet=True)
+        found.append(dea.modes(run, 4))
+        assert "stays as it is in these vibrations" in str(found[-1])
+        assert np.all(found[-1].errors < 1e-9 * found[-1].squares)
+    assert plain.note == "" and found[0].squares == pytest.approx(plain.squares, rel=1e-8)
+    for modes, known in ((plain, (0.1, 1e-12)), (found[1], (0.1, 0.5))):
+        (number,) = (k for k in range(4) if breathes(modes, k))
+        assert modes.squares[number] == pytest.approx(
+            breathing_with_kept_polarisation(*known), rel=1e-4
+        )
+    with pytest.raises(dea.InputError, match="where charge leaks"):
+        dea.modes(run, 2, response="relaxed")
+
+
+def test_a_branch_with_a_flow_law():
+    """Its viscous strains stay as they are, and its spring stiffens each mode by 1 + g."""
+    law = dea.KumarLopezPamies(1.0, 0.2, 2.0, 0.5, 0.3)
+    run = at_rest(sphere(viscous=[dea.ViscousBranch(dea.NeoHookean(1.5), flow=law)]))
+    plain = dea.modes(at_rest(sphere()), 3)
+    assert dea.modes(run, 3).squares == pytest.approx(2.5 * plain.squares, rel=1e-9)
+    with pytest.raises(dea.InputError, match="not symmetric"):
+        dea.modes(run, 3, response="relaxed")
 
 
 def test_shapes_for_paraview(tmp_path):

@@ -27,11 +27,21 @@ from dea_fenicsx.model.rigid_shapes import rigid_shapes
 from dea_fenicsx.path.items import RESPONSES, Response
 from dea_fenicsx.solvers.eigenpairs import Eigenpair, eigenpairs
 from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.support.errors import InputError, SolverError
 from dea_fenicsx.support.validation import one_of, whole
 
 SHIFT_SHARE = 1e-4
 """Shift below zero for a tangent that is singular, in units of mu/(rho L^2)."""
+
+
+def vibration_solver(problem: Problem) -> NewtonSolver:
+    """A solver for a search for vibrations, which solves very often and very precisely.
+
+    It keeps a factor of the whole tangent in double precision: each solve takes two iterations.
+    The cheaper factors of large problems take many more.
+    """
+    return NewtonSolver(problem, NewtonOptions(factor="whole"))
 
 
 @dataclass(frozen=True)
@@ -72,6 +82,7 @@ def vibrations(
     response
         How viscous branches take part: with ``"instantaneous"`` their viscous strains stay as they
         are, with ``"relaxed"`` they carry no stress, as in vibrations that are infinitely slow.
+        Charges that depend on the past stay as they are.
 
     Raises
     ------
@@ -82,7 +93,7 @@ def vibrations(
     """
     problem = solver.problem
     whole(count, "The number of modes", 1)
-    one_of(response, RESPONSES, "The response of viscous branches in modes")
+    _check_response(problem, response)
     _check_number(problem, count)
     mass = problem.massive()
     with _responding(problem, response):
@@ -123,16 +134,42 @@ def _check_number(problem: Problem, count: int) -> None:
 @contextmanager
 def _responding(problem: Problem, response: Response) -> Iterator[None]:
     """The present state, in which viscous branches respond to a small change in some way."""
-    state, memory = problem.state, problem.forms.memory
-    if memory:
+    state, viscous = problem.state, problem.forms.memory.NAME
+    kept = dict(state.history)
+    for memory in problem.memories:
         history = problem.histories[memory.NAME]
-        if response == "relaxed":
-            history = history.ahead(math.inf)
-        elif not history.settled:
-            history = memory.settled(history, state.time)
-        state = replace(state, history={**state.history, memory.NAME: history})
-    with problem.at(state):
+        if response == "relaxed" and viscous == memory.NAME:
+            kept[memory.NAME] = history.ahead(math.inf)
+        else:
+            kept[memory.NAME] = memory.settled(history, state.time)
+    with problem.at(replace(state, history=kept)):
         yield
+
+
+def kept_charges(problem: Problem) -> str:
+    """What must be known of vibrations where charge depends on the past, or an empty string."""
+    kept = []
+    if problem.forms.leaks:
+        kept.append("charge that has leaked, and polarisation that is delayed,")
+    if problem.circuits:
+        kept.append("the charge behind a resistance or an open switch")
+    if not kept:
+        return ""
+    words = " and ".join(kept)
+    return (
+        f"{words[0].upper()}{words[1:]} stays as it is in these vibrations, which is right where "
+        "they are much faster than it changes."
+    )
+
+
+def _check_response(problem: Problem, response: Response) -> None:
+    """Raise InputError if charges would have to relax."""
+    one_of(response, RESPONSES, "The response of viscous branches in modes")
+    if response == "relaxed" and kept_charges(problem):
+        raise InputError(
+            'Modes with response="relaxed" are not available where charge leaks, is delayed or '
+            'passes a resistance; take response="instantaneous", in which it stays as it is.'
+        )
 
 
 def check_rest(solver: NewtonSolver) -> None:
@@ -155,14 +192,21 @@ def _lowest(
 ) -> list[Eigenpair]:
     """The eigenpairs of lowest value.  Collective."""
     problem = solver.problem
+    most = problem.roles.count(Role.MOTION)
     growing = 0
     if solver.counts_cheaply:
         solver.refresh_inertia()
         growing = max(solver.inertia.excess or 0, 0)
-    wanted = min(count + growing, problem.roles.count(Role.MOTION))
+    wanted = min(count + growing, most)
     pairs: list[Eigenpair] = []
     with suppress(SolverError):
         pairs = eigenpairs(solver, wanted, reduced, carried)
+        # A large device is counted by the factor that the search has made.  Motions that grow fast
+        # are far from zero, so that a search for the nearest ones alone may not have met them.
+        counted = max(solver.inertia.excess or 0, 0)
+        if counted > sum(pair.value < 0 for pair in pairs) and counted > growing:
+            wanted = min(count + counted, most)
+            pairs = eigenpairs(solver, wanted, reduced, carried)
     if len(pairs) < wanted:
         # A tangent that is nearly singular, as at a bifurcation, has an eigenvalue that is lost in
         # rounding; then the search is made about a shift below 0.
@@ -229,7 +273,7 @@ class Frequency:
     def bind(self, problem: Problem) -> Measurement:
         whole(self.number, "The number of the mode", 0)
         problem.massive()
-        solver = NewtonSolver(problem)
+        solver = vibration_solver(problem)
 
         def value() -> float:
             return signed_hertz(vibrations(solver, self.number + 1)[self.number].square)

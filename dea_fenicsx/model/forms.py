@@ -252,7 +252,15 @@ class Forms:
     @property
     def unsymmetric(self) -> list[str]:
         """Names of the terms and surface loads whose tangent is not symmetric."""
-        terms = [term.name for term in self.terms if not term.symmetric]
+        return self._without([term.name for term in self.terms if not term.symmetric])
+
+    @property
+    def unsymmetric_at_once(self) -> list[str]:
+        """The same where no time passes."""
+        return self._without([term.name for term in self.terms if not term.symmetric_at_once])
+
+    def _without(self, terms: list[str]) -> list[str]:
+        """Names of terms and of all loads and contacts whose tangent is not symmetric."""
         rubbing = [f"friction on {c.told.surface!r}" for c in self.contacts if c.friction]
         return [*terms, *self.loads.unsymmetric, *rubbing]
 

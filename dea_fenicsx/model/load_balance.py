@@ -8,6 +8,8 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.model.components import Component
+from dea_fenicsx.model.conditions import Conditions
+from dea_fenicsx.model.forms import Forms
 from dea_fenicsx.model.free_body import HeldBody
 from dea_fenicsx.model.motion_words import in_words
 from dea_fenicsx.model.rigid_motions import FreePart
@@ -83,6 +85,18 @@ def _work(
     # Forces across the motions cause rounding errors along them, so the size of all forces counts.
     everything = _size(comm, forces) * float(np.abs(motions).max(initial=0.0))
     return total, max(float(np.linalg.norm(size)), everything)
+
+
+def check_balance(
+    conditions: Conditions, forms: Forms, displacement: list[Component], scales: Scales,
+    released: bool,
+) -> None:  # fmt: skip
+    """Raise InputError if loads on surfaces have a resultant that nothing bears.  Collective."""
+    body, ramps = conditions.body, forms.loads.on_surfaces
+    if conditions.pairs is not None:
+        check_cell(displacement, ramps, forms.load_vector)
+    elif body is not None and not released:
+        check_free_body(body, displacement, ramps, forms.load_vector, scales)
 
 
 def check_cell(motion: Sequence[Component], ramps: Sequence[str], forces_of: Forces) -> None:

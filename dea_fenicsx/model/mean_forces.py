@@ -193,8 +193,8 @@ def check_conserving(scene: Scene) -> None:
         what = "viscous branches, which take energy"
     elif any(m.is_air for m in scene.materials.values()):
         what = "air"
-    elif declared.rigid_surfaces:
-        what = "rigid parts"
+    elif declared.rigid_moments:
+        what = "moments on rigid parts, whose work depends on the path"
     elif declared.contacts:
         what = "obstacles"
     elif declared.fillings:

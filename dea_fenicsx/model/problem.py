@@ -24,7 +24,7 @@ from dea_fenicsx.model.contact_start import depths
 from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.forms import Forms, assembled
 from dea_fenicsx.model.friction import FrictionHistory
-from dea_fenicsx.model.load_balance import check_cell, check_free_body
+from dea_fenicsx.model.load_balance import check_balance
 from dea_fenicsx.model.mass import Mass
 from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.motion import MOTION, Motion
@@ -92,9 +92,12 @@ class Problem:
         Whether a free body is held by its inertia alone, and not by the pins of `FreeBody`.
     mass
         The mass, whose inertia acts where something has set it; None where nothing moves in time.
+    earlier
+        dg/dq of rigid parts and the factors where a step begins whose forces are means, or None.
     """
 
     mass: Mass | None = None
+    earlier: tuple[Any, Mapping[str, float]] | None = None
 
     def __init__(self, scene: Scene, released: bool = False) -> None:
         self.scene, self.mesh = scene, scene.device.mesh
@@ -110,7 +113,7 @@ class Problem:
         self.forms = Forms(scene, self.scales, self.space, self.cavities, springs, parts)
         self.parameters = Parameters(scene, self.scales, self.forms.kernels)
         self._name_parts()
-        self._check_balance()
+        check_balance(self.conditions, self.forms, self.displacement, self.scales, released)
         self.forms.compile()
         self.charges = ChargeMemory(self)
         self._weigh()
@@ -155,19 +158,9 @@ class Problem:
         self.shown, self._expanded = 0, 0
         if conditions.expansion is not None:
             self._few, self._all = conditions.expansion.createVecs()
-            for name, thing in (
-                ("expansion", conditions.expansion), ("few", self._few), ("all", self._all)
-            ):  # fmt: skip
-                self._petsc.keep(name, thing)
-
-    def _check_balance(self) -> None:
-        """Raise InputError if loads on surfaces have a resultant that nothing bears."""
-        forms, body = self.forms, self.conditions.body
-        if self.conditions.pairs is not None:
-            check_cell(self.displacement, forms.loads.on_surfaces, forms.load_vector)
-        elif body is not None and not self.released:
-            ramps = forms.loads.on_surfaces
-            check_free_body(body, self.displacement, ramps, forms.load_vector, self.scales)
+            self._petsc.keep("expansion", conditions.expansion)
+            self._petsc.keep("few", self._few)
+            self._petsc.keep("all", self._all)
 
     @property
     def pressure_kind(self) -> str:
@@ -369,7 +362,11 @@ class Problem:
             return residual[self.free]
         self._all.array[:] = residual
         self.expansion.multTranspose(self._all, self._few)
-        return self._few.array_r.copy()
+        found = self._few.array_r.copy()
+        if self.earlier is None:
+            return found
+        self.earlier[0].multTranspose(self._all, self._few)
+        return np.asarray((found + self._few.array_r) / 2)
 
     def unbalanced(self, residual: np.ndarray) -> np.ndarray:
         """The unbalanced force or charge in each free row.
@@ -379,6 +376,8 @@ class Problem:
         rows = self.restrict(residual)
         for ramp, factor in self.factors.items():
             self.add_sources(rows, ramp, factor)
+            if self.earlier is not None:
+                self.add_sources(rows, ramp, (self.earlier[1][ramp] - factor) / 2, charges=False)
         at = self.springs
         rows[at.rows] += self.turning.force(at, self.w.x.array, self.factors)
         if self.forms.sheets:
@@ -387,10 +386,12 @@ class Problem:
             self.circuits.add_charges(rows, self.w.x.array, self.factors)
         return rows
 
-    def add_sources(self, rows: np.ndarray, ramp: str, factor: float) -> None:
+    def add_sources(
+        self, rows: np.ndarray, ramp: str, factor: float, charges: bool = True
+    ) -> None:
         """Add a ramp's charges, forces and torques on groups to the free rows."""
         for group in self.conditions.groups:
-            if group.master >= 0:
+            if group.master >= 0 and (charges or not group.electric):
                 row = np.searchsorted(self.free, group.master)
                 total = sum(amount for name, amount in group.sources if name == ramp)
                 rows[row] += factor * total / (self.forms.leaks.psi if group.electric else 1.0)

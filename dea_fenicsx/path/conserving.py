@@ -22,6 +22,7 @@ import numpy as np
 
 from dea_fenicsx.drives.waves import Wave
 from dea_fenicsx.model.motion import MOTION, Motion
+from dea_fenicsx.model.rigid_starts import start_of_parts
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.items import Inertia
 from dea_fenicsx.path.motion_stepping import MotionStepper, Scheme
@@ -78,9 +79,17 @@ class ConservingStepper(MotionStepper):
         old, new = (self._moving(values) for values in (base.values, state.values))
         landed = self.scheme.landed(old, new, self.motion, seconds)
         fixed = self.problem.conditions.fixed_values.fixed
-        driven = np.where(fixed, landed.acceleration, 0.0)
-        there = self._ends.consistent(state, landed.velocity, driven, corrected=False)
-        motion = replace(there.history[MOTION], auxiliary=landed.auxiliary, length=seconds)
+        driven, velocity = np.where(fixed, landed.acceleration, 0.0), landed.velocity
+        if parts := self.problem.rigid:
+            velocity = velocity.copy()
+            start_of_parts(
+                parts, velocity, driven, state.values, fixed, self.problem.owned, self.problem.comm
+            )
+        there = self._ends.consistent(state, velocity, driven, corrected=False)
+        motion = replace(
+            there.history[MOTION], velocity=landed.velocity, auxiliary=landed.auxiliary,
+            length=seconds,
+        )  # fmt: skip
         return self._remembering(there, {MOTION: motion})
 
     def _solve(self, target: State, near: State | None = None) -> Attempt:

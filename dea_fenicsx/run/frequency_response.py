@@ -11,14 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from dea_fenicsx.measure.harmonic import Harmonic
+from dea_fenicsx.measure.harmonic import Harmonic, check_linear
 from dea_fenicsx.measure.observables import Charge, Observable, electrode_named
+from dea_fenicsx.measure.vibration import vibration_solver
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.path.path_checks import MOST_STEPS
 from dea_fenicsx.results.columns import column_of
 from dea_fenicsx.results.finished import Run
+from dea_fenicsx.run.adaptive_frequencies import refined, resonances
 from dea_fenicsx.run.modes import checked_problem
-from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.agreement import bind_alike, check_same
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import replace_file
@@ -109,6 +110,7 @@ def frequency_response(
     ramp: str | None = None,
     record: Mapping[str, Observable] | None = None,
     amplitude: float = 1.0,
+    adaptive: float | None = None,
 ) -> FrequencyResponse:
     """The linearised answer to a small sinusoidal load about the last state of a run.  Collective.
 
@@ -128,6 +130,12 @@ def frequency_response(
         Observables by name, as of `solve`.
     amplitude
         Amplitude of the ramp's factor, by which the answer is multiplied.
+    adaptive
+        Largest change of a recorded amplitude between neighbouring frequencies, as a share of the
+        larger one; 0.2 gives smooth curves.  Where it is more, further frequencies are put between
+        those in `hertz`, down to a distance of 1e-4 of the frequency.  The search begins on both
+        sides of each mode of vibration within them, so that no narrow resonance is missed.  None
+        takes those in `hertz` alone.
 
     Returns
     -------
@@ -136,43 +144,75 @@ def frequency_response(
     Raises
     ------
     InputError
-        If a name is not known, a region has no density, or a frequency is no number >= 0.
+        If a name is not known, a region has no density, or a frequency is no number >= 0, or
+        `adaptive` is no number above 0 and below 1.
     SolverError
         If the state is no equilibrium, or a frequency is a resonance without damping.
     """
     problem = checked_problem(run, "frequency_response")
-    scene, record = problem.scene, dict(record or {})
-    ramps = scene.ramps
+    record = dict(record or {})
+    ramp = _ramp_of(problem, ramp)
+    frequencies = _checked(hertz)
+    finite(amplitude, "The amplitude of the ramp's factor")
+    share = 0.0 if adaptive is None else _checked_share(adaptive)
+    check_same(
+        problem.comm,
+        {"hertz": frequencies, "ramp": ramp, "amplitude": amplitude, "adaptive": adaptive},
+    )
+    measures = {
+        column_of(name, o): bind_alike(problem, name, o) for name, o in record.items()
+    }
+    solver = vibration_solver(problem)
+    check_linear(problem)
+    near = resonances(solver, max(frequencies)) if share else []
+    harmonic = Harmonic(solver, ramp)
+
+    def answer(f: float) -> np.ndarray:
+        found = harmonic.answer(f)
+        return np.array(
+            [amplitude * harmonic.derivative(m, found) for m in measures.values()], dtype=complex
+        )
+
+    note = _note(problem, ramp)
+    try:
+        if share:
+            found, further = refined(answer, frequencies, near, share)
+            frequencies, rows = list(found), list(found.values())
+            note = " ".join(words for words in (note, further) if words)
+        else:
+            rows = [answer(f) for f in frequencies]
+    finally:
+        harmonic.destroy()
+    volts = {
+        column_of(name, o): amplitude * _volts(problem, o, ramp) for name, o in record.items()
+    }
+    values = {name: np.array([row[k] for row in rows]) for k, name in enumerate(measures)}
+    return FrequencyResponse(
+        np.array(frequencies), values, ramp, float(amplitude), volts, note
+    )
+
+
+def _ramp_of(problem: Problem, ramp: str | None) -> str:
+    """The ramp that oscillates."""
+    ramps = problem.scene.ramps
     if ramp is None:
         if len(ramps) != 1:
             raise InputError(
                 f"frequency_response needs ramp=, since the scene has {len(ramps)}: "
                 f"{', '.join(ramps) or 'none'}."
             )
-        ramp = ramps[0]
+        return str(ramps[0])
     known(ramp, ramps, "ramp in the scene", "it")
-    frequencies = _checked(hertz)
-    finite(amplitude, "The amplitude of the ramp's factor")
-    check_same(problem.comm, {"hertz": frequencies, "ramp": ramp, "amplitude": amplitude})
-    measures = {
-        column_of(name, o): bind_alike(problem, name, o) for name, o in record.items()
-    }
-    harmonic = Harmonic(NewtonSolver(problem), ramp)
-    values: dict[str, list[complex]] = {name: [] for name in measures}
-    try:
-        for f in frequencies:
-            answer = harmonic.answer(f)
-            for name, measure in measures.items():
-                values[name].append(amplitude * harmonic.derivative(measure, answer))
-    finally:
-        harmonic.destroy()
-    volts = {
-        column_of(name, o): amplitude * _volts(problem, o, ramp) for name, o in record.items()
-    }
-    return FrequencyResponse(
-        np.array(frequencies), {name: np.array(v) for name, v in values.items()}, ramp,
-        float(amplitude), volts, _note(problem, ramp),
-    )  # fmt: skip
+    return ramp
+
+
+def _checked_share(adaptive: float) -> float:
+    if not is_number(adaptive) or not 0 < adaptive < 1:
+        raise InputError(
+            f"adaptive is {shown(adaptive)}, but must be None, or a number above 0 and below 1: "
+            "the largest change between neighbouring frequencies."
+        )
+    return float(adaptive)
 
 
 def _checked(hertz: Sequence[float]) -> list[float]:

@@ -13,14 +13,19 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Observable
-from dea_fenicsx.measure.vibration import Vibration, signed_hertz, vibrations
+from dea_fenicsx.measure.vibration import (
+    Vibration,
+    kept_charges,
+    signed_hertz,
+    vibration_solver,
+    vibrations,
+)
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_shapes import rigid_shapes
 from dea_fenicsx.path.items import Response
 from dea_fenicsx.results import hdf5, xdmf
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.finished import Run
-from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import replace_file
@@ -48,6 +53,8 @@ class Modes:
     masses
         Modal mass of each in kg, v . M v of its shape: with an amplitude A in m of the largest
         displacement its kinetic energy is M (omega A)^2/2.
+    note
+        What must be known of these modes, or empty.
     """
 
     squares: np.ndarray
@@ -56,6 +63,7 @@ class Modes:
     shapes: Sequence[np.ndarray]
     masses: np.ndarray
     _problem: Problem
+    note: str = ""
 
     def __len__(self) -> int:
         return len(self.squares)
@@ -93,6 +101,8 @@ class Modes:
         ]
         if self.rigid_motions:
             rows.append(f"{self.rigid_motions} rigid motions of a free body are not listed")
+        if self.note:
+            rows.append(self.note)
         return "\n".join(rows)
 
     def derivative(self, observable: Observable, number: int) -> float:
@@ -193,10 +203,12 @@ def modes(
 ) -> Modes:
     """Modes of vibration about the last accepted state of a run, the lowest first.  Collective.
 
-    Voltages are given, and so is the charge of an electrode that floats.  Each region needs a
-    density.  Modes are found about any equilibrium: where it is not stable, those that grow come
-    first and have a negative omega^2.  Their linear systems are solved to 1e-11, and vectors keep
-    the volume of the cells and the electric equations to the same precision.
+    Voltages are given, and so is the charge of an electrode that floats.  Charge that has leaked,
+    delayed polarisation and charge behind a resistance stay as they are, which `Modes.note` then
+    says: vibrations are undamped ones, much faster than what depends on the past.  Each region
+    needs a density.  Modes are found about any equilibrium: where it is not stable, those that grow
+    come first and have a negative omega^2.  Their linear systems are solved to 1e-11, and vectors
+    keep the volume of the cells and the electric equations to the same precision.
 
     Parameters
     ----------
@@ -218,13 +230,14 @@ def modes(
     Raises
     ------
     InputError
-        If a region has no density, there are fewer modes, or the tangent is not symmetric.
+        If a region has no density, there are fewer modes, the tangent is not symmetric, or charges
+        would have to relax.
     SolverError
         If the run has not ended in equilibrium, or a linear system cannot be solved.
     """
     problem = checked_problem(run, "modes")
     check_same(problem.comm, {"count": count, "response": response})
-    solver = NewtonSolver(problem)
+    solver = vibration_solver(problem)
     found = vibrations(solver, count, response)
     scaled = [_scaled(problem, vibration) for vibration in found]
     modes = Modes(
@@ -234,6 +247,7 @@ def modes(
         [shape for shape, _ in scaled],
         np.array([mass for _, mass in scaled]),
         problem,
+        kept_charges(problem),
     )
     if out is not None:
         modes.write(out)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.solvers.unsymmetric import by_lu
 from dea_fenicsx.support.compat import PETSc
 from dea_fenicsx.support.errors import SolverError
 
@@ -45,12 +46,7 @@ class ComplexSystem:
             self.matrix = nest.convert("aij", PETSc.Mat())
             for thing in (nest, minus, imaginary, real):
                 thing.destroy()
-        self._ksp = PETSc.KSP().create(self.comm)
-        self._ksp.setOperators(self.matrix)
-        self._ksp.setType("preonly")
-        pc = self._ksp.getPC()
-        pc.setType("lu")
-        pc.setFactorSolverType("mumps")
+        self._ksp = by_lu(self.matrix)
         self._x, self._f = self.matrix.createVecs()
 
     def solve(self, force: np.ndarray) -> np.ndarray:

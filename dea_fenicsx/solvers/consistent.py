@@ -22,6 +22,7 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.state import State
 from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.unsymmetric import by_lu
 from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import SolverError
 
@@ -78,7 +79,7 @@ class Start:
         given = np.zeros(problem.size) if driven is None else driven
         with problem.at(state):
             matrix, kept = self._matrix()
-        ksp = factor(matrix, problem.comm)
+        ksp = factor(matrix)
         x, b = matrix.createVecs()
         if corrected:
             velocity = self._kept_volume(state, velocity, kept, (ksp, x, b))
@@ -199,12 +200,8 @@ class Start:
         return total / step**2
 
 
-def factor(matrix: Any, comm: MPI.Comm) -> Any:
-    ksp = PETSc.KSP().create(comm)
-    ksp.setOperators(matrix)
-    ksp.setType("gmres")
+def factor(matrix: Any) -> Any:
+    """A solver by L U with refinement, which the caller destroys.  Collective."""
+    ksp = by_lu(matrix, "gmres")
     ksp.setTolerances(rtol=1e-13, atol=0.0, max_it=10)
-    pc = ksp.getPC()
-    pc.setType("lu")
-    pc.setFactorSolverType("mumps")
     return ksp

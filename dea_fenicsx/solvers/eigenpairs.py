@@ -22,6 +22,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.model.fields import Role
+from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.linear import LinearSolver
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc
@@ -109,12 +110,18 @@ def eigenpairs(
     """
     if not is_whole(count, 1):
         raise InputError(f"{count!r} eigenpairs are wanted; it must be a whole number, at least 1.")
-    if not solver.problem.forms.is_symmetric:
+    if wrong := _unsymmetric(solver.problem):
         raise InputError(
-            "Eigenpairs are found for a symmetric tangent, but that of "
-            f"{', '.join(solver.problem.forms.unsymmetric)} is not symmetric."
+            f"Eigenpairs are found for a symmetric tangent, but that of {', '.join(wrong)} is not "
+            "symmetric."
         )
     return _Search(solver, mass, carried).nearest(int(count))
+
+
+def _unsymmetric(problem: Problem) -> list[str]:
+    """Names of what makes the tangent at the present state unsymmetric."""
+    at_once = all(history.span == 0 for history in problem.histories.values())
+    return problem.forms.unsymmetric_at_once if at_once else problem.forms.unsymmetric
 
 
 class _Inverse:

@@ -2,6 +2,14 @@
 
 The rows of the displacement hold the mean forces and the inertia, all other rows what must hold at
 the end.  The tangent is not symmetric, so that it is factorised as such, in each iteration.
+
+The nodes of a rigid part move from u_0 = g(q_0) to u_1 = g(q_1).  A step turns their arms y by
+
+    y_1 - y_0 = w x (y_0 + y_1)/2,    |w| = 2 tan(angle/2),
+
+and so the row of a rotation holds the moments of all forces, inertia included, about the mean arms.
+Then they do the work of the step, and have no moment of their own.  The mean of dg/dq at both ends
+has these arms.  Source: O. Gonzalez, Comput. Methods Appl. Mech. Engrg. 174 (1999) 445.
 """
 
 from __future__ import annotations
@@ -43,9 +51,18 @@ class MeanSteps:
 
     def solve(self, base: State, guess: State) -> Attempt:
         """The end of a step from a state, whose inertia `guess` has.  Collective."""
+        problem = self.problem
         self.mean.begin(base)
-        with self.problem.at(self.problem.imposed(guess)):
-            return self._iterate()
+        if problem.rigid:
+            with problem.at(base):
+                problem.earlier = problem.expansion.copy(), base.factors
+        try:
+            with problem.at(problem.imposed(guess)):
+                return self._iterate()
+        finally:
+            if problem.earlier is not None:
+                problem.earlier[0].destroy()
+                problem.earlier = None
 
     def _iterate(self) -> Attempt:
         """Newton's method from the present state of the problem."""
@@ -80,7 +97,7 @@ class MeanSteps:
     def _change(self, residual: np.ndarray) -> np.ndarray:
         """Newton's step of the free unknowns (owned).  Collective."""
         matrix = self._matrix()
-        ksp = factor(matrix, self.problem.comm)
+        ksp = factor(matrix)
         x, b = matrix.createVecs()
         b.array[:] = -self.problem.unbalanced(residual)
         ksp.solve(b, x)
@@ -102,6 +119,8 @@ class MeanSteps:
         moving = found.createVecLeft()
         moving.array[:] = 0.0
         moving.array[problem.roles.free(Role.MOTION)] = 1.0
+        if problem.rigid:
+            moving.array[mass.moving(problem.free, problem.expansion)] = 1.0
         slope.diagonalScale(L=moving)
         moving.array[:] = 1.0 - moving.array_r
         found.diagonalScale(L=moving)
@@ -113,6 +132,8 @@ class MeanSteps:
     def _reduced(self, whole: Any) -> Any:
         """A matrix in all owned unknowns in the free ones, which the caller destroys."""
         problem = self.problem
+        if problem.rigid:
+            return self._by_mean_arms(whole)
         if problem.expansion is not None:
             return whole.ptap(problem.expansion)
         rows = PETSc.IS().createGeneral(
@@ -120,4 +141,19 @@ class MeanSteps:
         )
         found = whole.createSubMatrix(rows, rows)
         rows.destroy()
+        return found
+
+    def _by_mean_arms(self, whole: Any) -> Any:
+        """(P_0 + P_1)^T A P_1/2 with P = dg/dq, and half of what P_1 adds by its own change."""
+        problem = self.problem
+        assert problem.earlier is not None
+        mean = problem.earlier[0].copy()
+        mean.axpy(1.0, problem.expansion, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        mean.scale(0.5)
+        ahead = whole.matMult(problem.expansion)
+        found = mean.transposeMatMult(ahead)
+        for thing in (mean, ahead):
+            thing.destroy()
+        bend = problem.rigid.stiffness(self._residual(), problem.w.x.array)
+        problem.rigid.enter(found, bend / 2)
         return found

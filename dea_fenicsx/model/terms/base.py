@@ -27,6 +27,8 @@ class Term(ABC):
         1 where the energy that is stored is the term itself, -1 where it is minus the term.
     symmetric
         Whether its tangent is symmetric.
+    symmetric_at_once
+        Whether it is so where no time passes, so that all that it keeps stays as it is.
     couples_cells
         Whether it couples unknowns that share no cell, so that the tangent's pattern changes.
     history
@@ -39,6 +41,7 @@ class Term(ABC):
     stored_as: ClassVar[str] = ""
     stored_sign: ClassVar[int] = 1
     symmetric: ClassVar[bool] = True
+    symmetric_at_once: ClassVar[bool] = True
     couples_cells: ClassVar[bool] = False
     history: ClassVar[tuple[str, ...]] = ()
     fields: ClassVar[tuple[str, ...]] = ()
@@ -94,6 +97,7 @@ class WorkTerm(Term):
     """
 
     symmetric: ClassVar[bool] = False
+    symmetric_at_once: ClassVar[bool] = False
 
     @abstractmethod
     def work(self, at: MaterialPoint, virtual: Variation) -> Any:

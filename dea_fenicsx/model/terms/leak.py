@@ -37,9 +37,10 @@ class MixedLeak(WorkTerm):
     """- [(psi - 1) D + h] . virtual E, for dielectrics that conduct differently.
 
     The mechanical part of the virtual work knows D alone, so that the tangent is not symmetric.
+    Where no time passes psi is 1, and - h . E is left, which has a symmetric one.
     """
 
-    name = "leak"
+    name, symmetric_at_once = "leak", True
     fields = ("phi",)
     history = ("charge",)
 

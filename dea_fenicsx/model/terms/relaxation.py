@@ -14,10 +14,11 @@ from dea_fenicsx.model.terms.base import Variation, WorkTerm
 class DielectricRelaxation(WorkTerm):
     """Variation of |F P|^2/(2 eps J) - P . E for each Debye term, with its polarisation P held.
 
-    P follows the present field by a share of it, so that the tangent is not symmetric.
+    P follows the present field by a share of it, so that the tangent is not symmetric.  Where no
+    time passes it stays, and the work is the variation of an energy.
     """
 
-    name = "dielectric relaxation"
+    name, symmetric_at_once = "dielectric relaxation", True
     fields = ("phi",)
     stored_as = "electric"
     history = ("charge",)
