@@ -123,17 +123,23 @@ def declared_fields(scene: Scene) -> list[Field]:
     vector = basix.ufl.element("Lagrange", cell, 2, shape=(len(axes),))
     solids = tuple(scene.solids)
     has_air = len(solids) < len(scene.materials)
+    pressed: tuple[str, ...] | None = solids if has_air else None
+    pressure = _pressure_element(scene.elements, cell)
+    if kinematics.is_membrane:  # its pressure is eliminated: p is 0, see `ReferenceTension`
+        pressed, pressure = (), basix.ufl.element("DG", cell, 0)
     found = [
         # Where all is air, nothing moves.
         Field("u", vector, Role.MOTION, axes, regions=None if solids else ()),
         Field(
-            "p", _pressure_element(scene.elements, cell), Role.MULTIPLIER, negative=True,
-            mass=softness, regions=solids if has_air else None,
+            "p", pressure, Role.MULTIPLIER, negative=True, mass=softness, regions=pressed,
         ),
     ]  # fmt: skip
     if scene.has_potential:
         element = basix.ufl.element("Lagrange", cell, scene.elements.potential_degree)
         dielectric = tuple(name for name, m in scene.materials.items() if m.is_dielectric)
+        if kinematics.is_membrane:
+            element = basix.ufl.element("DG", cell, 0)
+            dielectric = tuple(name for e in scene.electrodes for name in e.names)
         found.append(
             Field(
                 "phi", element, Role.POTENTIAL, negative=True, odd=True, mass=_permittivity,

@@ -94,7 +94,10 @@ class MaterialPoint:
                 for ramp, (_, logs) in self.kernel.prestretch.items())
             for i in range(3)
         ]  # fmt: skip
-        return ufl.dot(F, ufl.diag(ufl.as_vector([ufl.exp(power) for power in powers])))
+        stretch = ufl.diag(ufl.as_vector([ufl.exp(power) for power in powers]))
+        if (turn := self._kinematics.frame(self._x)) is not None:
+            stretch = ufl.dot(ufl.dot(turn, stretch), ufl.transpose(turn))
+        return ufl.dot(F, stretch)
 
     @property
     def prestretch(self) -> Any:
@@ -151,5 +154,18 @@ class MaterialPoint:
 
     @property
     def cauchy_stress(self) -> Any:
-        """True stress J^-1 (dPi/dF) F^T, electrostatic part included."""
-        return ufl.dot(ufl.diff(self.energy, self.F), ufl.transpose(self.F)) / self.J
+        """True stress J^-1 (dPi/dF) F^T, electrostatic part included.
+
+        That of a membrane has in addition the pressure with which its faces bear no stress.
+        """
+        found = ufl.dot(ufl.diff(self.energy, self.F), ufl.transpose(self.F)) / self.J
+        if not self.kernel.is_membrane:
+            return found
+        through = ufl.dot(self.F, self.normal)
+        faces = ufl.dot(through, ufl.dot(found, through)) / ufl.dot(through, through)
+        return found - faces * ufl.Identity(3)
+
+    @property
+    def normal(self) -> Any:
+        """Undeformed unit normal of a membrane; F times it has the length of the thickness stretch."""
+        return self._kinematics.unit_normal(self._x)

@@ -107,7 +107,9 @@ class Conducting(Driven):
 
     def _check_group(self, scene: Setting, name: str) -> None:
         """What a single group must be in order to be this electrode."""
-        if name in scene.device.regions and not scene.materials[name].is_conductor:
+        if scene.kinematics.is_membrane:
+            check_on_membrane(self, scene, name)
+        elif name in scene.device.regions and not scene.materials[name].is_conductor:
             raise InputError(
                 f"Region {name!r} is an electrode, but its material does not conduct; give it "
                 "Material(..., electric=Conductor())."
@@ -115,7 +117,28 @@ class Conducting(Driven):
 
     def check_place(self, scene: Setting) -> None:
         """Raise InputError unless the electrode lies where it makes a field.  Collective."""
+        if scene.kinematics.is_membrane:  # each region of the film lies between two faces
+            return
         check_touch(scene.device, scene.materials, self.names, joined_ends(scene))
+
+
+def check_on_membrane(electrode: Conducting, scene: Setting, name: str) -> None:
+    """Raise InputError unless a group is a region of a membrane that can bear a voltage."""
+    if name not in scene.device.regions:
+        raise InputError(
+            f"Electrode {name!r} is a facet group, but the voltage of a membrane acts through its "
+            "thickness; name a region of the film."
+        )
+    if not scene.materials[name].is_dielectric:
+        raise InputError(
+            f"Electrode {name!r} is a region of a membrane, so it must be the dielectric itself; "
+            "give it Material(..., electric=IdealDielectric(eps_r))."
+        )
+    if electrode.all_tapers:
+        raise InputError(
+            f"Electrode {name!r} has a taper, but the voltage of a membrane is one number in each "
+            "region, without singular edges; leave taper= out."
+        )
 
 
 @dataclass(frozen=True)
@@ -278,6 +301,11 @@ class ThinFilm(Electrode):
         return rise / (self.end - self.start) * super().profile(kinematics, X)
 
     def _check_group(self, scene: Setting, name: str) -> None:
+        if scene.kinematics.is_membrane:
+            raise InputError(
+                f"ThinFilm {self.label!r} is for solids; on a membrane take Electrode({name!r}, "
+                "volts), whose voltage acts through the thickness."
+            )
         if name not in scene.device.regions or not scene.materials[name].is_dielectric:
             raise InputError(
                 f"ThinFilm {name!r} must be a dielectric region; name one with "

@@ -21,11 +21,13 @@ class GlobalMotion(NamedTuple):
     lead : pitch/(2 pi)
     elongation : stretch along the axis or the depth, minus 1
     twist : rotation per undeformed axial length
+    thickness : thickness of a membrane in units of the device's length
     """
 
     lead: Any = 0
     elongation: Any = 0
     twist: Any = 0
+    thickness: Any = 1
 
 
 Helix = GlobalMotion
@@ -51,6 +53,9 @@ class Kinematics(ABC):
         How many of the columns of `rigid_motions` are rotations; they come first.
     axis_of_rotation
         Whether the first coordinate is the distance from an axis of rotation.
+    is_membrane
+        Whether the mesh is the middle surface of a film, whose thickness stretch is part of F; see
+        `scene.membranes`.
     """
 
     dim: ClassVar[int] = 3
@@ -60,11 +65,25 @@ class Kinematics(ABC):
     cartesian: ClassVar[bool] = True
     rotations: ClassVar[int] = 3
     axis_of_rotation: ClassVar[bool] = False
+    is_membrane: ClassVar[bool] = False
 
     @property
     def overall(self) -> tuple[str, ...]:
         """Names of the global unknowns."""
         return tuple(unknown.name for unknown in self.global_unknowns)
+
+    @property
+    def wrinkles(self) -> bool:
+        """Whether a membrane wrinkles instead of bearing pressure in its surface."""
+        return False
+
+    def unit_normal(self, x: Any) -> Any:
+        """Undeformed unit normal of a membrane, a 3-vector in the components of F."""
+        raise NotImplementedError(f"{type(self).__name__} has no normal: it is no membrane.")
+
+    def frame(self, x: Any) -> Any:
+        """Rotation from the axes of a pre-stretch to those of F, 3 x 3; None where they agree."""
+        return None
 
     @property
     def coordinates(self) -> str:

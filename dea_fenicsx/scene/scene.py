@@ -82,6 +82,8 @@ class Scene:
         _check_names(self)
         self.kinematics.check(self.device)
         _check_materials(self)
+        if self.kinematics.is_membrane:
+            _check_membrane(self)
         check_electrodes(self)
         for condition in self.mechanics:
             condition.check(self)
@@ -214,6 +216,18 @@ def _check_materials(scene: Scene) -> None:
         if faults:
             model = type(material.elastic).__name__
             raise InputError(f"Region {name!r}, {model}: {faults[0]}.")
+
+
+def _check_membrane(scene: Scene) -> None:
+    """Raise InputError for what a membrane cannot be made of."""
+    name = type(scene.kinematics).__name__
+    for region, material in scene.materials.items():
+        if material.is_air or material.bulk_modulus is not None:
+            what = "is air" if material.is_air else "has a bulk modulus"
+            raise InputError(
+                f"Region {region!r} {what}, but the thickness of a {name} follows from "
+                "incompressibility; give it an incompressible rubber, without bulk_modulus=."
+            )
 
 
 def _check_global_unknowns(scene: Scene) -> None:
