@@ -12,7 +12,7 @@ from dea_fenicsx.mesh.device import Device, scale
 from dea_fenicsx.mesh.named_by_place import Named, Where, check_wanted, named_by_place
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import check_same, together
-from dea_fenicsx.support.cell_types import HEX, LINE, QUAD, TET, TRIANGLE
+from dea_fenicsx.support.cell_types import HEX, INTERVAL, QUAD, TET, TRIANGLE
 from dea_fenicsx.support.errors import InputError, install_hook
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.validation import is_whole, positive
@@ -90,7 +90,7 @@ def _check_mesh(mesh: Any) -> None:
             "geometries are read by read_gmsh."
         )
     cell, dim = mesh.topology.cell_name(), mesh.topology.dim
-    if cell not in (LINE, TRIANGLE, QUAD, TET, HEX):
+    if cell not in (INTERVAL, TRIANGLE, QUAD, TET, HEX):
         raise InputError(
             f"The mesh has cells of the kind {cell}, but must have triangles, quadrilaterals, "
             "tetrahedra or hexahedra, or lines for the meridian of a membrane."
