@@ -25,13 +25,14 @@ if TYPE_CHECKING:
     from .hollow_sphere import HollowSphere
     from .kresling_cell import KreslingCell
     from .membrane_disc import MembraneDisc
+    from .meridian import Meridian
     from .stiffened_film import StiffenedFilm, StiffenedSection
     from .tube import Tube
 
 __all__ = [
     "AirBox", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "FingerStack", "Geometry",
-    "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer", "MembraneDisc", "StiffenedFilm",
-    "StiffenedSection", "Tube", "graded",
+    "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer", "MembraneDisc", "Meridian",
+    "StiffenedFilm", "StiffenedSection", "Tube", "graded",
 ]  # fmt: skip
 
 _HOME = {
@@ -46,6 +47,7 @@ _HOME = {
     "HollowSphere": "hollow_sphere",
     "KreslingCell": "kresling_cell",
     "MembraneDisc": "membrane_disc",
+    "Meridian": "meridian",
     "StiffenedFilm": "stiffened_film",
     "StiffenedSection": "stiffened_film",
     "Tube": "tube",

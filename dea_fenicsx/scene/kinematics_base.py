@@ -73,6 +73,11 @@ class Kinematics(ABC):
         return tuple(unknown.name for unknown in self.global_unknowns)
 
     @property
+    def is_flat(self) -> bool:
+        """Whether a membrane stays in its plane."""
+        return False
+
+    @property
     def wrinkles(self) -> bool:
         """Whether a membrane wrinkles instead of bearing pressure in its surface."""
         return False

@@ -122,6 +122,10 @@ class Membrane(_Film):
     title = "a flat membrane"
     rotations = 1
 
+    @property
+    def is_flat(self) -> bool:
+        return True
+
     def unit_normal(self, x: Any) -> Any:
         return ufl.as_vector([0.0, 0.0, 1.0])
 
