@@ -69,7 +69,8 @@ class Field:
         For an internal field the residual that counts as 1, dimensionless.
     mass
         Mass per volume that keeps an undetermined mode of the field from making a factor singular,
-        for a material; None for a field without such modes.  See `Tangent.matrix`.
+        for a material; None for a field without such modes.  It is negative where the modes are
+        those of a positive stiffness.  See `Tangent.matrix`.
     regions
         Names of the regions in which the field lives; None for all.  Elsewhere its degrees of
         freedom are fixed at 0.
@@ -129,7 +130,10 @@ def declared_fields(scene: Scene) -> list[Field]:
         pressed, pressure = (), basix.ufl.element("DG", cell, 0)
     found = [
         # Where all is air, nothing moves.
-        Field("u", vector, Role.MOTION, axes, regions=None if solids else ()),
+        Field(
+            "u", vector, Role.MOTION, axes, regions=None if solids else (),
+            mass=_without_tension if kinematics.is_membrane else None,
+        ),
         Field(
             "p", pressure, Role.MULTIPLIER, negative=True, mass=softness, regions=pressed,
         ),
@@ -239,6 +243,11 @@ def _pressure_element(elements: Discretisation, cell: str) -> Any:
 def softness(material: Material, scales: Scales) -> float:
     """One over the shear modulus, dimensionless: the mass of a pressure."""
     return scales.stress / material.elastic.shear_modulus()
+
+
+def _without_tension(material: Material, scales: Scales) -> float:
+    """Minus the shear modulus, dimensionless: it holds a membrane that bears no tension yet."""
+    return -material.elastic.shear_modulus() / scales.stress
 
 
 def _permittivity(material: Material, scales: Scales) -> float:
