@@ -17,6 +17,7 @@ from typing import Any
 import ufl
 
 from dea_fenicsx.model.kernels import BoundDebye, Kernel
+from dea_fenicsx.model.tension_field import TensionField
 from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, StrainOf, cofactor
 from dea_fenicsx.support.compat import dolfinx
 
@@ -140,6 +141,16 @@ class MaterialPoint:
     def true_field(self) -> Any:
         """The true electric field F^-T E; 0 where no field lives."""
         return ufl.zero(3) if self.kernel.eps is None else self.cofactor_field / self.J
+
+    @cached_property
+    def tension_field(self) -> TensionField:
+        """The relaxed state of a membrane that wrinkles."""
+        return TensionField(self)
+
+    @property
+    def relaxable(self) -> Any:
+        """Positive where a membrane that wrinkles has a relaxed energy; None of all else."""
+        return self.tension_field.relaxable if self._kinematics.wrinkles else None
 
     @property
     def chain_margin(self) -> Any:

@@ -82,6 +82,11 @@ class Kinematics(ABC):
         """Whether a membrane wrinkles instead of bearing pressure in its surface."""
         return False
 
+    @property
+    def residual_stiffness(self) -> float:
+        """Share of the energy without wrinkles that a membrane keeps where it wrinkles."""
+        return 1.0
+
     def unit_normal(self, x: Any) -> Any:
         """Undeformed unit normal of a membrane, a 3-vector in the components of F."""
         raise NotImplementedError(f"{type(self).__name__} has no normal: it is no membrane.")

@@ -84,6 +84,10 @@ class _Film(Kinematics):
     def wrinkles(self) -> bool:
         return self.relaxed
 
+    @property
+    def residual_stiffness(self) -> float:
+        return self.slack if self.relaxed else 1.0
+
     def surface_gradient(self, u: Any, x: Any) -> Any:
         """F_s, 3 x 3."""
         raise NotImplementedError

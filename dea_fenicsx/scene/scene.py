@@ -228,6 +228,24 @@ def _check_membrane(scene: Scene) -> None:
                 f"Region {region!r} {what}, but the thickness of a {name} follows from "
                 "incompressibility; give it an incompressible rubber, without bulk_modulus=."
             )
+        if scene.kinematics.wrinkles:
+            _check_relaxed(scene, region, material)
+
+
+def _check_relaxed(scene: Scene, region: str, material: Material) -> None:
+    """Raise InputError unless the relaxed energy of a region is known in closed form."""
+    name, model = type(scene.kinematics).__name__, type(material.elastic).__name__
+    if material.viscous:
+        raise InputError(
+            f"Region {region!r} is viscous, but the relaxed energy of {name} is for elastic "
+            "rubbers; leave relaxed=True or the viscous branches out."
+        )
+    charged = any(region in electrode.names for electrode in scene.electrodes)
+    if charged and not hasattr(material.elastic, "width_margin"):
+        raise InputError(
+            f"Region {region!r}: the natural width of a wrinkled {model} film under voltage is not "
+            "known in closed form; take NeoHookean there, or leave relaxed=True out."
+        )
 
 
 def _check_global_unknowns(scene: Scene) -> None:
