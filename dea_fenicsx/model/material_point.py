@@ -148,6 +148,16 @@ class MaterialPoint:
         return TensionField(self)
 
     @property
+    def widening(self) -> Any:
+        """Charge of a film with its wrinkles over that of its surface without them."""
+        kept = self.constant(self._kinematics.residual_stiffness)
+        before = ufl.dot(self.prestretch, self.normal)
+        through = ufl.dot(self.F, self.normal)
+        ahead, across = self.tension_field.squares
+        wider = ahead * across * ufl.dot(before, before) * ufl.dot(through, through)
+        return ufl.conditional(self.tension_field.taut, 1.0, kept + (1 - kept) * wider)
+
+    @property
     def relaxable(self) -> Any:
         """Positive where a membrane that wrinkles has a relaxed energy; None of all else."""
         return self.tension_field.relaxable if self._kinematics.wrinkles else None
