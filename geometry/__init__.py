@@ -15,6 +15,7 @@ from .grading import graded
 
 if TYPE_CHECKING:
     from .air_box import AirBox
+    from .balloon import Balloon
     from .box_stack import BoxStack
     from .dea_hinge import DEAHinge
     from .disc_capacitor import DiscCapacitor
@@ -30,13 +31,14 @@ if TYPE_CHECKING:
     from .tube import Tube
 
 __all__ = [
-    "AirBox", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "FingerStack", "Geometry",
+    "AirBox", "Balloon", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "FingerStack", "Geometry",
     "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer", "MembraneDisc", "Meridian",
     "StiffenedFilm", "StiffenedSection", "Tube", "graded",
 ]  # fmt: skip
 
 _HOME = {
     "AirBox": "air_box",
+    "Balloon": "balloon",
     "BoxStack": "box_stack",
     "DEAHinge": "dea_hinge",
     "DiscCapacitor": "disc_capacitor",
