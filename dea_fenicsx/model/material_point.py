@@ -73,6 +73,8 @@ class MaterialPoint:
         gradient = kinematics.displacement_gradient(fields["u"], self._x, motion)
         self.F = ufl.variable(ufl.Identity(3) + gradient)
         self.cofactor, self.J = cofactor(self.F)
+        if kernel.is_membrane:  # by its thickness stretch
+            self.J = self.constant(1.0)
         self.stretch_factors = {r: ufl.variable(t) for r, (t, _) in kernel.prestretch.items()}
         self.total = self._stretched(self.F)
         self.per_stress = self.constant(1 / stress)
@@ -119,6 +121,9 @@ class MaterialPoint:
     @cached_property
     def cofactor_field(self) -> Any:
         """J F^-T E with E = -Grad phi: J times the true field."""
+        if self.kernel.is_membrane:  # E is along N, and cof(F) N = F N/|F N|^2
+            through = ufl.dot(self.F, self.normal)
+            return ufl.dot(self.nominal_field, self.normal) / ufl.dot(through, through) * through
         gradient = self._kinematics.gradient(self.fields["phi"], self._x, self._motion)
         return -ufl.dot(self.cofactor, gradient)
 

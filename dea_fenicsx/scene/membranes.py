@@ -25,7 +25,6 @@ from ufl import as_matrix, as_vector, grad
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.scene.kinematics import Axisymmetric, PlaneStrain, ThreeD, least_radius
 from dea_fenicsx.scene.kinematics_base import GlobalMotion, Kinematics
-from dea_fenicsx.scene.strain import cofactor
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite, positive
@@ -87,15 +86,6 @@ class _Film(Kinematics):
     @property
     def residual_stiffness(self) -> float:
         return self.slack if self.relaxed else 1.0
-
-    def surface_gradient(self, u: Any, x: Any) -> Any:
-        """F_s, 3 x 3."""
-        raise NotImplementedError
-
-    def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
-        Fs, N = self.surface_gradient(u, x), self.unit_normal(x)
-        area = ufl.dot(cofactor(Fs)[0], N)
-        return Fs + ufl.outer(area / ufl.dot(area, area), N) - ufl.Identity(3)
 
     def gradient(self, phi: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         assert motion is not None
@@ -233,9 +223,13 @@ class SurfaceMembrane(_Film):
         n = ufl.cross(J[:, 0], J[:, 1])
         return n / ufl.sqrt(ufl.dot(n, n))
 
-    def surface_gradient(self, u: Any, x: Any) -> Any:
-        N = self.unit_normal(x)
-        return ufl.Identity(3) - ufl.outer(N, N) + grad(u)
+    def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
+        J, slope, N = ufl.Jacobian(ufl.domain.extract_unique_domain(x)), grad(u), self.unit_normal(x)
+        before = ufl.cross(J[:, 0], J[:, 1])
+        now = ufl.cross(*(J[:, k] + ufl.dot(slope, J[:, k]) for k in range(2)))
+        # now/|before| is cof(F_s) N
+        through = ufl.sqrt(ufl.dot(before, before)) / ufl.dot(now, now) * now
+        return slope + ufl.outer(through - N, N)
 
     def rigid_motions(
         self, x: np.ndarray, axis: int, middle: np.ndarray, half: float
