@@ -212,6 +212,7 @@ EXAMPLES = {
     "TorsionSpring": ("x_max", 1e-3),
     "Gravity": ((0.0, 0.0, -9.81),), "Centrifugal": (10.0,),
     "BodyForce": ("film", (0.0, 0.0, 1.0)),
+    "MembranePressure": ("film", 5.0, (0.0, 0.0, -1.0)),
 }  # fmt: skip
 
 

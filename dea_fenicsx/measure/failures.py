@@ -334,9 +334,18 @@ class Gauge:
 
 
 def default_failures(scene: Scene) -> tuple[Failure, ...]:
-    """What is watched without being asked for: breakdown, where a breakdown field is known."""
+    """What is watched without being asked for.
+
+    That is breakdown, where a breakdown field is known, and loss of tension of a membrane, which
+    bears pressure in its surface on paper only, unless it is relaxed.
+    """
     breakdown = ElectricalBreakdown()
-    return (breakdown,) if scene.has_potential and breakdown.regions_of(scene) else ()
+    found: list[Failure] = []
+    if scene.has_potential and breakdown.regions_of(scene):
+        found.append(breakdown)
+    if scene.kinematics.is_membrane and not scene.kinematics.wrinkles:
+        found.append(LossOfTension())
+    return tuple(found)
 
 
 def pull_in(scene: Scene, error: EquilibriumLost, last: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -94,8 +94,7 @@ class _Told(NamedTuple):
     Attributes
     ----------
     groups, further : dimension and tag of each named group; tags that groups of facets share
-    dim : dimension of the cells
-    space : number of coordinates, one more for the surface of a membrane
+    dim, space : dimension of the cells; number of coordinates, one more for a membrane
     quality, source : as in `Device`
     """
 

@@ -19,6 +19,7 @@ from dea_fenicsx.scene.declarations import (
 )
 from dea_fenicsx.scene.electrode_places import check_touch, joined_ends
 from dea_fenicsx.scene.kinematics_base import Kinematics
+from dea_fenicsx.scene.membrane_checks import check_on_membrane
 from dea_fenicsx.scene.taper import FACE_TOLERANCE, Taper
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
@@ -108,7 +109,7 @@ class Conducting(Driven):
     def _check_group(self, scene: Setting, name: str) -> None:
         """What a single group must be in order to be this electrode."""
         if scene.kinematics.is_membrane:
-            check_on_membrane(self, scene, name)
+            check_on_membrane(scene, name, self.all_tapers)
         elif name in scene.device.regions and not scene.materials[name].is_conductor:
             raise InputError(
                 f"Region {name!r} is an electrode, but its material does not conduct; give it "
@@ -120,25 +121,6 @@ class Conducting(Driven):
         if scene.kinematics.is_membrane:  # each region of the film lies between two faces
             return
         check_touch(scene.device, scene.materials, self.names, joined_ends(scene))
-
-
-def check_on_membrane(electrode: Conducting, scene: Setting, name: str) -> None:
-    """Raise InputError unless a group is a region of a membrane that can bear a voltage."""
-    if name not in scene.device.regions:
-        raise InputError(
-            f"Electrode {name!r} is a facet group, but the voltage of a membrane acts through its "
-            "thickness; name a region of the film."
-        )
-    if not scene.materials[name].is_dielectric:
-        raise InputError(
-            f"Electrode {name!r} is a region of a membrane, so it must be the dielectric itself; "
-            "give it Material(..., electric=IdealDielectric(eps_r))."
-        )
-    if electrode.all_tapers:
-        raise InputError(
-            f"Electrode {name!r} has a taper, but the voltage of a membrane is one number in each "
-            "region, without singular edges; leave taper= out."
-        )
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from dea_fenicsx.scene.electrode_checks import check_electrodes
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode
 from dea_fenicsx.scene.elements import SIMPLICES, Discretisation
 from dea_fenicsx.scene.kinematics import Kinematics, ThreeD
+from dea_fenicsx.scene.membrane_checks import check_films, check_loads_of_membrane
 from dea_fenicsx.scene.sources import Source
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError
@@ -82,14 +83,14 @@ class Scene:
         _check_names(self)
         self.kinematics.check(self.device)
         _check_materials(self)
-        if self.kinematics.is_membrane:
-            _check_membrane(self)
+        check_films(self)
         check_electrodes(self)
         for condition in self.mechanics:
             condition.check(self)
         for condition in self.mechanics:
             condition.check_beside(self.declared.told)
         check_air(self)
+        check_loads_of_membrane(self)
         if not self.supports and self.solids:
             raise InputError(
                 "The scene has no supports, so the device could drift away; add Clamp(...), "
@@ -216,36 +217,6 @@ def _check_materials(scene: Scene) -> None:
         if faults:
             model = type(material.elastic).__name__
             raise InputError(f"Region {name!r}, {model}: {faults[0]}.")
-
-
-def _check_membrane(scene: Scene) -> None:
-    """Raise InputError for what a membrane cannot be made of."""
-    name = type(scene.kinematics).__name__
-    for region, material in scene.materials.items():
-        if material.is_air or material.bulk_modulus is not None:
-            what = "is air" if material.is_air else "has a bulk modulus"
-            raise InputError(
-                f"Region {region!r} {what}, but the thickness of a {name} follows from "
-                "incompressibility; give it an incompressible rubber, without bulk_modulus=."
-            )
-        if scene.kinematics.wrinkles:
-            _check_relaxed(scene, region, material)
-
-
-def _check_relaxed(scene: Scene, region: str, material: Material) -> None:
-    """Raise InputError unless the relaxed energy of a region is known in closed form."""
-    name, model = type(scene.kinematics).__name__, type(material.elastic).__name__
-    if material.viscous:
-        raise InputError(
-            f"Region {region!r} is viscous, but the relaxed energy of {name} is for elastic "
-            "rubbers; leave relaxed=True or the viscous branches out."
-        )
-    charged = any(region in electrode.names for electrode in scene.electrodes)
-    if charged and not hasattr(material.elastic, "width_margin"):
-        raise InputError(
-            f"Region {region!r}: the natural width of a wrinkled {model} film under voltage is not "
-            "known in closed form; take NeoHookean there, or leave relaxed=True out."
-        )
 
 
 def _check_global_unknowns(scene: Scene) -> None:
