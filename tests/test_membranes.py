@@ -53,16 +53,15 @@ def test_free_films_reach_the_exact_state(e, loads):
     assert ratio == pytest.approx(e * FIELD / z / 1e9, rel=1e-9)
     least = min(s * stretch for s, stretch in zip(loads, (x, y), strict=True)) * MU
     assert run.history["tension_Pa"][-1] == pytest.approx(least, abs=1e-5)
-    assert run.history["negative_eigenvalues"][-1] == 0
+    assert run.history["negative_modes"][-1] == 0
 
 
 def test_pull_in_of_a_free_film():
     """V = 0.687365 H sqrt(mu/eps), by arc length."""
     scene = film(e=1.0)
-    run = dea.solve(scene, dea.Trace("voltage", steps=25, until=dea.Close), quiet=True) if 0 else (
-        dea.solve(scene, dea.Trace("voltage", max_steps=12), quiet=True))  # fmt: skip
-    limit = [event for event in run.events if event["mode"] == "limit point"][0]
-    assert limit["voltage_V"] == pytest.approx(0.687365 * volts(1.0, THICKNESS), rel=1e-5)
+    run = dea.solve(scene, dea.Trace("voltage", steps=12), quiet=True)
+    limit = next(event for event in run.events if event["mode"] == "limit point")
+    assert limit["voltage_V"] == pytest.approx(0.687365 * volts(1.0, THICKNESS), rel=2e-6)
 
 
 def test_a_charge_in_place_of_a_voltage():
@@ -120,7 +119,7 @@ def test_a_wrinkled_film_bears_tension_along_its_wrinkles_alone():
     energies = [MU / 2 * (a**2 + w**2 + (a * w) ** -2 - 3) for w in (1.0, n)]
     energy = (SLACK * energies[0] + (1 - SLACK) * energies[1]) * AREA * THICKNESS
     assert float(run["U_J"]) == pytest.approx(energy, rel=1e-9)
-    assert run.history["negative_eigenvalues"][-1] == 0
+    assert run.history["negative_modes"][-1] == 0
 
 
 def test_a_slack_film_bears_nothing_but_its_residual_stiffness():
@@ -189,7 +188,7 @@ def test_cones_in_the_limit_of_a_thin_membrane(lp, q, resting, charged):
     assert z[-3] == pytest.approx(resting, rel=1e-6)
     assert z[-1] == pytest.approx(charged, rel=1e-6)
     assert z[-1] == pytest.approx(Cone(lp, q, 0.1).deflection(), rel=1e-6)
-    assert np.all(run.history["negative_eigenvalues"] == 0)
+    assert np.all(run.history["negative_modes"] == 0)
     assert not run.events  # nowhere slack, which is watched unasked
 
 
@@ -244,7 +243,7 @@ def line(**changes):
     "an edge as an electrode": (
         lambda: film(electrodes=[dea.Electrode("top", 1.0)]), "acts through its thickness"),
     "a taper": (
-        lambda: film(electrodes=[dea.Electrode("film", 1.0, taper=dea.Taper("x", 0.0, 0.1))]),
+        lambda: film(electrodes=[dea.Electrode("film", 1.0, taper=dea.Taper(0.0, 0.1, "x"))]),
         "leave taper= out"),
     "a thin film": (
         lambda: film(electrodes=[dea.ThinFilm("film", 1.0, end=1.0)]), "ThinFilm 'film' is for"),
@@ -258,7 +257,8 @@ def line(**changes):
     "no residual stiffness": (
         lambda: film(kinematics=dea.Membrane(1e-3, relaxed=True, slack=0.0)), "between 0 and 1"),
     "a Gent film with wrinkles under voltage": (
-        lambda: film(materials={"film": GENT}), "natural width of a wrinkled Gent film"),
+        lambda: film(materials={"film": GENT}, kinematics=dea.Membrane(1e-3, relaxed=True)),
+        "natural width of a wrinkled Gent film"),
     "a solid's mesh": (
         lambda: film(kinematics=dea.SurfaceMembrane(1e-3)), "a mesh of surfaces in 3"),
     "a flat mesh of revolution": (
@@ -273,8 +273,8 @@ def line(**changes):
     "a pressure on an edge": (
         lambda: line(loads=[dea.FollowerPressure("start", 1.0)]), "acts on the faces of a solid"),
     "a normal for the loss of tension": (
-        lambda: dea.solve(line(), dea.Ramp(steps=1), quiet=True,
-                          failures=[dea.LossOfTension("z")]), "leave normal= out"),
+        lambda: dea.solve(line(loads=[dea.DeadLoad("start", (1.0, 0.0))]), dea.Ramp(steps=1),
+                          quiet=True, failures=[dea.LossOfTension("z")]), "leave normal= out"),
 }.values())  # fmt: skip
 def test_what_a_membrane_cannot_do_is_told(make, told):
     with pytest.raises(dea.InputError, match=told) as error:
