@@ -75,7 +75,7 @@ def balloon_pressure(a, e, thickness, radius):
     return 2 * (1 / a - a**-7 - e**2 * a) * MU * thickness / radius
 
 
-def balloon(device, supports, kinematics, inside, e=0.3, a=1.2, **record):
+def balloon(device, supports, kinematics, inside, e=0.3, a=1.2, steps=4, **record):
     """A balloon of radius 10 mm and thickness 0.1 mm under pressure and voltage."""
     pressure = balloon_pressure(a, e, kinematics.thickness, 1e-2)
     scene = dea.Scene(
@@ -84,7 +84,7 @@ def balloon(device, supports, kinematics, inside, e=0.3, a=1.2, **record):
         loads=[dea.MembranePressure("film", pressure, inside)], kinematics=kinematics,
     )  # fmt: skip
     wanted = {"Q": dea.Charge("film"), "t": dea.OverRegion("stretch", "mean"), **record}
-    return dea.solve(scene, dea.Ramp(["load", "voltage"], steps=4), wanted, quiet=True)
+    return dea.solve(scene, dea.Ramp(["load", "voltage"], steps=steps), wanted, quiet=True)
 
 
 def round_balloon(comm=MPI.COMM_SELF, cells=16, **options):
@@ -99,11 +99,7 @@ def round_balloon(comm=MPI.COMM_SELF, cells=16, **options):
 
 
 def on_all_ranks(comm):
-    """What the test of ranks compares with closed forms."""
-    thin = round_balloon(comm, cells=2)
-    run = dea.solve(film(comm, 0.5), dea.Ramp(steps=2), STRETCHES, quiet=True)
-    _, deflection = cone(1.5, 0.5, 0.1, 4, comm)
-    return {
-        "balloon": float(thin["radius_m"]), "x": float(run["x"]), "Q": float(run["Q_C"]),
-        "cone": float(deflection[-1]),
-    }  # fmt: skip
+    """What the test of ranks compares: a balloon of two cells, and a film."""
+    thin = round_balloon(comm, cells=2, a=1.02, steps=1)
+    run = dea.solve(film(comm, 0.3), dea.Ramp(steps=1), STRETCHES, quiet=True)
+    return {"balloon": float(thin["radius_m"]), "x": float(run["x"]), "Q": float(run["Q_C"])}

@@ -14,6 +14,7 @@ from demo_checks import (
     check_blister,
     check_buckling,
     check_cone,
+    check_cone_of_a_membrane,
     check_crease,
     check_creep,
     check_ddea,
@@ -422,6 +423,15 @@ def test_zipping(start, tmp_path):
     done = start(DEMOS / "zipping_or_folding.py", "--case", "zip", "--out", tmp_path, "--quiet",
                  check=True)  # fmt: skip
     check_zipping(tmp_path, done.stdout)
+
+
+@pytest.mark.demo
+def test_cone_of_a_membrane(start, tmp_path):
+    done = start(DEMOS / "cone.py", "--membrane", "--cells", 20, "--out", tmp_path, "--quiet",
+                 check=True)  # fmt: skip
+    check_cone_of_a_membrane(tmp_path, done.stdout)
+    both = start(DEMOS / "cone.py", "--membrane", "--solid", "--out", tmp_path)
+    assert both.returncode != 0 and "exclude each other" in both.stderr
 
 
 @pytest.mark.demo
