@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from .tube import Tube
 
 __all__ = [
-    "AirBox", "Balloon", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "FingerStack", "Geometry",
-    "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer", "MembraneDisc", "Meridian",
-    "StiffenedFilm", "StiffenedSection", "Tube", "graded",
+    "AirBox", "Balloon", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "FingerStack",
+    "Geometry", "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer", "MembraneDisc",
+    "Meridian", "StiffenedFilm", "StiffenedSection", "Tube", "graded",
 ]  # fmt: skip
 
 _HOME = {

@@ -63,7 +63,8 @@ class StructuredMesh:
         if chosen.size == 0:
             return
         sides = np.take(self.cells[chosen], -1 if end else 0, axis=axis + 1)
-        if sides.ndim > 1 and (axis == 1) != (end == 0):  # turn it round, so that the normal points out of the cell
+        # turn it round, so that the normal points out of the cell; a point has no sides
+        if sides.ndim > 1 and (axis == 1) != (end == 0):
             sides = sides[:, ::-1] if sides.ndim == 2 else np.swapaxes(sides, 1, 2)
         self.facets[name] = _joined(self.facets.get(name), sides)
 

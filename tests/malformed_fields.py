@@ -220,7 +220,8 @@ FIELDS = {
     dea.AxisymmetricMembrane: (on_a_line(dea.AxisymmetricMembrane), dict(thickness=1e-3)),
     dea.SurfaceMembrane: (in_space(dea.SurfaceMembrane), dict(thickness=1e-3)),
     dea.MembranePressure: (
-        lambda **g: on_a_line(dea.AxisymmetricMembrane, [dea.MembranePressure(**g)])(thickness=1e-3),
+        lambda **g: on_a_line(dea.AxisymmetricMembrane, [dea.MembranePressure(**g)])(
+            thickness=1e-3),
         dict(where="film", pascal=1.0, away_from=(0.0, -1.0))),
     dea.Helical: (lambda **g: scene(kinematics=dea.Helical(**g)), dict(pitch=1e-3)),
     dea.AxialStretch: (in_scene(dea.AxialStretch, "prescribed"), dict(stretch=1.1)),

@@ -163,12 +163,14 @@ def test_relaxed_films_follow_resolved_wrinkles():
     wanted = {"along": dea.OverallStretch(),
               "across": dea.OverRegion("stretch", "mean", "x")}  # fmt: skip
     resolved = dea.solve(solid, path, wanted, quiet=True)
-    relaxed = dea.solve(film(
+    membrane = film(
         device=sheet(length=width, width=10e-3, divisions=(2, 2)),
         electrodes=[dea.Electrode("film", volts(e, thin))],
         supports=[dea.Fix("left", "x"), dea.Fix("right", "x"), dea.Fix("bottom", "y")],
         loads=[dea.DeadLoad("top", (0.0, load))], kinematics=dea.Membrane(thin, relaxed=True),
-    ), [dea.Ramp(["load"], steps=1), dea.Ramp(["voltage"], steps=4)], STRETCHES, quiet=True)  # fmt: skip
+    )  # fmt: skip
+    path = [dea.Ramp(["load"], steps=1), dea.Ramp(["voltage"], steps=4)]
+    relaxed = dea.solve(membrane, path, STRETCHES, quiet=True)
     a = float(relaxed["y"])
     natural = (a**2 * (1 - e**2 * a**2)) ** -0.25
     assert natural > 1.05  # far beyond the onset of wrinkles

@@ -262,7 +262,9 @@ def _name_parts(path: Path, names: Names) -> None:
         model.addPhysicalGroup(members[0][0], [tag for _, tag in members], name=name)
 
 
-def read_names(model: Any, label: str, lines: bool = False) -> tuple[dict[str, tuple[int, int]], int]:
+def read_names(
+    model: Any, label: str, lines: bool = False
+) -> tuple[dict[str, tuple[int, int]], int]:
     """Names of the groups of regions and of facets, and the dimension of the cells.
 
     Groups of lower dimension are no part of a scene, so their names are free.

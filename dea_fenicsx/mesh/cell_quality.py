@@ -81,7 +81,7 @@ def _folded(device: Device, degree: int) -> np.ndarray:
     Looked at in the quadrature points, where it must not vanish either, and in the corners, where
     it may: the cells at the corners of a round core are flat there.
     """
-    mesh, d = device.mesh, device.dim
+    mesh = device.mesh
     table = compat.geometry_dofmap(mesh)
     kind = getattr(basix.CellType, mesh.topology.cell_name())
     points, _ = basix.make_quadrature(kind, degree)

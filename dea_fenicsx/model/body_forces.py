@@ -69,7 +69,7 @@ class Body:
         """
         kinematics, x = self._scene.kinematics, ufl.SpatialCoordinate(self._mesh)
         gradient = kinematics.displacement_gradient(self._displacement, x)
-        through = ufl.dot(ufl.Identity(3) + gradient, kinematics.unit_normal(x))
+        through = ufl.dot(ufl.Identity(3) + gradient, kinematics.film.unit_normal(x))
         area = through / ufl.dot(through, through)  # cof(F) N, since det F = 1
         per_volume = self.number(pascal / self._scales.stress * self._scales.length)
         side = self._side(away_from, regions)
@@ -83,7 +83,7 @@ class Body:
         middle = basix.geometry(getattr(basix.CellType, self._mesh.topology.cell_name()))
         point = ufl.as_vector([self.number(value / self.length) for value in away_from])
         away = kinematics.embed(x - point)
-        along = ufl.dot(away, kinematics.unit_normal(x)) / ufl.sqrt(ufl.dot(away, away))
+        along = ufl.dot(away, kinematics.film.unit_normal(x)) / ufl.sqrt(ufl.dot(away, away))
         evaluate = compat.expression(ufl.as_vector([along]), middle.mean(axis=0, keepdims=True))
         found = dolfinx.fem.Function(self._constant)
         cells = np.concatenate([device.cells_of(name) for name in regions])

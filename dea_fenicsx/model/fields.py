@@ -124,19 +124,13 @@ def declared_fields(scene: Scene) -> list[Field]:
     vector = basix.ufl.element("Lagrange", cell, 2, shape=(len(axes),))
     solids = tuple(scene.solids)
     has_air = len(solids) < len(scene.materials)
-    pressed: tuple[str, ...] | None = solids if has_air else None
-    pressure = _pressure_element(scene.elements, cell)
-    if kinematics.is_membrane:  # its pressure is eliminated: p is 0, see `ReferenceTension`
-        pressed, pressure = (), basix.ufl.element("DG", cell, 0)
     found = [
         # Where all is air, nothing moves.
         Field(
             "u", vector, Role.MOTION, axes, regions=None if solids else (),
             mass=_without_tension if kinematics.is_membrane else None,
         ),
-        Field(
-            "p", pressure, Role.MULTIPLIER, negative=True, mass=softness, regions=pressed,
-        ),
+        _pressure(scene, cell, solids if has_air else None),
     ]  # fmt: skip
     if scene.has_potential:
         element = basix.ufl.element("Lagrange", cell, scene.elements.potential_degree)
@@ -180,6 +174,14 @@ def declared_fields(scene: Scene) -> list[Field]:
     found += [field for added in scene.declared.added for field in added.fields]
     _check_names(found)
     return found
+
+
+def _pressure(scene: Scene, cell: str, regions: tuple[str, ...] | None) -> Field:
+    """The pressure in some regions; that of a membrane is eliminated, so that p is 0 there."""
+    element = _pressure_element(scene.elements, cell)
+    if scene.kinematics.is_membrane:  # see `ReferenceTension`
+        regions, element = (), basix.ufl.element("DG", cell, 0)
+    return Field("p", element, Role.MULTIPLIER, negative=True, mass=softness, regions=regions)
 
 
 def unknowns_of_part(kinematics: Kinematics) -> tuple[str, ...]:

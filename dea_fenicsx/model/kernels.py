@@ -175,9 +175,8 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 eps=cellwise(permittivity) if has_field else None,
                 kappa=cellwise(bulk_modulus) if stiff else None,
                 prestretch={
-                    ramp: (factors[ramp],
-                           [cellwise(partial(log_stretch, ramp, axis)) for axis in range(3)])
-                    for ramp in ramps
+                    r: (factors[r], [cellwise(partial(log_stretch, r, a)) for a in range(3)])
+                    for r in ramps
                 },
                 regions=tuple(names),
                 cells=together[together < owned],

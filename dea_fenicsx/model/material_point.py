@@ -98,7 +98,8 @@ class MaterialPoint:
             for i in range(3)
         ]  # fmt: skip
         stretch = ufl.diag(ufl.as_vector([ufl.exp(power) for power in powers]))
-        if (turn := self._kinematics.frame(self._x)) is not None:
+        film = self._kinematics.film
+        if film is not None and (turn := film.frame(self._x)) is not None:
             stretch = ufl.dot(ufl.dot(turn, stretch), ufl.transpose(turn))
         return ufl.dot(F, stretch)
 
@@ -193,5 +194,5 @@ class MaterialPoint:
 
     @property
     def normal(self) -> Any:
-        """Undeformed unit normal of a membrane; F times it has the length of the thickness stretch."""
-        return self._kinematics.unit_normal(self._x)
+        """Undeformed unit normal N of a membrane; the length of F N is its thickness stretch."""
+        return self._kinematics.film.unit_normal(self._x)

@@ -9,8 +9,8 @@ field E is that of the material plus - eps E^2 a^2 b^2/2.  Wrinkles replace it b
 
 so that no stress in the surface is negative.  For any isotropic rubber n = a^(-1/2) without a
 field; in a neo-Hookean film n^4 = 1/(a^2 (1 - e^2 a^2)) with e^2 = eps E^2/mu, and s is the lesser
-root of s^6 (1 - e^2 s^2) = 1.  Where e a >= 1, or e^2 > (27/256)^(1/3) in a slack place, no width is
-in equilibrium, and no relaxed energy exists.
+root of s^6 (1 - e^2 s^2) = 1.  Where e a >= 1, or e^2 > (27/256)^(1/3) in a slack place, no width
+is in equilibrium, and no relaxed energy exists.
 
 References
 ----------

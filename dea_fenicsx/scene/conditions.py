@@ -26,7 +26,7 @@ __all__ = [
     "AxialForce", "AxialStretch", "BodyForce", "Cavity", "Centrifugal", "ChargedElectrode", "Clamp",
     "Condition", "DeadLoad", "DeadPressure", "Discretisation", "Displacement", "ElasticFoundation",
     "Electrode", "Fix", "FollowerPressure", "Force", "FreeBody", "Gravity", "Ground", "Load",
-    "MeanStrain", "MembranePressure", "Moment", "Obstacle", "Periodic", "PreStretch", "Prescribed", "Rigid", "Source",
-    "Spring", "Stretch", "Support", "Taper", "ThinFilm", "Torque", "TorsionSpring", "Turn",
-    "Twist",
+    "MeanStrain", "MembranePressure", "Moment", "Obstacle", "Periodic", "PreStretch",
+    "Prescribed", "Rigid", "Source", "Spring", "Stretch", "Support", "Taper", "ThinFilm", "Torque",
+    "TorsionSpring", "Turn", "Twist",
 ]  # fmt: skip

@@ -87,12 +87,9 @@ class Kinematics(ABC):
         """Share of the energy without wrinkles that a membrane keeps where it wrinkles."""
         return 1.0
 
-    def unit_normal(self, x: Any) -> Any:
-        """Undeformed unit normal of a membrane, a 3-vector in the components of F."""
-        raise NotImplementedError(f"{type(self).__name__} has no normal: it is no membrane.")
-
-    def frame(self, x: Any) -> Any:
-        """Rotation from the axes of a pre-stretch to those of F, 3 x 3; None where they agree."""
+    @property
+    def film(self) -> Any:
+        """Itself, where it is a membrane with `unit_normal` and `frame`; None elsewhere."""
         return None
 
     @property

@@ -80,12 +80,24 @@ class _Film(Kinematics):
         return GlobalMotion(thickness=lead)
 
     @property
+    def film(self) -> _Film:
+        return self
+
+    @property
     def wrinkles(self) -> bool:
         return self.relaxed
 
     @property
     def residual_stiffness(self) -> float:
         return self.slack if self.relaxed else 1.0
+
+    def unit_normal(self, x: Any) -> Any:
+        """Undeformed unit normal, a 3-vector in the components of F."""
+        raise NotImplementedError(f"{type(self).__name__} must say its normal.")
+
+    def frame(self, x: Any) -> Any:
+        """Rotation from the axes of a pre-stretch to those of F, 3 x 3; None where they agree."""
+        return None
 
     def gradient(self, phi: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         assert motion is not None
@@ -224,7 +236,8 @@ class SurfaceMembrane(_Film):
         return n / ufl.sqrt(ufl.dot(n, n))
 
     def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
-        J, slope, N = ufl.Jacobian(ufl.domain.extract_unique_domain(x)), grad(u), self.unit_normal(x)
+        J, N = ufl.Jacobian(ufl.domain.extract_unique_domain(x)), self.unit_normal(x)
+        slope = grad(u)
         before = ufl.cross(J[:, 0], J[:, 1])
         now = ufl.cross(*(J[:, k] + ufl.dot(slope, J[:, k]) for k in range(2)))
         # now/|before| is cof(F_s) N

@@ -14,8 +14,8 @@ INTERVAL = "interval"
 """DOLFINx's name of a line that is a cell: a piece of the meridian of a membrane."""
 
 CORNERS = {
-    POINT: (0, 1), INTERVAL: (1, 2), LINE: (1, 2), TRIANGLE: (2, 3), QUAD: (2, 4), TET: (3, 4), HEX: (3, 8),
-    PRISM: (3, 6), PYRAMID: (3, 5),
+    POINT: (0, 1), INTERVAL: (1, 2), LINE: (1, 2), TRIANGLE: (2, 3), QUAD: (2, 4), TET: (3, 4),
+    HEX: (3, 8), PRISM: (3, 6), PYRAMID: (3, 5),
 }  # fmt: skip
 """Dimension and number of corners of each shape."""
 

@@ -15,7 +15,11 @@ from dea_fenicsx.model.terms.elastic import Elasticity
 from dea_fenicsx.model.terms.flowing import Flowing
 from dea_fenicsx.model.terms.incompressibility import Volume
 from dea_fenicsx.model.terms.leak import AlikeLeak, MixedLeak
-from dea_fenicsx.model.terms.membrane import ReferenceTension, WrinkledDielectric, WrinkledElasticity
+from dea_fenicsx.model.terms.membrane import (
+    ReferenceTension,
+    WrinkledDielectric,
+    WrinkledElasticity,
+)
 from dea_fenicsx.model.terms.relaxation import DielectricRelaxation
 from dea_fenicsx.model.terms.viscous import Viscous
 from dea_fenicsx.scene.scene import Scene

@@ -68,7 +68,8 @@ class WrinkledDielectric(EnergyTerm):
     def density(self, at: MaterialPoint) -> Any:
         field, before = at.tension_field, ufl.dot(at.prestretch, at.normal)
         ahead, across = field.squares
-        E, cofactors = at.nominal_field, at.cofactor_field
+        E, cofactors, eps = at.nominal_field, at.cofactor_field, at.kernel.eps
+        assert eps is not None
         relaxed = ufl.dot(E, E) * ufl.dot(before, before) * ahead * across
-        change = -at.kernel.eps / 2 * (relaxed - ufl.dot(cofactors, cofactors))
+        change = -(eps / 2 * (relaxed - ufl.dot(cofactors, cofactors)))
         return ufl.conditional(field.taut, 0.0, at.constant(1 - self.slack) * change)
