@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
@@ -87,7 +88,7 @@ class Meridian(Geometry):
             r, z = point
         except (TypeError, ValueError):
             raise InputError(
-                f"Meridian: {name} is {point!r}; it must be two numbers, (r, z) in metres."
+                f"Meridian: {name} is {shown(point)}; it must be two numbers, (r, z) in metres."
             ) from None
         _check.number("Meridian", name, r)
         _check.number("Meridian", name, z)
@@ -106,7 +107,7 @@ class Meridian(Geometry):
         return 2
 
     def measures(self) -> dict[str, float]:
-        """Exact length of the line."""
+        """Exact length of the line; its ends are points and have none."""
         if self.centre is None:
             return {"film": math.dist(self.start, self.end)}
         return {"film": abs(self._angles()[1]) * math.dist(self.start, self.centre)}

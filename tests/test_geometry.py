@@ -20,7 +20,6 @@ import pytest
 
 from dea_fenicsx.geometry import (
     HDEA,
-    Balloon,
     BoxStack,
     DEAHinge,
     DiscCapacitor,
@@ -30,7 +29,6 @@ from dea_fenicsx.geometry import (
     HollowSphere,
     Layer,
     MembraneDisc,
-    Meridian,
     StiffenedFilm,
     StiffenedSection,
     Tube,
@@ -55,9 +53,6 @@ DEVICES = {
     "disc capacitor": DiscCapacitor(1e-2, 5e-3, 1e-1, divisions=(3, 2, 4), grading=5.0),
     "disc capacitor, curved": DiscCapacitor(1e-2, 5e-2, 1e-1, (2, 3, 4), order=2),
     "membrane section": MembraneDisc(12e-3, 4e-3, 1e-3, taper=3e-3),
-    "meridian": Meridian((3e-3, 1e-3), (10e-3, 0.0), cells=3, grading=2.0),
-    "meridian of a sphere": Meridian((0.0, 1e-2), (1e-2, 0.0), (0.0, 0.0), cells=8),
-    "balloon": Balloon(1e-2, cells=6),
     "sphere whole": HollowSphere(10e-3, 12e-3, "whole", layers=1, cells=6),
     "sphere octant": HollowSphere(10e-3, 15e-3, "octant", layers=1, cells=6),
     "tube section": Tube(4e-3, 1e-2, [ELASTOMER, replace(ELASTOMER, divisions=2)], axial=3),

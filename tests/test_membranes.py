@@ -25,7 +25,7 @@ from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx.exact import Cone
-from dea_fenicsx.geometry import Balloon, Meridian
+from dea_fenicsx.geometry import Balloon, Meridian, _gmsh
 from dea_fenicsx.support.compat import dolfinx
 
 FIELD = volts(1.0, 1.0)  # V/m
@@ -214,6 +214,34 @@ def test_balloons_in_space_converge():
         errors.append(abs(float(run["Q_C"]) / exact - 1))
     assert errors[0] > 8 * errors[1]
     assert errors[1] < 2e-4
+
+
+# --------------------------------------------------------------------------- geometry
+
+
+@pytest.mark.parametrize("shape", [
+    Meridian((3e-3, 1e-3), (10e-3, 0.0), cells=3, grading=2.0),
+    Meridian((0.0, 1e-2), (1e-2, 0.0), (0.0, 0.0), cells=8), Balloon(1e-2, cells=6),
+])  # fmt: skip
+def test_surfaces_have_their_closed_form_measures(shape):
+    for built in (shape, shape.refine(2)):
+        built.mesh().check()
+        with _gmsh.temporary_model(built.mesh(), "surface") as model:
+            found = {name: size for name, (_, _, size) in _gmsh.measure(model).items()}
+        for name, size in built.measures().items():
+            assert found[name] == pytest.approx(size, rel=3e-5)
+
+
+@pytest.mark.parametrize("given, told", [
+    (dict(start=(0.0, 0.0), end=(0.0, 0.0)), "the same point"),
+    (dict(start=(-1.0, 0.0), end=(1.0, 0.0)), "radius must be >= 0"),
+    (dict(start=(1.0, 0.0), end=(0.0, 2.0), centre=(0.0, 0.0)), "equally far from it"),
+    (dict(start=(0.0, 1.0), end=(0.0, -1.0), centre=(0.0, 0.0)), "no shorter side"),
+    (dict(start=1.0, end=(0.0, -1.0)), "two numbers"),
+])  # fmt: skip
+def test_meridians_that_are_none_are_refused(given, told):
+    with pytest.raises(dea.InputError, match=told):
+        Meridian(**given)
 
 
 # --------------------------------------------------------------------------- ranks, refusals

@@ -26,6 +26,7 @@ from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.scene.kinematics import Axisymmetric, PlaneStrain, ThreeD, least_radius
 from dea_fenicsx.scene.kinematics_base import GlobalMotion, Kinematics
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite, positive
 
@@ -63,10 +64,10 @@ class _Film(Kinematics):
             )
         positive(self.thickness, f"The thickness of {name}", "a length > 0 in m")
         if not isinstance(self.relaxed, bool | np.bool_):
-            raise InputError(f"relaxed= of {name} is {self.relaxed!r}, but must be True or False.")
+            raise InputError(f"relaxed= of {name} is {shown(self.relaxed)}, but must be True or False.")
         if not (is_finite(self.slack) and 0 < self.slack < 1):
             raise InputError(
-                f"slack= of {name} is {self.slack!r}, but must be a share between 0 and 1."
+                f"slack= of {name} is {shown(self.slack)}, but must be a share between 0 and 1."
             )
 
     def depth_factor(self, length: float) -> float:
