@@ -64,7 +64,9 @@ class _Film(Kinematics):
             )
         positive(self.thickness, f"The thickness of {name}", "a length > 0 in m")
         if not isinstance(self.relaxed, bool | np.bool_):
-            raise InputError(f"relaxed= of {name} is {shown(self.relaxed)}, but must be True or False.")
+            raise InputError(
+                f"relaxed= of {name} is {shown(self.relaxed)}, but must be True or False."
+            )
         if not (is_finite(self.slack) and 0 < self.slack < 1):
             raise InputError(
                 f"slack= of {name} is {shown(self.slack)}, but must be a share between 0 and 1."
