@@ -18,6 +18,7 @@ from dea_fenicsx.pictures.outside import FACES, outer_faces
 from dea_fenicsx.results.reading import frame_for, frame_times
 from dea_fenicsx.results.reading_surfaces import Facets
 from dea_fenicsx.results.surface_names import ORIGIN
+from dea_fenicsx.support.errors import InputError
 
 MOST_POINTS = 20_000
 """Points to which the surface of a device is thinned."""
@@ -132,6 +133,11 @@ def _thinned(grid: Any) -> tuple[np.ndarray, np.ndarray]:
     faces = outer_faces(grid) if space else grid
     ids = np.asarray(faces.point_data["kept"])
     kind = int(faces.celltypes[0])
+    if kind not in TRIANGLES:
+        raise InputError(
+            "The run is that of a line, the meridian of a membrane, which has no face to be drawn; "
+            "open fields.xdmf in ParaView, or draw columns of history.csv."
+        )
     table = ids[faces.cells_dict[kind]]
     triangles = table[:, np.array(TRIANGLES[kind])].reshape(-1, 3)
     if len(ids) > MOST_POINTS:
