@@ -247,6 +247,7 @@ def test_meridians_that_are_none_are_refused(given, told):
 # --------------------------------------------------------------------------- ranks, refusals
 
 
+@pytest.mark.mpi
 def test_membranes_on_three_ranks(on_ranks):
     """More ranks than cells, too, in the balloon's meridian of two cells."""
     from membrane_scenes import on_all_ranks

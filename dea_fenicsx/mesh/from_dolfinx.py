@@ -90,13 +90,14 @@ def _check_mesh(mesh: Any) -> None:
             "geometries are read by read_gmsh."
         )
     cell, dim = mesh.topology.cell_name(), mesh.topology.dim
-    if cell not in (INTERVAL, TRIANGLE, QUAD, TET, HEX):
+    in_plane = mesh.geometry.dim == 2
+    if cell not in (TRIANGLE, QUAD, TET, HEX) and not (cell == INTERVAL and in_plane):
         raise InputError(
             f"The mesh has cells of the kind {cell}, but must have triangles, quadrilaterals, "
-            "tetrahedra or hexahedra, or lines for the meridian of a membrane."
+            "tetrahedra or hexahedra, or lines in the plane for a membrane's meridian."
         )
     fits = mesh.geometry.dim == dim if cell in (TET, HEX) else mesh.geometry.dim - dim in (0, 1)
-    if not fits or mesh.geometry.dim < 2:
+    if not fits:
         raise InputError(
             f"The mesh has cells of dimension {dim} in {mesh.geometry.dim} coordinates, but must "
             "have as many coordinates as dimensions; the surface of a membrane has one more."
