@@ -127,6 +127,8 @@ if TYPE_CHECKING:
         FollowerPressure,
         Torque,
     )
+    from dea_fenicsx.scene.membrane_pressure import MembranePressure
+    from dea_fenicsx.scene.membranes import AxisymmetricMembrane, Membrane, SurfaceMembrane
     from dea_fenicsx.scene.obstacles import Obstacle
     from dea_fenicsx.scene.periodic import MeanStrain, Periodic
     from dea_fenicsx.scene.prescribed import (
@@ -168,6 +170,8 @@ _HOME = {
     "scene.loads": ("AxialForce", "DeadLoad", "DeadPressure", "FollowerPressure", "Torque"),
     "scene.periodic": ("MeanStrain", "Periodic"),
     "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),
+    "scene.membrane_pressure": ("MembranePressure",),
+    "scene.membranes": ("AxisymmetricMembrane", "Membrane", "SurfaceMembrane"),
     "scene.obstacles": ("Obstacle",),
     "scene.shapes": ("Cylinder", "Plane", "Sphere"),
     "scene.rigid": ("Force", "Moment", "Rigid", "Turn"),

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx.exact import Cone
-from dea_fenicsx.geometry import BoxStack, DiskStack, Layer
+from dea_fenicsx.geometry import BoxStack, DiskStack, Layer, Meridian
 from dea_fenicsx.materials import EPSILON_0
 
 INNER, B = 0.3, 10e-3  # radius of the disc over that of the ring; radius of the ring in m
@@ -26,35 +26,53 @@ def parse():
     parser.number("--thickness", 0.01, "-", "H/B of the undeformed film")
     parser.count("--cells", 32, "cells along the radius")
     parser.add_argument("--solid", action="store_true", help="three dimensions, not a section")
+    parser.add_argument("--membrane", action="store_true", help="a membrane: a line, no solid")
     parser.add_argument("--trace", action="store_true", help="follow the voltage over its maximum")
     parser.number("--until", 2.2, "-", "deflection at which the trace ends, over that at 0 V")
-    return parser, parser.parse_args()
+    args = parser.parse_args()
+    if args.solid and args.membrane:
+        raise dea.InputError("--solid and --membrane exclude each other; give one of them.")
+    return parser, args
 
 
 def cone(args, thickness):
     """The scene: factor 1 of its ramps is the pre-stretch, the force and the field."""
     lp, H = args.prestretch, thickness * B
     film = [Layer("film", H / lp**2, divisions=1 if args.solid else 2)]
-    if args.solid:
+    if args.membrane:
+        shape = Meridian((lp * INNER * B, 0.0), (lp * B, 0.0), cells=args.cells)
+    elif args.solid:
         shape = DiskStack(lp * B, film, inner_radius=lp * INNER * B, angular=16,
                           radial=args.cells, grading=8.0)  # fmt: skip
     else:
         shape = BoxStack(lp * (1 - INNER) * B, None, film, args.cells, grading=8.0,
                          x0=lp * INNER * B)  # fmt: skip
     disc, ring = ("inner", "side") if args.solid else ("x_min", "x_max")
+    kinematics = dea.ThreeD() if args.solid else dea.Axisymmetric()
+    if args.membrane:
+        disc, ring, kinematics = "start", "end", dea.AxisymmetricMembrane(H / lp**2)
     volts = args.field * H * np.sqrt(args.mu / (3.0 * EPSILON_0))
     force = 2 * np.pi * args.force * args.mu * H * B
     scene = dea.Scene(
         dea.read_gmsh(shape, MPI.COMM_WORLD),
         {"film": dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(3.0))},
-        electrodes=[dea.Electrode("top", volts), dea.Ground("bottom")] if volts else [],
+        electrodes=electrodes(args, volts),
         supports=[dea.Clamp(ring), dea.Rigid(disc)],
         prescribed=[dea.PreStretch("film", x=lp, y=lp) if args.solid
                     else dea.PreStretch("film", r=lp)],
         loads=[dea.Force(disc, (0, 0, force) if args.solid else (0, force))],
-        kinematics=dea.ThreeD() if args.solid else dea.Axisymmetric(),
+        kinematics=kinematics,
     )  # fmt: skip
     return scene, disc
+
+
+def electrodes(args, volts):
+    """On both faces of a solid; a membrane itself bears the voltage through its thickness."""
+    if not volts:
+        return []
+    if args.membrane:
+        return [dea.Electrode("film", volts)]
+    return [dea.Electrode("top", volts), dea.Ground("bottom")]
 
 
 def deflection(args, thickness, **options):
@@ -88,7 +106,8 @@ def main():
     if MPI.COMM_WORLD.rank == 0 and not args.quiet:
         s = run.summary
         if s["deflection"] is not None:
-            print(f"\ndeflection {s['deflection']:.6f} B at H/B = {args.thickness:g}")
+            what = "as a membrane" if args.membrane else f"at H/B = {args.thickness:g}"
+            print(f"\ndeflection {s['deflection']:.6f} B {what}")
         if thin is not None:
             print(f"thin membrane: {thin:.6f} B")
         if tops:

@@ -15,6 +15,7 @@ from .grading import graded
 
 if TYPE_CHECKING:
     from .air_box import AirBox
+    from .balloon import Balloon
     from .box_stack import BoxStack
     from .dea_hinge import DEAHinge
     from .disc_capacitor import DiscCapacitor
@@ -25,17 +26,19 @@ if TYPE_CHECKING:
     from .hollow_sphere import HollowSphere
     from .kresling_cell import KreslingCell
     from .membrane_disc import MembraneDisc
+    from .meridian import Meridian
     from .stiffened_film import StiffenedFilm, StiffenedSection
     from .tube import Tube
 
 __all__ = [
-    "AirBox", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "FingerStack", "Geometry",
-    "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer", "MembraneDisc", "StiffenedFilm",
-    "StiffenedSection", "Tube", "graded",
+    "AirBox", "Balloon", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "FingerStack",
+    "Geometry", "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer", "MembraneDisc",
+    "Meridian", "StiffenedFilm", "StiffenedSection", "Tube", "graded",
 ]  # fmt: skip
 
 _HOME = {
     "AirBox": "air_box",
+    "Balloon": "balloon",
     "BoxStack": "box_stack",
     "DEAHinge": "dea_hinge",
     "DiscCapacitor": "disc_capacitor",
@@ -46,6 +49,7 @@ _HOME = {
     "HollowSphere": "hollow_sphere",
     "KreslingCell": "kresling_cell",
     "MembraneDisc": "membrane_disc",
+    "Meridian": "meridian",
     "StiffenedFilm": "stiffened_film",
     "StiffenedSection": "stiffened_film",
     "Tube": "tube",

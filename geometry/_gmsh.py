@@ -25,6 +25,7 @@ ELEMENT = {
     for dim, shape in ((1, LINE), (2, QUAD), (3, HEX)) for order in (1, 2)
 }  # fmt: skip
 """gmsh's numbers of the cells of structured meshes, by dimension and order."""
+ELEMENT |= {(0, order): 15 for order in (1, 2)}
 
 
 def start() -> bool:
@@ -45,6 +46,8 @@ def local_numbers(dim: int, order: int) -> Ints:
     """
     import gmsh
 
+    if dim == 0:
+        return np.zeros(1, dtype=np.int64)
     reference = gmsh.model.mesh.getElementProperties(ELEMENT[dim, order])[4]
     index = np.rint((np.reshape(reference, (-1, dim)) + 1) * order / 2).astype(np.int64)
     return np.asarray(np.ravel_multi_index(tuple(index.T), (order + 1,) * dim))

@@ -25,12 +25,12 @@ class StructuredMesh:
     ----------
     points : ndarray, shape (N, 3)
         Node positions in metres.
-    cells : ndarray of int, shape (M, q, q[, q])
+    cells : ndarray of int, shape (M, q[, q[, q]])
         Node numbers, lattice order.
     regions : dict
         Name to cell numbers; every cell is in exactly one.
     facets : dict
-        Name to facets, each an array (K, q[, q]) of node numbers, outward seen from the cell that
+        Name to facets, each an array (K[, q[, q]]) of node numbers, outward seen from the cell that
         it was taken from.
     """
 
@@ -41,7 +41,7 @@ class StructuredMesh:
 
     @property
     def dimension(self) -> int:
-        """2 for quadrilaterals, 3 for hexahedra."""
+        """1 for lines, 2 for quadrilaterals, 3 for hexahedra."""
         return self.cells.ndim - 1
 
     @property
@@ -63,7 +63,8 @@ class StructuredMesh:
         if chosen.size == 0:
             return
         sides = np.take(self.cells[chosen], -1 if end else 0, axis=axis + 1)
-        if (axis == 1) != (end == 0):  # turn it round, so that the normal points out of the cell
+        # turn it round, so that the normal points out of the cell; a point has no sides
+        if sides.ndim > 1 and (axis == 1) != (end == 0):
             sides = sides[:, ::-1] if sides.ndim == 2 else np.swapaxes(sides, 1, 2)
         self.facets[name] = _joined(self.facets.get(name), sides)
 

@@ -127,6 +127,13 @@ def check_cone(out, printed):
     assert s["pull_in_field"] is None and s["pull_in_deflection"] is None
 
 
+def check_cone_of_a_membrane(out, printed):
+    """The reference of a thin membrane itself."""
+    s = summary(out)
+    assert s["deflection"] == pytest.approx(0.64420238, rel=1e-6)
+    assert s["deflection"] == pytest.approx(s["thin_membrane_deflection"], rel=1e-6)
+
+
 def check_spring_cone(out, printed):
     """A bistable bias takes most of the film's stiffness away: about twice the stroke."""
     s = summary(out)

@@ -40,6 +40,28 @@ def in_scene(kind, place):
     return lambda **given: scene(**{place: [kind(**given)]})
 
 
+def membrane(kind, device=None, loads=(), supports=()):
+    """Make an object of a class the kinematics of a film."""
+    return lambda **given: scene(
+        kinematics=kind(**given), device=device or strip(), loads=list(loads),
+        electrodes=[dea.Electrode("film", 100.0)], supports=supports or [dea.Clamp("bottom")],
+    )  # fmt: skip
+
+
+@functools.cache
+def surface(shape):
+    return dea.device(shape, MPI.COMM_SELF)
+
+
+def on_a_line(kind, loads=()):
+    line = surface(geometry.Meridian((1e-3, 0.0), (2e-3, 0.0), cells=2))
+    return membrane(kind, line, loads, [dea.Clamp("end")])
+
+
+def in_space(kind):
+    return membrane(kind, surface(geometry.Balloon(1e-3, 2)), (), [dea.Fix("x_min", "x")])
+
+
 PLANE = dea.Plane((0.0, 2e-3), (0.0, -1.0))
 
 
@@ -198,6 +220,13 @@ FIELDS = {
     dea.PreStretch: (in_scene(dea.PreStretch, "prescribed"), dict(where="film", x=2.0)),
     dea.GeneralisedPlaneStrain: (
         lambda **g: scene(kinematics=dea.GeneralisedPlaneStrain(**g)), dict(depth=1.0)),
+    dea.Membrane: (membrane(dea.Membrane), dict(thickness=1e-3)),
+    dea.AxisymmetricMembrane: (on_a_line(dea.AxisymmetricMembrane), dict(thickness=1e-3)),
+    dea.SurfaceMembrane: (in_space(dea.SurfaceMembrane), dict(thickness=1e-3)),
+    dea.MembranePressure: (
+        lambda **g: on_a_line(dea.AxisymmetricMembrane, [dea.MembranePressure(**g)])(
+            thickness=1e-3),
+        dict(where="film", pascal=1.0, away_from=(0.0, -1.0))),
     dea.Helical: (lambda **g: scene(kinematics=dea.Helical(**g)), dict(pitch=1e-3)),
     dea.AxialStretch: (in_scene(dea.AxialStretch, "prescribed"), dict(stretch=1.1)),
     dea.Twist: (in_scene(dea.Twist, "prescribed"), dict(radians_per_metre=1.0)),
@@ -294,6 +323,8 @@ FIELDS = {
         geometry.DiscCapacitor, dict(radius=1e-2, gap=1e-2, box=1e-1, divisions=(2, 2, 2))),
     geometry.MembraneDisc: (
         geometry.MembraneDisc, dict(radius=3e-2, electrode_radius=1e-2, thickness=1e-3)),
+    geometry.Meridian: (geometry.Meridian, dict(start=(1e-2, 0.0), end=(2e-2, 0.0))),
+    geometry.Balloon: (geometry.Balloon, dict(radius=1e-2)),
     geometry.HollowSphere: (geometry.HollowSphere, dict(inner=1e-2, outer=1.2e-2)),
     geometry.Tube: (geometry.Tube, dict(inner=1e-2, height=1e-2, layers=[Layer("film", 1e-3)])),
     geometry.FingerStack: (

@@ -212,6 +212,7 @@ EXAMPLES = {
     "TorsionSpring": ("x_max", 1e-3),
     "Gravity": ((0.0, 0.0, -9.81),), "Centrifugal": (10.0,),
     "BodyForce": ("film", (0.0, 0.0, 1.0)),
+    "MembranePressure": ("film", 5.0, (0.0, 0.0, -1.0)),
 }  # fmt: skip
 
 
@@ -233,6 +234,8 @@ def test_every_condition_checks_and_declares_itself(cube, name):
     item = kind(*EXAMPLES[name])
     needs_cell = name in ("AxialStretch", "Twist", "AxialForce", "Torque")
     scene = Setting(cube, Helical(0.0) if needs_cell else dea.ThreeD())
+    if name == "MembranePressure":
+        scene.kinematics = dea.SurfaceMembrane(1e-3)
     if name in ("Rigid", "Turn", "Moment", "Force"):
         scene.kinematics, scene.supports = dea.PlaneStrain(1e-3), (dea.Rigid("x_max"),)
     item.check(scene)

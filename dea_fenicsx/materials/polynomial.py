@@ -38,6 +38,18 @@ class NeoHookean:
     def chain_margin(self, s: Strain) -> None:
         return None
 
+    def width_margin(self, ahead: Any, pull: Any) -> Any:
+        """1 - eps E^2 a^2/mu: positive where a wrinkled film under voltage has a natural width.
+
+        Parameters
+        ----------
+        ahead
+            Square of the stretch a along the tension.
+        pull
+            eps E^2 with the nominal field E, in Pa.
+        """
+        return 1 - pull * ahead / self.mu
+
     def faults(self) -> list[str]:
         return _positive(self, "mu")
 

@@ -208,8 +208,10 @@ def _flux(problem: Problem, cells: list[np.ndarray], a: Any, b: Any, rate: Any =
     first, second = (ufl.dot(cof, kinematics.gradient(f, x, helix)) for f in (a, b))
     density = rate * ufl.dot(first, second) / J * kinematics.weight(x)
     dx = measure(scene.device, cells, scene.elements.quadrature_degree)
-    dielectrics = [k for k in problem.kernels if k.eps is not None]
-    return sum(k.eps * density * dx(i) for i, k in enumerate(dielectrics))
+    points = [p for p in problem.forms.points if p.kernel.eps is not None]
+    if kinematics.wrinkles:
+        return sum(p.kernel.eps * p.widening * density * dx(i) for i, p in enumerate(points))
+    return sum(p.kernel.eps * density * dx(i) for i, p in enumerate(points))
 
 
 def _delayed_flux(problem: Problem, cells: list[np.ndarray], shape: Any) -> Any:

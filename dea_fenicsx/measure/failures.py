@@ -140,12 +140,12 @@ class LossOfTension:
     Parameters
     ----------
     normal
-        Axis normal to the undeformed membrane.
+        Axis normal to the undeformed film; left out where the kinematics is a membrane.
     regions
         Names of the regions to watch; all that are dielectric if empty.
     """
 
-    normal: str
+    normal: str = ""
     regions: tuple[str, ...] = ()
 
     name: ClassVar[str] = "loss of tension"
@@ -153,7 +153,13 @@ class LossOfTension:
     needs_stress: ClassVar[bool] = True
 
     def check(self, scene: Scene) -> None:
-        if self.normal not in tuple(scene.kinematics.axes):
+        if scene.kinematics.is_membrane:
+            if self.normal:
+                raise InputError(
+                    f"LossOfTension is given the normal {self.normal!r}, but a membrane has its "
+                    "own normal everywhere; leave normal= out."
+                )
+        elif self.normal not in tuple(scene.kinematics.axes):
             raise InputError(
                 f"The membrane's normal is {self.normal!r}, but must be one of the axes "
                 f"{', '.join(scene.kinematics.axes)}."
@@ -165,21 +171,35 @@ class LossOfTension:
         return self.regions or active or tuple(scene.solids)
 
     def values(self, problem: Problem, region: str, local: Local) -> tuple[Any, Any]:
+        assert local.stress is not None
+        mu = problem.parameters.materials[region].elastic.shear_modulus()
+        if problem.scene.kinematics.is_membrane:
+            smaller = _smaller_tension(local.stress)
+            return smaller, smaller / mu + 1e-8
         # F's rows and columns are (x, y, z), or (r, hoop, z) in axisymmetry
         kept = [a for a in range(3) if a != {"x": 0, "r": 0, "y": 1, "z": 2}[self.normal]]
         t1, t2 = local.F[..., :, kept[0]], local.F[..., :, kept[1]]
         t1 = t1 / np.linalg.norm(t1, axis=-1, keepdims=True)
         t2 = t2 - np.sum(t1 * t2, axis=-1, keepdims=True) * t1
         t2 = t2 / np.linalg.norm(t2, axis=-1, keepdims=True)
-        assert local.stress is not None
         a, b, c = (
             np.einsum("...i,...ij,...j", x, local.stress, y)
             for x, y in ((t1, t1), (t2, t2), (t1, t2))
         )
         smaller = (a + b) / 2 - np.sqrt(((a - b) / 2) ** 2 + c**2)
         # A stress-free film is not slack, although rounding errors may make its stress negative.
-        mu = problem.parameters.materials[region].elastic.shear_modulus()
         return smaller, smaller / mu + 1e-8
+
+
+def _smaller_tension(stress: np.ndarray) -> np.ndarray:
+    """The smaller principal stress in the surface of a membrane, whose faces bear none.
+
+    The stress has the eigenvalues s1, s2 and 0, so that s1 s2 is its second invariant.
+    """
+    mean = np.trace(stress, axis1=-2, axis2=-1) / 2
+    square = np.einsum("...ij,...ji->...", stress, stress)
+    product = (4 * mean**2 - square) / 2
+    return mean - np.sqrt(np.maximum(mean**2 - product, 0.0))
 
 
 @dataclass(frozen=True)
@@ -314,9 +334,18 @@ class Gauge:
 
 
 def default_failures(scene: Scene) -> tuple[Failure, ...]:
-    """What is watched without being asked for: breakdown, where a breakdown field is known."""
+    """What is watched without being asked for.
+
+    That is breakdown, where a breakdown field is known, and loss of tension of a membrane, which
+    bears pressure in its surface on paper only, unless it is relaxed.
+    """
     breakdown = ElectricalBreakdown()
-    return (breakdown,) if scene.has_potential and breakdown.regions_of(scene) else ()
+    found: list[Failure] = []
+    if scene.has_potential and breakdown.regions_of(scene):
+        found.append(breakdown)
+    if scene.kinematics.is_membrane and not scene.kinematics.wrinkles:
+        found.append(LossOfTension())
+    return tuple(found)
 
 
 def pull_in(scene: Scene, error: EquilibriumLost, last: Mapping[str, Any]) -> list[dict[str, Any]]:

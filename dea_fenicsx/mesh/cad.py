@@ -262,10 +262,19 @@ def _name_parts(path: Path, names: Names) -> None:
         model.addPhysicalGroup(members[0][0], [tag for _, tag in members], name=name)
 
 
-def read_names(model: Any, label: str) -> tuple[dict[str, tuple[int, int]], int]:
+def read_names(
+    model: Any, label: str, lines: bool = False
+) -> tuple[dict[str, tuple[int, int]], int]:
     """Names of the groups of regions and of facets, and the dimension of the cells.
 
     Groups of lower dimension are no part of a scene, so their names are free.
+
+    Parameters
+    ----------
+    model, label
+        The gmsh model, and its name in messages.
+    lines
+        Whether the cells may be lines.
 
     Returns
     -------
@@ -283,7 +292,7 @@ def read_names(model: Any, label: str) -> tuple[dict[str, tuple[int, int]], int]
         raise InputError(f"{label} holds no mesh elements; mesh it with gmsh before saving it.")
     check_known(types, label)
     cell_dim = max(model.mesh.getElementProperties(t)[1] for t in types)
-    if cell_dim < 2:
+    if cell_dim < (1 if lines else 2):
         raise InputError(f"{label} holds points and lines only; mesh its surfaces or volumes, too.")
     if not any(d == cell_dim for d, _ in groups):
         raise InputError(

@@ -81,7 +81,7 @@ def _folded(device: Device, degree: int) -> np.ndarray:
     Looked at in the quadrature points, where it must not vanish either, and in the corners, where
     it may: the cells at the corners of a round core are flat there.
     """
-    mesh, d = device.mesh, device.dim
+    mesh = device.mesh
     table = compat.geometry_dofmap(mesh)
     kind = getattr(basix.CellType, mesh.topology.cell_name())
     points, _ = basix.make_quadrature(kind, degree)
@@ -92,16 +92,39 @@ def _folded(device: Device, degree: int) -> np.ndarray:
     for part in np.array_split(np.arange(len(table)), len(table) // 5000 + 1):
         if not len(part):
             continue
-        x = mesh.geometry.x[table[part]][:, :, :d]
+        x = mesh.geometry.x[table[part]][:, :, : mesh.geometry.dim]
         J = np.einsum("dqn,cni->cqid", slopes, x, optimize=True)
         with np.errstate(all="ignore"):  # a lost node gives NaN, which is refused below
             edges = np.prod(np.linalg.norm(J, axis=2), axis=2).max(axis=1, keepdims=True)
-            share = np.linalg.det(J) / edges
+            share = _determinant(J) / edges
         share *= np.sign(share[:, :1])
         bad[part] = ~(share[:, :inside].min(axis=1) > SMALLEST_DETERMINANT) | ~(
             share[:, inside:].min(axis=1) > -CORNER_TOLERANCE
         )
     return bad
+
+
+def _determinant(J: np.ndarray) -> np.ndarray:
+    """Determinant of Jacobians; of a surface's the area, with the sign of the first of its points.
+
+    Parameters
+    ----------
+    J
+        Shape (cells, points, coordinates, dimension of the cells).
+
+    Returns
+    -------
+    ndarray of shape (cells, points)
+        That of a surface is its projection on the normal of the cell's first point.
+    """
+    if J.shape[2] == J.shape[3]:
+        return np.linalg.det(J)
+    if J.shape[3] == 1:
+        normal = J[..., 0]
+    else:
+        normal = np.cross(J[..., 0], J[..., 1])
+    along = normal[:, :1] / np.linalg.norm(normal[:, :1], axis=-1, keepdims=True)
+    return np.sum(normal * along, axis=-1)
 
 
 def _overlapping(device: Device) -> np.ndarray:
@@ -110,6 +133,8 @@ def _overlapping(device: Device) -> np.ndarray:
     Of two such cells the one with more such facets is meant, or both.
     """
     mesh, d = device.mesh, device.dim
+    if mesh.geometry.dim > d:  # the cells of a surface have no side that they share
+        return np.zeros(len(compat.geometry_dofmap(mesh)), dtype=bool)
     mesh.topology.create_connectivity(d - 1, 0)
     nodes = _corner_nodes(mesh)
     x = mesh.geometry.x[:, :d]

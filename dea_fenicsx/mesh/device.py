@@ -95,13 +95,14 @@ class _Told(NamedTuple):
     Attributes
     ----------
     groups, further : dimension and tag of each named group; tags that groups of facets share
-    dim : dimension of the cells
+    dim, space : dimension of the cells; number of coordinates, one more for a membrane
     quality, source : as in `Device`
     """
 
     groups: dict[str, tuple[int, int]]
     further: dict[str, tuple[int, ...]]
     dim: int
+    space: int
     quality: dict[str, float]
     source: str
 
@@ -208,7 +209,7 @@ def device(
             together(comm, open_and_check, f"The mesh of {label}")
             told = comm.bcast(told, root=0)
             try:
-                mesh, cells, facets = compat.model_to_mesh(model, comm, told.dim)
+                mesh, cells, facets = compat.model_to_mesh(model, comm, told.space)
             except RuntimeError as error:
                 told_by = " ".join(str(error).split()).rstrip(".")
                 raise InputError(f"The mesh of {label} cannot be used ({told_by}).") from error
@@ -325,7 +326,8 @@ def _look_at(
     InputError
         If it cannot be used; the model stays then.
     """
-    groups, cells = read_names(model, label)
+    family = _is_family(source)
+    groups, cells = read_names(model, label, lines=family)
     if dim is not None and dim != cells:
         raise InputError(
             f"{label} has cells of dimension {cells}, but dim is {dim}; leave dim= out, or mesh "
@@ -333,10 +335,11 @@ def _look_at(
         )
     further: dict[str, tuple[int, ...]] = {}
     notes: tuple[str, ...] = ()
-    if not _is_family(source):
+    if not family:
         model, groups, further, notes = checked(model, groups, cells, label, unit, apart)
     name = f"{label} ({', '.join(notes)})" if notes else label
-    return model, _Told(groups, further, cells, quality(model), name)
+    space = source.dimension if family else cells
+    return model, _Told(groups, further, cells, space, quality(model), name)
 
 
 def scale(mesh: Any) -> float:

@@ -12,7 +12,7 @@ from dea_fenicsx.mesh.device import Device, scale
 from dea_fenicsx.mesh.named_by_place import Named, Where, check_wanted, named_by_place
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import check_same, together
-from dea_fenicsx.support.cell_types import HEX, QUAD, TET, TRIANGLE
+from dea_fenicsx.support.cell_types import HEX, INTERVAL, QUAD, TET, TRIANGLE
 from dea_fenicsx.support.errors import InputError, install_hook
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.validation import is_whole, positive
@@ -90,15 +90,17 @@ def _check_mesh(mesh: Any) -> None:
             "geometries are read by read_gmsh."
         )
     cell, dim = mesh.topology.cell_name(), mesh.topology.dim
-    if cell not in (TRIANGLE, QUAD, TET, HEX):
+    in_plane = mesh.geometry.dim == 2
+    if cell not in (TRIANGLE, QUAD, TET, HEX) and not (cell == INTERVAL and in_plane):
         raise InputError(
             f"The mesh has cells of the kind {cell}, but must have triangles, quadrilaterals, "
-            "tetrahedra or hexahedra."
+            "tetrahedra or hexahedra, or lines in the plane for a membrane's meridian."
         )
-    if mesh.geometry.dim != dim:
+    fits = mesh.geometry.dim == dim if cell in (TET, HEX) else mesh.geometry.dim - dim in (0, 1)
+    if not fits:
         raise InputError(
             f"The mesh has cells of dimension {dim} in {mesh.geometry.dim} coordinates, but must "
-            "have as many coordinates as dimensions."
+            "have as many coordinates as dimensions; the surface of a membrane has one more."
         )
     if mesh.geometry.x.dtype != np.float64:
         raise InputError(

@@ -118,7 +118,7 @@ class _Shape:
         self._element = compat.coordinate_element(mesh)
         self.is_curved = self._element.degree > 1
         self._simplex = mesh.topology.cell_name() in SIMPLICES
-        dim = mesh.topology.dim
+        self._dim = dim = mesh.topology.dim
         axis = np.linspace(0, 1, LATTICE + 1)
         self._lattice = np.stack(np.meshgrid(*[axis] * dim, indexing="ij"), -1).reshape(-1, dim)
 
@@ -129,12 +129,12 @@ class _Shape:
 
     def reference_coordinates(self, nodes: np.ndarray, point: np.ndarray) -> np.ndarray | None:
         """Reference coordinates of a point by Newton's method; None if the cell has it not."""
-        X = np.full(len(point), 1 / (len(point) + 1) if self._simplex else 0.5)
+        X = np.full(self._dim, 1 / (self._dim + 1) if self._simplex else 0.5)
         for _ in range(STEPS):
             table = self._element.tabulate(1, X[None, :])[:, 0, :, 0]
             jacobian = (table[1:] @ nodes).T
             try:
-                step = np.linalg.solve(jacobian, point - table[0] @ nodes)
+                step = self._step(jacobian, point - table[0] @ nodes)
             except np.linalg.LinAlgError:
                 return None
             X = X + step
@@ -147,14 +147,24 @@ class _Shape:
             if np.max(np.abs(step)) > INSIDE:
                 return None
         inside = self._put(X[None, :])[0]
+        if len(point) > self._dim:  # the nearest point of a surface need not be the point itself
+            x = self._element.tabulate(0, X[None, :])[0, 0, :, 0] @ nodes
+            if np.linalg.norm(x - point) > INSIDE:
+                return None
         return inside if np.max(np.abs(inside - X)) <= INSIDE else None
+
+    def _step(self, jacobian: np.ndarray, missing: np.ndarray) -> np.ndarray:
+        """The step of Newton's method, on a surface that of Gauss and Newton."""
+        if len(missing) == self._dim:
+            return np.linalg.solve(jacobian, missing)
+        return np.linalg.lstsq(jacobian, missing, rcond=None)[0]
 
     def nearest(self, nodes: np.ndarray, point: np.ndarray) -> tuple[np.ndarray, float]:
         """Reference coordinates of the cell's point that is nearest to a point, and the distance.
 
         The nearest point of a lattice, which then shrinks about it.
         """
-        best, size = np.full(len(point), 0.5), 1.0
+        best, size = np.full(self._dim, 0.5), 1.0
         distance = np.inf
         for _ in range(ZOOMS):
             X = self._put(best + size * (self._lattice - 0.5))

@@ -69,7 +69,8 @@ class Field:
         For an internal field the residual that counts as 1, dimensionless.
     mass
         Mass per volume that keeps an undetermined mode of the field from making a factor singular,
-        for a material; None for a field without such modes.  See `Tangent.matrix`.
+        for a material; None for a field without such modes.  It is negative where the modes are
+        those of a positive stiffness.  See `Tangent.matrix`.
     regions
         Names of the regions in which the field lives; None for all.  Elsewhere its degrees of
         freedom are fixed at 0.
@@ -125,15 +126,18 @@ def declared_fields(scene: Scene) -> list[Field]:
     has_air = len(solids) < len(scene.materials)
     found = [
         # Where all is air, nothing moves.
-        Field("u", vector, Role.MOTION, axes, regions=None if solids else ()),
         Field(
-            "p", _pressure_element(scene.elements, cell), Role.MULTIPLIER, negative=True,
-            mass=softness, regions=solids if has_air else None,
+            "u", vector, Role.MOTION, axes, regions=None if solids else (),
+            mass=_without_tension if kinematics.is_membrane else None,
         ),
+        _pressure(scene, cell, solids if has_air else None),
     ]  # fmt: skip
     if scene.has_potential:
         element = basix.ufl.element("Lagrange", cell, scene.elements.potential_degree)
         dielectric = tuple(name for name, m in scene.materials.items() if m.is_dielectric)
+        if kinematics.is_membrane:
+            element = basix.ufl.element("DG", cell, 0)
+            dielectric = tuple(name for e in scene.electrodes for name in e.names)
         found.append(
             Field(
                 "phi", element, Role.POTENTIAL, negative=True, odd=True, mass=_permittivity,
@@ -170,6 +174,14 @@ def declared_fields(scene: Scene) -> list[Field]:
     found += [field for added in scene.declared.added for field in added.fields]
     _check_names(found)
     return found
+
+
+def _pressure(scene: Scene, cell: str, regions: tuple[str, ...] | None) -> Field:
+    """The pressure in some regions; that of a membrane is eliminated, so that p is 0 there."""
+    element = _pressure_element(scene.elements, cell)
+    if scene.kinematics.is_membrane:  # see `ReferenceTension`
+        regions, element = (), basix.ufl.element("DG", cell, 0)
+    return Field("p", element, Role.MULTIPLIER, negative=True, mass=softness, regions=regions)
 
 
 def unknowns_of_part(kinematics: Kinematics) -> tuple[str, ...]:
@@ -233,6 +245,11 @@ def _pressure_element(elements: Discretisation, cell: str) -> Any:
 def softness(material: Material, scales: Scales) -> float:
     """One over the shear modulus, dimensionless: the mass of a pressure."""
     return scales.stress / material.elastic.shear_modulus()
+
+
+def _without_tension(material: Material, scales: Scales) -> float:
+    """Minus the shear modulus, dimensionless: it holds a membrane that bears no tension yet."""
+    return -material.elastic.shear_modulus() / scales.stress
 
 
 def _permittivity(material: Material, scales: Scales) -> float:

@@ -97,6 +97,8 @@ class Kernel:
         The polarisations that follow the field with a delay.
     air
         What shapes the cells of the air; None in a solid.
+    is_membrane
+        Whether the regions are films, whose pressure is eliminated.
     """
 
     elastic: Elastic
@@ -111,6 +113,7 @@ class Kernel:
     leak: BoundLeak | None = None
     relaxation: tuple[BoundDebye, ...] = ()
     air: BoundAir | None = None
+    is_membrane: bool = False
 
     @property
     def is_viscous(self) -> bool:
@@ -172,9 +175,8 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 eps=cellwise(permittivity) if has_field else None,
                 kappa=cellwise(bulk_modulus) if stiff else None,
                 prestretch={
-                    ramp: (factors[ramp],
-                           [cellwise(partial(log_stretch, ramp, axis)) for axis in range(3)])
-                    for ramp in ramps
+                    r: (factors[r], [cellwise(partial(log_stretch, r, a)) for a in range(3)])
+                    for r in ramps
                 },
                 regions=tuple(names),
                 cells=together[together < owned],
@@ -186,6 +188,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 leak=leak if has_field else None,
                 relaxation=delayed_polarisations(scene, scales, cellwise, names[0], delayed),
                 air=bound_air(scene, scales, cellwise, names),
+                is_membrane=scene.kinematics.is_membrane,
             )
         )
     return made

@@ -17,6 +17,7 @@ from typing import Any
 import ufl
 
 from dea_fenicsx.model.kernels import BoundDebye, Kernel
+from dea_fenicsx.model.tension_field import TensionField
 from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, StrainOf, cofactor
 from dea_fenicsx.support.compat import dolfinx
 
@@ -72,6 +73,8 @@ class MaterialPoint:
         gradient = kinematics.displacement_gradient(fields["u"], self._x, motion)
         self.F = ufl.variable(ufl.Identity(3) + gradient)
         self.cofactor, self.J = cofactor(self.F)
+        if kernel.is_membrane:  # by its thickness stretch
+            self.J = self.constant(1.0)
         self.stretch_factors = {r: ufl.variable(t) for r, (t, _) in kernel.prestretch.items()}
         self.total = self._stretched(self.F)
         self.per_stress = self.constant(1 / stress)
@@ -94,7 +97,11 @@ class MaterialPoint:
                 for ramp, (_, logs) in self.kernel.prestretch.items())
             for i in range(3)
         ]  # fmt: skip
-        return ufl.dot(F, ufl.diag(ufl.as_vector([ufl.exp(power) for power in powers])))
+        stretch = ufl.diag(ufl.as_vector([ufl.exp(power) for power in powers]))
+        film = self._kinematics.film
+        if film is not None and (turn := film.frame(self._x)) is not None:
+            stretch = ufl.dot(ufl.dot(turn, stretch), ufl.transpose(turn))
+        return ufl.dot(F, stretch)
 
     @property
     def prestretch(self) -> Any:
@@ -115,6 +122,9 @@ class MaterialPoint:
     @cached_property
     def cofactor_field(self) -> Any:
         """J F^-T E with E = -Grad phi: J times the true field."""
+        if self.kernel.is_membrane:  # E is along N, and cof(F) N = F N/|F N|^2
+            through = ufl.dot(self.F, self.normal)
+            return ufl.dot(self.nominal_field, self.normal) / ufl.dot(through, through) * through
         gradient = self._kinematics.gradient(self.fields["phi"], self._x, self._motion)
         return -ufl.dot(self.cofactor, gradient)
 
@@ -138,6 +148,26 @@ class MaterialPoint:
         """The true electric field F^-T E; 0 where no field lives."""
         return ufl.zero(3) if self.kernel.eps is None else self.cofactor_field / self.J
 
+    @cached_property
+    def tension_field(self) -> TensionField:
+        """The relaxed state of a membrane that wrinkles."""
+        return TensionField(self)
+
+    @property
+    def widening(self) -> Any:
+        """Charge of a film with its wrinkles over that of its surface without them."""
+        kept = self.constant(self._kinematics.residual_stiffness)
+        before = ufl.dot(self.prestretch, self.normal)
+        through = ufl.dot(self.F, self.normal)
+        ahead, across = self.tension_field.squares
+        wider = ahead * across * ufl.dot(before, before) * ufl.dot(through, through)
+        return ufl.conditional(self.tension_field.taut, 1.0, kept + (1 - kept) * wider)
+
+    @property
+    def relaxable(self) -> Any:
+        """Positive where a membrane that wrinkles has a relaxed energy; None of all else."""
+        return self.tension_field.relaxable if self._kinematics.wrinkles else None
+
     @property
     def chain_margin(self) -> Any:
         """Distance to the lock-up of chains; 1 where there is none."""
@@ -151,5 +181,18 @@ class MaterialPoint:
 
     @property
     def cauchy_stress(self) -> Any:
-        """True stress J^-1 (dPi/dF) F^T, electrostatic part included."""
-        return ufl.dot(ufl.diff(self.energy, self.F), ufl.transpose(self.F)) / self.J
+        """True stress J^-1 (dPi/dF) F^T, electrostatic part included.
+
+        That of a membrane has in addition the pressure with which its faces bear no stress.
+        """
+        found = ufl.dot(ufl.diff(self.energy, self.F), ufl.transpose(self.F)) / self.J
+        if not self.kernel.is_membrane:
+            return found
+        through = ufl.dot(self.F, self.normal)
+        faces = ufl.dot(through, ufl.dot(found, through)) / ufl.dot(through, through)
+        return found - faces * ufl.Identity(3)
+
+    @property
+    def normal(self) -> Any:
+        """Undeformed unit normal N of a membrane; the length of F N is its thickness stretch."""
+        return self._kinematics.film.unit_normal(self._x)

@@ -25,6 +25,7 @@ class Probe:
     min_margin : smallest distance to chain lock-up (1 where there is none)
     max_field : largest true electric field, dimensionless; in the solids, if a field lives there
     place : undeformed position of the largest field, dimensionless, shape (3,)
+    min_relaxable : positive if a membrane that wrinkles has a relaxed energy everywhere
     """
 
     min_J: float
@@ -32,11 +33,12 @@ class Probe:
     max_field: float
     place: np.ndarray
     solid_J: float = np.inf
+    min_relaxable: float = np.inf
 
     @property
     def admissible(self) -> bool:
         """Whether every energy is defined; False for NaN as well."""
-        return self.min_J > 0 and self.min_margin > 0
+        return self.min_J > 0 and self.min_margin > 0 and self.min_relaxable > 0
 
 
 class Prober:
@@ -61,12 +63,7 @@ class Prober:
     ) -> None:
         self._mesh = mesh
         self._evaluated = [
-            (kernel, compat.expression(
-                ufl.as_vector(
-                    [s.J, s.chain_margin, ufl.sqrt(ufl.dot(s.true_field, s.true_field))]
-                ),
-                points,
-            ))
+            (kernel, compat.expression(ufl.as_vector(_watched(s)), points))
             for kernel, s in zip(kernels, states, strict=True)
         ]  # fmt: skip
         solid = [kernel for kernel in kernels if kernel.air is None]
@@ -80,7 +77,7 @@ class Prober:
 
         `margin` is the smallest distance to lock-up of other chains on this rank.
         """
-        low = np.array([np.inf, margin, np.inf])
+        low = np.array([np.inf, margin, np.inf, np.inf])
         best = (-1.0, -1, -1)
         for kernel, evaluate in self._evaluated:
             if len(kernel.cells) == 0:
@@ -90,6 +87,7 @@ class Prober:
             low[:2] = np.minimum(low[:2], (J, values[:, :, 1].min()))
             if kernel.air is None:
                 low[2] = np.minimum(low[2], J)
+            low[3] = np.minimum(low[3], values[:, :, 3:].min(initial=np.inf))
             if kernel.air is not None and self._in_solids:
                 continue
             field = values[:, :, 2]
@@ -106,7 +104,8 @@ class Prober:
         low = np.min([e[0] for e in everyone], axis=0)
         winner = max(everyone, key=lambda e: (e[1], *e[2]))
         solid = float(low[2]) if self._has_solids else float(low[0])
-        return Probe(float(low[0]), float(low[1]), max(winner[1], 0.0), winner[2], solid)
+        largest, relaxable = max(winner[1], 0.0), float(low[3])
+        return Probe(float(low[0]), float(low[1]), largest, winner[2], solid, relaxable)
 
     def smallest_J(self, cells: np.ndarray) -> np.ndarray:
         """Smallest det F of each of some owned cells over its quadrature points."""
@@ -121,3 +120,9 @@ class Prober:
         """Undeformed position of a quadrature point of a local cell, dimensionless."""
         geometry = self._mesh.geometry
         return np.asarray(self._shapes[point] @ geometry.x[self._nodes[cell], : geometry.dim])
+
+
+def _watched(at: MaterialPoint) -> list[Any]:
+    """J, the chains' margin and the size of the field; of a film that wrinkles `relaxable`, too."""
+    found = [at.J, at.chain_margin, ufl.sqrt(ufl.dot(at.true_field, at.true_field))]
+    return found if at.relaxable is None else [*found, at.relaxable]

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dea_fenicsx.pictures.stored import Stored
+from dea_fenicsx.support.cell_types import BY_DEGREE, LINE
+from dea_fenicsx.support.errors import InputError
 
 MANY_FACES = 150_000
 """Faces beyond which only their corners are kept: a cell is then a few pixels wide."""
@@ -64,7 +66,12 @@ def faces_of(stored: Stored) -> Faces:
     """The outer faces of a device in space and those between regions; the cells of a flat one."""
     origin, regions = stored.origin, stored.regions
     corners, local = _local(stored)
-    if stored.flat:
+    if stored.cell.nodes == 2 or stored.cell.vtk == BY_DEGREE[2][LINE].vtk:
+        raise InputError(
+            "The run is that of a line, the meridian of a membrane, which has no face to be drawn; "
+            "open fields.xdmf in ParaView, or draw columns of history.csv."
+        )
+    if stored.cell.flat:
         chosen = np.arange(stored.count)
         inner = np.zeros(stored.count, dtype=bool)
     else:
@@ -91,7 +98,7 @@ def faces_of(stored: Stored) -> Faces:
 
 def _local(stored: Stored) -> tuple[int, np.ndarray]:
     """Corners of a face, and the nodes of each face of a cell; a flat cell is its own face."""
-    if stored.flat:
+    if stored.cell.flat:
         return (4 if stored.cell.nodes in (4, 9) else 3), np.arange(stored.cell.nodes)[None]
     _, corners, local = FACES[stored.cell.vtk]
     return corners, local

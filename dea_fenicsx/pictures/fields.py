@@ -83,7 +83,7 @@ class Body:
     @cached_property
     def section(self) -> Section | None:
         """The section of a device in space, if its plane meets a cell."""
-        if self.flat:
+        if self._stored.cell.flat:
             return None
         return section_of(self._stored, self.faces, self.values, self.nodal)
 

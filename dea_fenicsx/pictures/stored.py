@@ -8,6 +8,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from contextlib import suppress
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -69,10 +70,15 @@ class Stored:
         if not self.count or not self.size:
             raise self._damaged()
 
-    @property
+    @cached_property
     def flat(self) -> bool:
-        """Whether the device lies in a plane."""
-        return self.cell.flat
+        """Whether the device lies in a plane and stays there; a membrane in space need not."""
+        if not self.cell.flat or np.ptp(self.height(2)) > 0:
+            return False
+        place = self.nodal.get(DISPLACEMENT)
+        if place is None or shape_of(self.folder, place) != (self.size, 3):
+            return True
+        return not any(block[:, 2].any() for block in read_blocks(self.folder, place))
 
     def _damaged(self) -> InputError:
         return InputError(f"{self.file} is damaged: its cells do not fit its nodes.")

@@ -82,6 +82,11 @@ class FieldWriter:
         device = self.problem.scene.device
         for name in names:
             known(name, device.surfaces, "facet group")
+            if device.dim == 1:
+                raise InputError(
+                    f"The surface {name!r} is an end of a meridian, so it has no fields of its own;"
+                    " leave it out."
+                )
             if group_size(device, name) == 0:
                 raise InputError(f"The surface {name!r} has no facets, so it has no fields.")
 
@@ -125,6 +130,8 @@ class FieldWriter:
             grid.interpolate(found)
             return grid.x.array[self._nodes.dofmap.list[: self.owned_cells]]
         values = array[part.dofs[table]]
+        if degree == 0:  # the voltage through a membrane, one number in each cell
+            return np.repeat(values, self._nodes.dofmap.list.shape[1], axis=1)
         return values if degree == self.degree else values @ _quadratic_from_linear(self.kind).T
 
     def _build_grid(self) -> Grid | None:
@@ -175,6 +182,8 @@ class FieldWriter:
     def named_facets(self) -> dict[str, SurfaceGrid]:
         """The grid of each facet group of the mesh that has facets, on rank 0.  Collective."""
         device = self.problem.scene.device
+        if device.dim == 1:  # the ends of a meridian are points
+            return {}
         return self._build_surfaces(tuple(n for n in device.surfaces if group_size(device, n)))
 
     def _sides(self, facets: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ import basix
 import numpy as np
 
 from dea_fenicsx.results.axes import FIXED
-from dea_fenicsx.support.cell_types import BY_DEGREE, CORNERS, SHAPES
+from dea_fenicsx.support.cell_types import BY_DEGREE, CORNERS, POINT, SHAPES
 
 
 @dataclass(frozen=True)
@@ -93,6 +93,8 @@ def facet_nodes(kind: str, degree: int) -> tuple[str, np.ndarray]:
     cell = getattr(basix.CellType, kind)
     corners = basix.geometry(cell)
     facets = basix.topology(cell)[-2]
+    if len(facets[0]) == 1:  # the facets of a line are its ends, which are its first two nodes
+        return POINT, np.array(facets)
     shape = SHAPES[CORNERS[kind][0] - 1, len(facets[0])]
     own = basix.CellType.interval if shape == "line" else getattr(basix.CellType, shape)
     nodes, places = _nodes(cell, degree), _nodes(own, degree)

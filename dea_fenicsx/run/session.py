@@ -239,7 +239,7 @@ class _Session:
             )
         if begin:
             self.progress.say(f"The path begins in {begin.place}.")
-        if without_field(self.scene.electrodes):
+        if not self.scene.kinematics.is_membrane and without_field(self.scene.electrodes):
             self.progress.say("All electrodes are at one potential, so there is no field.")
 
     def _follow(

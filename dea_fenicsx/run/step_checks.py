@@ -87,8 +87,10 @@ def check_step(
         faults.append(f"its residual {norm:.3g} is above {solver.options.tolerance:g}")
     if not probe.min_J > 0:
         faults.append(f"det F falls to {probe.min_J:.3g}")
-    elif not probe.admissible:
+    elif not probe.min_margin > 0:
         faults.append("a chain is past its lock-up")
+    elif not probe.admissible:
+        faults.append("its wrinkles have no natural width, so that no relaxed energy exists")
     if not math.isfinite(probe.max_field):
         faults.append("the electric field is not finite")
     if not bounded <= bound:

@@ -49,6 +49,15 @@ class BodyFields(Protocol):
         """A force per volume in N/m^3 in some regions, and 0 elsewhere, dimensionless."""
         ...
 
+    def pressure(
+        self, pascal: float, away_from: tuple[float, ...], regions: Sequence[str]
+    ) -> Any:
+        """Virtual work per volume of a pressure in Pa on regions of a membrane, dimensionless.
+
+        It pushes the undeformed film away from a point in m.
+        """
+        ...
+
 
 @dataclass(frozen=True)
 class BodyWork(Declaration):

@@ -11,6 +11,7 @@ from dea_fenicsx.scene.condition import Condition, Load, Prescribed, Support
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode, Ground, ThinFilm
 from dea_fenicsx.scene.elements import Discretisation
 from dea_fenicsx.scene.loads import AxialForce, DeadLoad, DeadPressure, FollowerPressure, Torque
+from dea_fenicsx.scene.membrane_pressure import MembranePressure
 from dea_fenicsx.scene.obstacles import Obstacle
 from dea_fenicsx.scene.periodic import MeanStrain, Periodic
 from dea_fenicsx.scene.prescribed import AxialStretch, Displacement, PreStretch, Stretch, Twist
@@ -25,7 +26,7 @@ __all__ = [
     "AxialForce", "AxialStretch", "BodyForce", "Cavity", "Centrifugal", "ChargedElectrode", "Clamp",
     "Condition", "DeadLoad", "DeadPressure", "Discretisation", "Displacement", "ElasticFoundation",
     "Electrode", "Fix", "FollowerPressure", "Force", "FreeBody", "Gravity", "Ground", "Load",
-    "MeanStrain", "Moment", "Obstacle", "Periodic", "PreStretch", "Prescribed", "Rigid", "Source",
-    "Spring", "Stretch", "Support", "Taper", "ThinFilm", "Torque", "TorsionSpring", "Turn",
-    "Twist",
+    "MeanStrain", "MembranePressure", "Moment", "Obstacle", "Periodic", "PreStretch",
+    "Prescribed", "Rigid", "Source", "Spring", "Stretch", "Support", "Taper", "ThinFilm", "Torque",
+    "TorsionSpring", "Turn", "Twist",
 ]  # fmt: skip

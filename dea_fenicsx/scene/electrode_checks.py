@@ -29,7 +29,8 @@ def check_electrodes(scene: Setting) -> None:
             raise InputError(
                 f"Region {name!r} conducts, but is no electrode; add it to an Electrode or Ground."
             )
-    if electrodes and all(e.floats for e in electrodes):
+    membrane = scene.kinematics.is_membrane
+    if electrodes and not membrane and all(e.floats for e in electrodes):
         raise InputError(
             "All electrodes have given charges, so no potential is defined; add a Ground(...)."
         )
@@ -40,7 +41,8 @@ def check_electrodes(scene: Setting) -> None:
         )
     for electrode in electrodes:
         electrode.check_place(scene)
-    _check_floating(scene)
+    if not membrane:
+        _check_floating(scene)
 
 
 def without_field(electrodes: Sequence[Conducting]) -> bool:

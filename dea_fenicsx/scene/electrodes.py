@@ -19,6 +19,7 @@ from dea_fenicsx.scene.declarations import (
 )
 from dea_fenicsx.scene.electrode_places import check_touch, joined_ends
 from dea_fenicsx.scene.kinematics_base import Kinematics
+from dea_fenicsx.scene.membrane_checks import check_on_membrane
 from dea_fenicsx.scene.taper import FACE_TOLERANCE, Taper
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
@@ -107,7 +108,9 @@ class Conducting(Driven):
 
     def _check_group(self, scene: Setting, name: str) -> None:
         """What a single group must be in order to be this electrode."""
-        if name in scene.device.regions and not scene.materials[name].is_conductor:
+        if scene.kinematics.is_membrane:
+            check_on_membrane(scene, name, self.all_tapers)
+        elif name in scene.device.regions and not scene.materials[name].is_conductor:
             raise InputError(
                 f"Region {name!r} is an electrode, but its material does not conduct; give it "
                 "Material(..., electric=Conductor())."
@@ -115,6 +118,8 @@ class Conducting(Driven):
 
     def check_place(self, scene: Setting) -> None:
         """Raise InputError unless the electrode lies where it makes a field.  Collective."""
+        if scene.kinematics.is_membrane:  # each region of the film lies between two faces
+            return
         check_touch(scene.device, scene.materials, self.names, joined_ends(scene))
 
 
@@ -278,6 +283,11 @@ class ThinFilm(Electrode):
         return rise / (self.end - self.start) * super().profile(kinematics, X)
 
     def _check_group(self, scene: Setting, name: str) -> None:
+        if scene.kinematics.is_membrane:
+            raise InputError(
+                f"ThinFilm {self.label!r} is for solids; on a membrane take Electrode({name!r}, "
+                "volts), whose voltage acts through the thickness."
+            )
         if name not in scene.device.regions or not scene.materials[name].is_dielectric:
             raise InputError(
                 f"ThinFilm {name!r} must be a dielectric region; name one with "

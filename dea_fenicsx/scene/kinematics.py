@@ -137,7 +137,7 @@ class Axisymmetric(Kinematics):
 
     def check(self, device: Device) -> None:
         super().check(device)
-        _radii(device)
+        least_radius(device)
 
     def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         g = grad(u)
@@ -212,7 +212,7 @@ class Helical(Kinematics):
 
     def check(self, device: Device) -> None:
         super().check(device)
-        if _radii(device) < 1e-9:
+        if least_radius(device) < 1e-9:
             raise InputError("A helical cell needs a hole: its mesh must lie at radii r > 0.")
         finite(self.pitch, "The pitch of Helical")
         for name in self.between:
@@ -252,7 +252,7 @@ class Helical(Kinematics):
 
     def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         assert motion is not None
-        c, e, k = motion
+        c, e, k = motion.lead, motion.elongation, motion.twist
         g, R = grad(u), x[0]
         return as_matrix([
             [g[0, 0], (-u[1] - c * g[0, 1]) / R, g[0, 1] - k * u[1]],
@@ -292,7 +292,7 @@ class Helical(Kinematics):
         return np.column_stack([c * r - s * t - R, u[:, 2] + overall[0] * Z, s * r + c * t])
 
 
-def _radii(device: Device) -> float:
+def least_radius(device: Device) -> float:
     """The least first coordinate of a mesh, which must be a radius.  Collective."""
     low = extent(device, device.mesh.geometry.x[:, 0])[0]
     if low < -1e-12:

@@ -21,11 +21,13 @@ class GlobalMotion(NamedTuple):
     lead : pitch/(2 pi)
     elongation : stretch along the axis or the depth, minus 1
     twist : rotation per undeformed axial length
+    thickness : thickness of a membrane in units of the device's length
     """
 
     lead: Any = 0
     elongation: Any = 0
     twist: Any = 0
+    thickness: Any = 1
 
 
 Helix = GlobalMotion
@@ -51,6 +53,9 @@ class Kinematics(ABC):
         How many of the columns of `rigid_motions` are rotations; they come first.
     axis_of_rotation
         Whether the first coordinate is the distance from an axis of rotation.
+    is_membrane
+        Whether the mesh is the middle surface of a film, whose thickness stretch is part of F; see
+        `scene.membranes`.
     """
 
     dim: ClassVar[int] = 3
@@ -60,11 +65,32 @@ class Kinematics(ABC):
     cartesian: ClassVar[bool] = True
     rotations: ClassVar[int] = 3
     axis_of_rotation: ClassVar[bool] = False
+    is_membrane: ClassVar[bool] = False
 
     @property
     def overall(self) -> tuple[str, ...]:
         """Names of the global unknowns."""
         return tuple(unknown.name for unknown in self.global_unknowns)
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether a membrane stays in its plane."""
+        return False
+
+    @property
+    def wrinkles(self) -> bool:
+        """Whether a membrane wrinkles instead of bearing pressure in its surface."""
+        return False
+
+    @property
+    def residual_stiffness(self) -> float:
+        """Share of the energy without wrinkles that a membrane keeps where it wrinkles."""
+        return 1.0
+
+    @property
+    def film(self) -> Any:
+        """Itself, where it is a membrane with `unit_normal` and `frame`; None elsewhere."""
+        return None
 
     @property
     def coordinates(self) -> str:

@@ -16,6 +16,7 @@ from dea_fenicsx.scene.electrode_checks import check_electrodes
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode
 from dea_fenicsx.scene.elements import SIMPLICES, Discretisation
 from dea_fenicsx.scene.kinematics import Kinematics, ThreeD
+from dea_fenicsx.scene.membrane_checks import check_films, check_loads_of_membrane
 from dea_fenicsx.scene.sources import Source
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError
@@ -82,12 +83,14 @@ class Scene:
         _check_names(self)
         self.kinematics.check(self.device)
         _check_materials(self)
+        check_films(self)
         check_electrodes(self)
         for condition in self.mechanics:
             condition.check(self)
         for condition in self.mechanics:
             condition.check_beside(self.declared.told)
         check_air(self)
+        check_loads_of_membrane(self)
         if not self.supports and self.solids:
             raise InputError(
                 "The scene has no supports, so the device could drift away; add Clamp(...), "

@@ -262,7 +262,7 @@ class _Search:
         self._invert(eps.getST())
         try:
             eps.solve()
-        except PETSc.Error:
+        except (PETSc.Error, SystemError):  # PETSc raises either, as the error passes through C
             if not self.inverse.failed:
                 raise
         if self.inverse.failed:

@@ -30,14 +30,14 @@ from dea_fenicsx.support.petsc_objects import PetscObjects
 UNKNOWNS_FOR_CHEAP_FACTOR = 20_000
 """From this number of unknowns on, ``factor="auto"`` keeps a split or single-precision factor."""
 
-MOST_UNKNOWNS_COUNTED = {2: 20_000, 3: 5_000}
+MOST_UNKNOWNS_COUNTED = {1: 20_000, 2: 20_000, 3: 5_000}
 """Largest number of unknowns for a count of negative eigenvalues at each step, by dimension.
 
 The count needs a factor of the tangent at the accepted state.  The next step then uses this factor
 as its preconditioner.
 """
 
-ASSEMBLY_IN_KRYLOV = {2: 15, 3: 30}
+ASSEMBLY_IN_KRYLOV = {1: 15, 2: 15, 3: 30}
 """Cost of assembling the tangent, in Krylov iterations of a small problem, by dimension."""
 
 KRYLOV_PER_DIGIT_FRESH = 1.0
@@ -131,13 +131,13 @@ class LinearSolver:
         problem, choice = self.problem, self.options.factor
         discontinuous = problem.pressure_kind == "discontinuous"
         symmetric = problem.forms.is_symmetric
-        no_air = all(kernel.air is None for kernel in problem.kernels)
+        no_air = all(k.air is None and not k.is_membrane for k in problem.kernels)
         possible = discontinuous and symmetric and no_air and problem.roles.has <= SPLIT_ROLES
         if choice == "split" and not possible:
             why = (
                 "a discontinuous pressure, but it is continuous here" if not discontinuous
                 else "a symmetric tangent, but it is not symmetric here" if not symmetric
-                else "a device without air" if not no_air
+                else "a device without air or membranes" if not no_air
                 else "displacement, pressure, potential and internal fields, but there are others"
             )
             raise InputError(

@@ -18,6 +18,7 @@ class Outcome(Enum):
     SLOW = "Newton did not converge within its iterations"
     INVERTED = "every trial state turned a cell inside out"
     LOCKED = "every trial state lay past a chain's lock-up"
+    UNRELAXED = "every trial state had wrinkles whose width no equilibrium limits"
     FACTORISATION = "MUMPS could not factorise the tangent"
     STAGNATION = "GMRES did not converge even on a new factor"
     ROUNDING = "the residual came to rest a little above the tolerance"
@@ -36,7 +37,9 @@ def fault_of(probe: Probe) -> Outcome:
     """What makes a state inadmissible; `Outcome.CONVERGED` if nothing does."""
     if not probe.min_J > 0:
         return Outcome.INVERTED
-    return Outcome.CONVERGED if probe.min_margin > 0 else Outcome.LOCKED
+    if not probe.min_margin > 0:
+        return Outcome.LOCKED
+    return Outcome.CONVERGED if probe.min_relaxable > 0 else Outcome.UNRELAXED
 
 
 @dataclass(frozen=True)

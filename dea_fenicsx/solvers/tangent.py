@@ -28,6 +28,8 @@ from dea_fenicsx.support.petsc_objects import PetscObjects
 SCALAR_MASS = 1e-8
 """Mass on p and phi in a matrix that is factorised, as a dimensionless compressibility mu/kappa.
 
+The displacement of a membrane has such a mass, too, which is a stiffness.
+
 It must be small, because the count may be wrong if the lowest eigenvalue is smaller than the mass.
 It must be large compared with the rounding errors of a factorisation, which are about 1e-13.  The
 counts are the same with 1e-10.
@@ -268,8 +270,9 @@ class Tangent:
         Parameters
         ----------
         mass
-            This multiple of `scalar_masses` is taken from the diagonal of p and phi.  Then each p
-            and each phi gives one negative eigenvalue, whether the tangent determines it or not.
+            This multiple of `scalar_masses` is taken from the diagonal, as a rule that of p and
+            phi.  Then each p and each phi gives one negative eigenvalue, whether the tangent
+            determines it or not.
             With 0 the matrix is the tangent itself.
         counting
             Whether the negative eigenvalues of an equilibrium are to be counted.  Then springs act
@@ -346,7 +349,7 @@ class Tangent:
 
 
 def scalar_masses(problem: Problem) -> np.ndarray:
-    """A positive mass of each free unknown (owned) of the fields that have one, else 0.
+    """The mass of each free unknown (owned) of the fields that have one, else 0.
 
     Each cell distributes its volume, times the mass of the field in its material (see
     `Field.mass`), equally over its nodes.  The masses of tied unknowns are added.  All values are

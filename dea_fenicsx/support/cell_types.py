@@ -10,9 +10,12 @@ POINT, LINE, TRIANGLE, QUAD, TET, HEX, PRISM, PYRAMID = (
 )  # fmt: skip
 """Shapes of cells, by DOLFINx's names."""
 
+INTERVAL = "interval"
+"""DOLFINx's name of a line that is a cell: a piece of the meridian of a membrane."""
+
 CORNERS = {
-    POINT: (0, 1), LINE: (1, 2), TRIANGLE: (2, 3), QUAD: (2, 4), TET: (3, 4), HEX: (3, 8),
-    PRISM: (3, 6), PYRAMID: (3, 5),
+    POINT: (0, 1), INTERVAL: (1, 2), LINE: (1, 2), TRIANGLE: (2, 3), QUAD: (2, 4), TET: (3, 4),
+    HEX: (3, 8), PRISM: (3, 6), PYRAMID: (3, 5),
 }  # fmt: skip
 """Dimension and number of corners of each shape."""
 
@@ -68,11 +71,14 @@ LINEAR = {
 }
 """The same of first order."""
 
+_LINES = {
+    1: WrittenCell("Polyline", 3, True, (0, 1)), 2: WrittenCell("Edge_3", 21, True, (0, 1, 2))
+}  # fmt: skip
 BY_DEGREE = {
-    1: {LINE: WrittenCell("Polyline", 3, True, (0, 1)), **LINEAR},
-    2: {LINE: WrittenCell("Edge_3", 21, True, (0, 1, 2)), **QUADRATIC},
+    1: {LINE: _LINES[1], INTERVAL: _LINES[1], **LINEAR},
+    2: {LINE: _LINES[2], INTERVAL: _LINES[2], **QUADRATIC},
 }
-"""Both by their degree, with the lines that bound a device in the plane."""
+"""Both by their degree, with the lines that bound a device in the plane or are a membrane."""
 
 LINES = tuple(cells[LINE].xdmf for cells in BY_DEGREE.values())
 """XDMF's names of lines."""

@@ -15,6 +15,11 @@ from dea_fenicsx.model.terms.elastic import Elasticity
 from dea_fenicsx.model.terms.flowing import Flowing
 from dea_fenicsx.model.terms.incompressibility import Volume
 from dea_fenicsx.model.terms.leak import AlikeLeak, MixedLeak
+from dea_fenicsx.model.terms.membrane import (
+    ReferenceTension,
+    WrinkledDielectric,
+    WrinkledElasticity,
+)
 from dea_fenicsx.model.terms.relaxation import DielectricRelaxation
 from dea_fenicsx.model.terms.viscous import Viscous
 from dea_fenicsx.scene.scene import Scene
@@ -26,6 +31,11 @@ def terms_of(scene: Scene) -> list[Term]:
     """The terms of a scene, in the order in which they are added up."""
     augmentation = Augmentation(scene.elements.augmentation)
     found: list[Term] = [Elasticity(), Volume(), augmentation, Dielectric(), Viscous()]
+    if scene.kinematics.is_membrane:
+        found.append(ReferenceTension())
+    if scene.kinematics.wrinkles:
+        slack = scene.kinematics.residual_stiffness
+        found += [WrinkledElasticity(slack), WrinkledDielectric(slack)]
     if scene.solids and len(scene.solids) < len(scene.materials):
         found += [AirElasticity(), ShapeOfAir()]
     if scene.leaks:

@@ -31,7 +31,7 @@ class Augmentation(EnergyTerm):
         self.factor = float(factor)
 
     def lives_on(self, kernel: Kernel) -> bool:
-        return kernel.is_incompressible
+        return kernel.is_incompressible and not kernel.is_membrane
 
     def density(self, at: MaterialPoint) -> Any:
         # The factor is a constant of the form, so another value needs no compilation.
