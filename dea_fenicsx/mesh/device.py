@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict, Unpack
@@ -13,11 +12,10 @@ from typing import Any, NamedTuple, TypedDict, Unpack
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.geometry._gmsh import quality, start
+from dea_fenicsx.geometry._gmsh import quality
 from dea_fenicsx.mesh.cad import Names, lengths, name_the_body, open_file, read_names
-from dea_fenicsx.mesh.foreign.meshing import ABORT
 from dea_fenicsx.mesh.foreign.model import checked
-from dea_fenicsx.mesh.foreign.options import kept_option, kept_options
+from dea_fenicsx.mesh.foreign.options import gmsh_for, is_family
 from dea_fenicsx.mesh.named_by_place import Named, Where, check_wanted, named_by_place
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import check_same, together
@@ -204,7 +202,7 @@ def device(
                 name_the_body(model)
             model, told = _look_at(model, source, label, dim, unit, chosen["apart"])
 
-    with _gmsh(source, comm):
+    with gmsh_for(source, comm):
         try:
             together(comm, open_and_check, f"The mesh of {label}")
             told = comm.bcast(told, root=0)
@@ -266,40 +264,6 @@ def _check_options(dim: Any, **switches: Any) -> None:
             raise InputError(f"{name} is {value!r}, but must be True or False.")
 
 
-def _is_family(source: Any) -> bool:
-    """Whether a geometry is one of this package's own, whose meshes need no check."""
-    return type(source).__module__.startswith("dea_fenicsx.geometry.")
-
-
-@contextmanager
-def _gmsh(source: Any, comm: MPI.Comm) -> Iterator[None]:
-    """Run gmsh on rank 0 and leave it as it was, because the script may use it as well.
-
-    An object of the user's own may have started it for longer, so there it keeps running.
-    """
-    if comm.rank:
-        yield
-        return
-    import gmsh
-
-    before = gmsh.model.getCurrent() if gmsh.isInitialized() else None
-    is_file = not hasattr(source, "build")
-    mine = (_is_family(source) or is_file) and start()
-    kept: AbstractContextManager[None] = nullcontext()
-    if before is not None:
-        kept = kept_options() if is_file else kept_option(ABORT)
-    try:
-        with kept:
-            if before is not None:
-                gmsh.option.setNumber(ABORT, 2)  # raises; a script may have reset all options
-            yield
-    finally:
-        if mine:
-            gmsh.finalize()
-        elif before is not None and before in gmsh.model.list():
-            gmsh.model.setCurrent(before)
-
-
 def _open(source: Any, unit: float, options: dict[str, Any]) -> Any:
     """The gmsh model of a geometry or of a file (rank 0 only)."""
     size, names = options["size"], options["names"]
@@ -326,7 +290,7 @@ def _look_at(
     InputError
         If it cannot be used; the model stays then.
     """
-    family = _is_family(source)
+    family = is_family(source)
     groups, cells = read_names(model, label, lines=family)
     if dim is not None and dim != cells:
         raise InputError(

@@ -153,8 +153,7 @@ class Problem:
         self.circuits = conditions.circuits
         self.kernels, self.states = forms.kernels, forms.points
         self._step = dolfinx.fem.Function(self.W)
-        self._b: Any = None
-        self._petsc = PetscObjects(self.comm)
+        self._b, self._petsc = None, PetscObjects(self.comm)
         self.shown, self._expanded = 0, 0
         if conditions.expansion is not None:
             self._few, self._all = conditions.expansion.createVecs()

@@ -23,6 +23,9 @@ from mpi4py import MPI
 
 from dea_fenicsx.support import form_cache
 
+LONGEST = 600.0
+"""Seconds that one form may take; a copy that takes longer is ended, and its form compiled here."""
+
 
 class _Found(Exception):
     """What FFCx looks for in the cache, raised instead of looking: it goes no further."""
@@ -91,7 +94,7 @@ def _sought(jit: Any, make: Callable[[Any], Any], form: Any) -> _Found:
     try:
         make(form)
     except _Found as found:
-        return found
+        return found.with_traceback(None)  # else it would keep all that calls this alive
     finally:
         jit.get_cached_module = get
     raise AssertionError("FFCx did not look into the cache")
@@ -108,19 +111,18 @@ def _side_by_side(
     missing: list[tuple[_Found, Any]], make: Callable[[Any], Any], count: int
 ) -> None:
     """Compile forms in `count` processes at a time."""
-    running: dict[int, _Found] = {}
+    running: dict[int, tuple[_Found, float]] = {}
     try:
         for found, form in missing:
             if len(running) == count:
                 _await_one(running)
             with suppress(OSError):  # no room for another process: it is compiled later
-                running[_started(make, form)] = found
+                running[_started(make, form)] = found, time.monotonic()
         while running:
             _await_one(running)
     finally:
-        for process, found in running.items():  # only after an interruption
-            with suppress(ProcessLookupError):
-                os.kill(process, signal.SIGKILL)
+        for process, (found, _) in running.items():  # only after an interruption
+            os.kill(process, signal.SIGKILL)
             os.waitpid(process, 0)
             _clean(found)
 
@@ -146,10 +148,12 @@ def _started(make: Callable[[Any], Any], form: Any) -> int:
         os._exit(status)  # nothing of this process is ended: neither MPI nor open files
 
 
-def _await_one(running: dict[int, _Found]) -> None:
+def _await_one(running: dict[int, tuple[_Found, float]]) -> None:
     """Wait until one of some processes has ended."""
     while True:
-        for process, found in list(running.items()):
+        for process, (found, begin) in list(running.items()):
+            if time.monotonic() - begin > LONGEST:
+                os.kill(process, signal.SIGKILL)
             ended, status = os.waitpid(process, os.WNOHANG)
             if ended:
                 del running[process]

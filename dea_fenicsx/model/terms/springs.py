@@ -54,6 +54,7 @@ class SpringWork(WorkTerm):
     name = "springs"
     stored_as = "springs"
     symmetric = True
+    symmetric_at_once = True
 
     def __init__(
         self, told: SpringForce, parts: Mapping[str, RigidPart], axes: str, scales: Scales,
