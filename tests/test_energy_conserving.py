@@ -212,6 +212,28 @@ def test_a_free_body_with_a_rigid_end():
     assert run.column("newton_iterations").max() <= 10
 
 
+def test_a_free_body_with_a_rigid_end_in_space():
+    """It turns about all three axes, and the attached body has three different moments."""
+    device = dea.device(BoxStack(2.0, 0.5, [Layer("film", 0.5)], divisions=(2, 1)), MPI.COMM_SELF)
+    end = dea.Rigid("x_max", kilograms=0.6, moments=(0.2, 0.3, 0.25))
+    scene = dea.Scene(device, {"film": rubber()}, supports=[dea.FreeBody(), end])
+
+    def tumbling(x):
+        shear = 0.2 * np.sin(x[0])
+        return np.stack([
+            0.1 + 0.4 * x[2] - 0.5 * x[1], 0.5 * x[0] - 0.3 * x[2], 0.3 * x[1] - 0.4 * x[0] + shear
+        ])  # fmt: skip
+
+    record = {"K": dea.KineticEnergy(), "W": dea.Energy("elastic"),
+              **{f"L{axis}": dea.AngularMomentum(axis) for axis in "xyz"}}  # fmt: skip
+    run = marched(scene, 4.0, 20, record, velocity=tumbling)
+    energy = (run.column("K_J") + run.column("W_J"))[1:]
+    assert np.ptp(energy) < 1e-10 * run.column("K_J").max()
+    for axis in "xyz":
+        found = run.column(f"L{axis}_Nms")[1:]
+        assert np.ptp(found) < 1e-10 * np.abs(found).max(), axis
+
+
 def test_a_rigid_end_beside_the_other_scheme():
     """Both schemes are of second order, so that they meet."""
     tip = {"a": dea.PartRotation("x_max"), "y": dea.PartDisplacement("x_max", "y")}
