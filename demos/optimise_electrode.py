@@ -131,7 +131,7 @@ def draw(args, found, first):
     rows = sorted(solved, key=lambda row: row["edge"])
     edges = [row["edge"] * 1e3 for row in rows]
     figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
-    axes.plot(edges, [row["stroke"] * 1e3 for row in rows], "k.-", label="designs")
+    axes.plot(edges, [row["stroke"] * 1e3 for row in rows], "k.", label="designs")
     axes.plot(found.design["edge"] * 1e3, found.quantities["stroke"] * 1e3, "C1o", label="best")
     axes.axvline(first * 1e3, color="C0", ls="--", label="first")
     axes.set(xlabel="edge of the electrode in mm", ylabel="motion of the mark in mm")
