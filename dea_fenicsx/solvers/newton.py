@@ -185,7 +185,12 @@ class NewtonSolver(LinearSolver):
         iteration, increment = 0, None
         while lifted is not None or norm > tolerance:
             if iteration == self.options.max_iterations and increment is not None:
-                return Attempt(self._slowness(history, increment), iteration, norm)
+                outcome = self._slowness(history, increment)
+                if outcome is Outcome.ROUNDING:
+                    norm = self.without_rounding(residual, norm)
+                    if norm <= tolerance:
+                        break
+                return Attempt(outcome, iteration, norm)
             self.notify(LINEARISING)
             rhs = -problem.unbalanced(residual)
             if lifted is not None:
