@@ -279,3 +279,24 @@ def test_options_of_one_drawing_do_not_hold_for_the_next(tmp_path):
         gmsh.option.setNumber("Mesh.MeshSizeMin", size)
         if not running:
             gmsh.finalize()
+
+
+class Fine:
+    """A geometry of the user's own that asks for small cells."""
+
+    def build(self):
+        start()
+        gmsh.model.add("fine")
+        gmsh.model.occ.addRectangle(0, 0, 0, 1, 1)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(2, [1], name="film")
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.3)
+        gmsh.model.mesh.generate(2)
+        return gmsh.model
+
+
+def test_options_of_a_geometry_of_ones_own_do_not_hold_either():
+    start()
+    size = gmsh.option.getNumber("Mesh.MeshSizeMax")
+    dea.read_gmsh(Fine(), MPI.COMM_SELF, dim=2)
+    assert gmsh.option.getNumber("Mesh.MeshSizeMax") == size > 0.3

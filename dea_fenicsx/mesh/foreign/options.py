@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,43 +20,28 @@ _LINE = re.compile(r"^(\w+(?:\.\w+)+) = (\".*\"|[-+.\deE]+); //", re.M)
 _READ_ONLY = ("General.Build", "General.ExecutableFileName", "General.Version")
 
 
-@contextmanager
-def kept_option(name: str) -> Iterator[None]:
-    """Give one numerical option its value back after the block, if gmsh runs until then."""
-    import gmsh
-
-    before = gmsh.option.getNumber(name)
-    try:
-        yield
-    finally:
-        if gmsh.isInitialized():
-            gmsh.option.setNumber(name, before)
-
-
-@contextmanager
-def kept_options() -> Iterator[None]:
-    """Give all options their values back after the block.
-
-    A drawing (.geo) may set options of gmsh.  They would hold for the next file that is read, so
-    that the mesh of one file would depend on which files were read before.
-    """
+def _present() -> list[tuple[str, str]]:
+    """All options that differ from gmsh's defaults, by name."""
     import gmsh
 
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "before.opt"
-        gmsh.write(str(file))  # of all options, those which differ from gmsh's defaults
-        before = _LINE.findall(file.read_text("utf-8", errors="replace"))
-    try:
-        yield
-    finally:
-        gmsh.option.restoreDefaults()
-        for name, value in before:
-            if name.startswith(_READ_ONLY):
-                continue
-            if value.startswith('"'):
-                gmsh.option.setString(name, value[1:-1])
-            else:
-                gmsh.option.setNumber(name, float(value))
+        file = Path(folder) / "present.opt"
+        gmsh.write(str(file))
+        return _LINE.findall(file.read_text("utf-8", errors="replace"))
+
+
+def _restore(options: list[tuple[str, str]]) -> None:
+    """Give all options the values that `_present` has told."""
+    import gmsh
+
+    gmsh.option.restoreDefaults()
+    for name, value in options:
+        if name.startswith(_READ_ONLY):
+            continue
+        if value.startswith('"'):
+            gmsh.option.setString(name, value[1:-1])
+        else:
+            gmsh.option.setNumber(name, float(value))
 
 
 def is_family(source: Any) -> bool:
@@ -68,7 +53,10 @@ def is_family(source: Any) -> bool:
 def gmsh_for(source: Any, comm: MPI.Comm) -> Iterator[None]:
     """Run gmsh on rank 0 and leave it as it was, because the script may use it as well.
 
-    An object of the user's own may have started it for longer, so there it keeps running.
+    A drawing (.geo) and an object of the user's own may set options.  They would hold for what is
+    read next, so that its mesh would depend on what was read before.  So all options get their
+    values back.  An object of the user's own may have started gmsh for longer, so there it keeps
+    running.
     """
     if comm.rank:
         yield
@@ -76,18 +64,16 @@ def gmsh_for(source: Any, comm: MPI.Comm) -> Iterator[None]:
     import gmsh
 
     before = gmsh.model.getCurrent() if gmsh.isInitialized() else None
-    is_file = not hasattr(source, "build")
-    mine = (is_family(source) or is_file) and start()
-    kept: AbstractContextManager[None] = nullcontext()
+    options = [] if before is None else _present()
+    mine = (is_family(source) or not hasattr(source, "build")) and start()
     if before is not None:
-        kept = kept_options() if is_file else kept_option(ABORT)
+        gmsh.option.setNumber(ABORT, 2)  # raises; a script may have reset all of gmsh's options
     try:
-        with kept:
-            if before is not None:
-                gmsh.option.setNumber(ABORT, 2)  # raises; a script may have reset all options
-            yield
+        yield
     finally:
         if mine:
             gmsh.finalize()
-        elif before is not None and before in gmsh.model.list():
-            gmsh.model.setCurrent(before)
+        elif gmsh.isInitialized():
+            _restore(options)
+            if before is not None and before in gmsh.model.list():
+                gmsh.model.setCurrent(before)
