@@ -3,8 +3,8 @@
     mpirun -n 2 python -m tests.peers.helix_modes [--turns N] [--mesh N] [--count N] [--profile]
 
 The device is that of demos/hdea_ten_layer.py with a density of 1000 kg/m^3, clamped at its bottom
-and without voltage.  Ten turns of mesh 3 have 400 000 unknowns.  The times are those of the rank with
-most, in the search for modes alone; a busy machine changes cpu_s least.
+and without voltage.  Ten turns of mesh 3 have 400 000 unknowns.  The times are those of the
+rank with most, in the search for modes alone; a busy machine changes cpu_s least.
 """
 
 from __future__ import annotations
