@@ -186,7 +186,8 @@ class NewtonSolver(LinearSolver):
         while lifted is not None or norm > tolerance:
             if iteration == self.options.max_iterations and increment is not None:
                 outcome = self._slowness(history, increment)
-                if outcome is Outcome.ROUNDING:
+                # Who asks for more than the usual digits is told that rounding errors forbid them.
+                if outcome is Outcome.ROUNDING and tolerance >= NewtonOptions.tolerance:
                     norm = self.without_rounding(residual, norm)
                     if norm <= tolerance:
                         break
