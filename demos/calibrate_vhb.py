@@ -126,7 +126,8 @@ def refit(found):
     start = found.material
     material = dea.Material(start.elastic, dea.IdealDielectric(eps_r), viscous=start.viscous)
     data = [RateData("uniaxial", time, stretch, stress, "0 V")]
-    return dea.calibrate(RateTests("at 50 degrees", data), parameters, material), eps_r
+    test = RateTests("at 50 degrees", data)
+    return dea.calibrate(test, parameters, material, comm=MPI.COMM_SELF), eps_r
 
 
 def predicted_test(volts):

@@ -395,11 +395,11 @@ CHECKS = {
 }
 # These take more than ten seconds of CPU time on one rank.
 SLOW = {
-    "balloon_branches.py", "balloon_motion.py", "crease.py", "creep_disc.py", "dea_hinge.py",
-    "ddea_stack.py", "design_search.py", "gripper.py", "hdea_bending.py", "hdea_ten_layer.py",
-    "hdea_two_turn.py", "kresling_cell.py", "membrane_disc.py", "snap_in_motion.py",
-    "snap_through.py", "stiffened_membrane.py", "strip_frequency.py", "study.py",
-    "zipping_or_folding.py",
+    "balloon_branches.py", "balloon_motion.py", "calibrate_actuator.py", "calibrate_vhb.py",
+    "crease.py", "creep_disc.py", "ddea_stack.py", "dea_hinge.py", "design_search.py",
+    "gripper.py", "hdea_bending.py", "hdea_ten_layer.py", "hdea_two_turn.py",
+    "kresling_cell.py", "membrane_disc.py", "snap_in_motion.py", "snap_through.py",
+    "stiffened_membrane.py", "strip_frequency.py", "study.py", "zipping_or_folding.py",
 }  # fmt: skip
 NEEDS = {"design_search.py": "pymoo", "read_results.py": "pandas"}  # optional extras
 

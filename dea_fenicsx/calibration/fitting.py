@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, TypedDict
@@ -305,20 +305,7 @@ class LeastSquares:
         InputError
             If no start leads anywhere.
         """
-        from scipy.optimize import least_squares  # slow to load
-
-        low, high = self.over.bounds
-        inside = 1e-10 * (1 + np.abs(self.over.start))
-        ends = []
-        for z in self.starts(count, seed):
-            with warnings.catch_warnings(), np.errstate(all="ignore"):
-                warnings.simplefilter("ignore")
-                found = least_squares(
-                    self.residuals, np.clip(z, low + inside, high - inside), self._fixing,
-                    bounds=(low, high), x_scale="jac", xtol=tolerance, ftol=tolerance, gtol=1e-12,
-                    max_nfev=MOST_TRIALS,
-                )  # fmt: skip
-            ends.append((2 * float(found.cost), found.x))
+        ends = [self._end_from(z, tolerance) for z in self.starts(count, seed)]
         costs = tuple(cost for cost, _ in ends)
         best = ends[int(np.argmin(costs))][1]
         if np.any(np.abs(self.residuals(best)[: self.count]) >= self.penalty):
@@ -327,6 +314,38 @@ class LeastSquares:
                 "narrow the bounds."
             )
         return Search(best, costs)
+
+    def _end_from(self, z: np.ndarray, tolerance: float) -> tuple[float, np.ndarray]:
+        """Where the search from some coordinates ends: sum of squares, coordinates.  Collective.
+
+        Rank 0 searches, and the others evaluate what it asks for.  If each rank searched, rounding
+        errors could give them different numbers of trials, and they would wait for one another.
+        """
+        from scipy.optimize import least_squares  # slow to load
+
+        functions = {"residuals": self.residuals, "jacobian": self._fixing}
+
+        def on_all_ranks(name: str) -> Callable[[np.ndarray], np.ndarray]:
+            def evaluate(at: np.ndarray) -> np.ndarray:
+                self.comm.bcast((name, at), root=0)
+                return functions[name](at)
+
+            return evaluate
+
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            if self.comm.rank > 0:
+                while (asked := self.comm.bcast(None, root=0))[0]:
+                    functions[asked[0]](asked[1])
+                return asked[1]
+            low, high = self.over.bounds
+            inside = 1e-10 * (1 + np.abs(self.over.start))
+            found = least_squares(
+                on_all_ranks("residuals"), np.clip(z, low + inside, high - inside),
+                on_all_ranks("jacobian"), bounds=(low, high), x_scale="jac", xtol=tolerance,
+                ftol=tolerance, gtol=1e-12, max_nfev=MOST_TRIALS,
+            )  # fmt: skip
+            return self.comm.bcast(("", (2 * float(found.cost), found.x)), root=0)[1]
 
     # ------------------------------------------------------------------ the report
 
