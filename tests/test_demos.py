@@ -471,8 +471,9 @@ def test_zipping(start, tmp_path):
 
 
 HELP_OF_ALL = """
-import contextlib, io, json, runpy, sys
+import contextlib, io, json, os, runpy, sys
 demos, found = sys.argv[1:], {}
+sys.path[0] = os.path.dirname(demos[0])  # where Python itself looks first for what a demo imports
 for demo in demos:
     sys.argv = [demo, "--help"]
     with contextlib.redirect_stdout(io.StringIO()) as text, contextlib.suppress(SystemExit):
