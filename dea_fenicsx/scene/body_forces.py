@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Protocol
 
 import ufl
 
-from dea_fenicsx.scene.condition import Load, Setting, Told
+from dea_fenicsx.scene.condition import InRegions, Load, Setting, Told
 from dea_fenicsx.scene.declarations import Declaration
 from dea_fenicsx.scene.part_declarations import RigidSurface
 from dea_fenicsx.support.errors import InputError
@@ -153,7 +153,7 @@ class Gravity(Load):
 
 @dataclass(frozen=True)
 @in_si(newtons_per_cubic_metre="N/m**3")
-class BodyForce(Load):
+class BodyForce(InRegions, Load):
     """Force per undeformed volume of a region, fixed in direction.
 
     Parameters
@@ -168,18 +168,9 @@ class BodyForce(Load):
     newtons_per_cubic_metre: tuple[float, ...]
     ramp: str = "load"
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        return (self.where,) if isinstance(self.where, str) else tuple(self.where)
-
-    @property
-    def region_names(self) -> tuple[str, ...]:
-        return self.names
-
     def check(self, scene: Setting) -> None:
         super().check(scene)
-        if not self.names:
-            raise InputError("BodyForce names no region; give it at least one name.")
+        self.check_named()
         _check_vector(self, self.newtons_per_cubic_metre, "force", scene)
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:

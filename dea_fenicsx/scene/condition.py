@@ -139,6 +139,27 @@ class OnSurface:
         return (self.where,)
 
 
+class InRegions:
+    """A condition in the region `where`, or in several regions."""
+
+    where: str | tuple[str, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return (self.where,) if isinstance(self.where, str) else tuple(self.where)
+
+    @property
+    def region_names(self) -> tuple[str, ...]:
+        return self.names
+
+    def check_named(self) -> None:
+        """Raise InputError if no region is named."""
+        if not self.names:
+            raise InputError(
+                f"{type(self).__name__} names no region; give it at least one name."
+            )
+
+
 def of_kind[D: Declaration](told: Told, kind: type[D]) -> list[tuple[Condition, D]]:
     """The declarations of one kind, each with its condition, in their order."""
     return [(item, one) for item, one in told if isinstance(one, kind)]

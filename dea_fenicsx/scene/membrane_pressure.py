@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dea_fenicsx.scene.body_forces import BodyFields, BodyWork
-from dea_fenicsx.scene.condition import Load, Setting
+from dea_fenicsx.scene.condition import InRegions, Load, Setting
 from dea_fenicsx.scene.declarations import Declaration
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
@@ -32,7 +32,7 @@ class PressureWork(BodyWork):
 
 @dataclass(frozen=True)
 @in_si(pascal="Pa", away_from="m")
-class MembranePressure(Load):
+class MembranePressure(InRegions, Load):
     """True pressure on one side of a membrane, which follows it: the force on dA is p cof(F) N dA.
 
     Parameters
@@ -51,14 +51,6 @@ class MembranePressure(Load):
     away_from: tuple[float, ...]
     ramp: str = "load"
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        return (self.where,) if isinstance(self.where, str) else tuple(self.where)
-
-    @property
-    def region_names(self) -> tuple[str, ...]:
-        return self.names
-
     def check(self, scene: Setting) -> None:
         kinematics = scene.kinematics
         if not kinematics.is_membrane or kinematics.is_flat:
@@ -67,8 +59,7 @@ class MembranePressure(Load):
                 "AxisymmetricMembrane or SurfaceMembrane, or FollowerPressure on a solid."
             )
         super().check(scene)
-        if not self.names:
-            raise InputError("MembranePressure names no region; give it at least one name.")
+        self.check_named()
         finite(self.pascal, f"The pressure on {', '.join(self.names)}")
         axes = kinematics.coordinates
         if len(self.away_from) != len(axes):

@@ -6,7 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dea_fenicsx.scene.condition import OnSurface, Prescribed, Setting, check_axes, check_global
+from dea_fenicsx.scene.condition import (
+    InRegions,
+    OnSurface,
+    Prescribed,
+    Setting,
+    check_axes,
+    check_global,
+)
 from dea_fenicsx.scene.declarations import (
     ELONGATION,
     TWIST,
@@ -113,7 +120,7 @@ class Displacement(OnSurface, Prescribed):
 
 @dataclass(frozen=True)
 @in_si(x="", y="", z="", r="")
-class PreStretch(Prescribed):
+class PreStretch(InRegions, Prescribed):
     """Stretches that a region had undergone before it became part of the device.
 
     The mesh shows the stretched region: a film, pulled over a frame, to which a stiffener is then
@@ -140,10 +147,6 @@ class PreStretch(Prescribed):
     r: float | None = None
 
     @property
-    def names(self) -> tuple[str, ...]:
-        return (self.where,) if isinstance(self.where, str) else tuple(self.where)
-
-    @property
     def stretches(self) -> tuple[float, float, float]:
         """Along x, y and z, or along the radius, around and along the axis; all three."""
         if self.r is not None:
@@ -152,10 +155,6 @@ class PreStretch(Prescribed):
         rest = 1 / math.prod(given)
         a, b, c = (rest if s is None else s for s in (self.x, self.y, self.z))
         return a, b, c
-
-    @property
-    def region_names(self) -> tuple[str, ...]:
-        return self.names
 
     def check(self, scene: Setting) -> None:
         if scene.kinematics.global_unknowns and not scene.kinematics.cartesian:
