@@ -119,33 +119,18 @@ class GeneralisedPlaneStrain(PlaneStrain):
         return self.depth
 
 
-@dataclass(frozen=True)
-class Axisymmetric(Kinematics):
-    """Rotationally symmetric about the second axis: mesh coordinates are (r, z).
-
-    Components of F and of stresses are ordered (r, hoop, z) in energies and failures.  Files of
-    fields order them (r, z, hoop) instead, the axes of the picture first, and name them so.
-    Forces, charges and volumes are for the full circle.
-    """
+class OfRevolution:
+    """What bodies and films of revolution share: coordinates (r, z), components (r, hoop, z)."""
 
     dim = 2
     axes = "rz"
-    title = "an axisymmetric section"
     cartesian = False
     rotations = 0
     axis_of_rotation = True
 
     def check(self, device: Device) -> None:
-        super().check(device)
+        super().check(device)  # type: ignore[misc]  # that of the kinematics beside it
         least_radius(device)
-
-    def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
-        g = grad(u)
-        return as_matrix([[g[0, 0], 0, g[0, 1]], [0, u[0] / x[0], 0], [g[1, 0], 0, g[1, 1]]])
-
-    def gradient(self, phi: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
-        g = grad(phi)
-        return as_vector([g[0], 0, g[1]])
 
     def embed(self, v: Any) -> Any:
         return as_vector([v[0], 0, v[1]])
@@ -161,6 +146,26 @@ class Axisymmetric(Kinematics):
 
     def motion_in_words(self, motion: np.ndarray) -> str:
         return "translation along z"
+
+
+@dataclass(frozen=True)
+class Axisymmetric(OfRevolution, Kinematics):
+    """Rotationally symmetric about the second axis: mesh coordinates are (r, z).
+
+    Components of F and of stresses are ordered (r, hoop, z) in energies and failures.  Files of
+    fields order them (r, z, hoop) instead, the axes of the picture first, and name them so.
+    Forces, charges and volumes are for the full circle.
+    """
+
+    title = "an axisymmetric section"
+
+    def displacement_gradient(self, u: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
+        g = grad(u)
+        return as_matrix([[g[0, 0], 0, g[0, 1]], [0, u[0] / x[0], 0], [g[1, 0], 0, g[1, 1]]])
+
+    def gradient(self, phi: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
+        g = grad(phi)
+        return as_vector([g[0], 0, g[1]])
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ See Adkins and Rivlin, Phil. Trans. A 244 (1952) 505, and Zhao and Suo, Phys. Re
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -23,7 +24,7 @@ import ufl
 from ufl import as_matrix, as_vector, grad
 
 from dea_fenicsx.mesh.device import Device
-from dea_fenicsx.scene.kinematics import Axisymmetric, PlaneStrain, ThreeD, least_radius
+from dea_fenicsx.scene.kinematics import OfRevolution, PlaneStrain, ThreeD
 from dea_fenicsx.scene.kinematics_base import GlobalMotion, Kinematics
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
@@ -94,9 +95,9 @@ class _Film(Kinematics):
     def residual_stiffness(self) -> float:
         return self.slack if self.relaxed else 1.0
 
+    @abstractmethod
     def unit_normal(self, x: Any) -> Any:
         """Undeformed unit normal, a 3-vector in the components of F."""
-        raise NotImplementedError(f"{type(self).__name__} must say its normal.")
 
     def frame(self, x: Any) -> Any:
         """Rotation from the axes of a pre-stretch to those of F, 3 x 3; None where they agree."""
@@ -154,7 +155,7 @@ class Membrane(_Film):
 
 
 @dataclass(frozen=True)
-class AxisymmetricMembrane(_Film):
+class AxisymmetricMembrane(OfRevolution, _Film):
     """A film of revolution: the mesh is its meridian, a line in the coordinates (r, z).
 
     Components of F and of stresses are ordered (r, hoop, z).  Forces, charges and volumes are for
@@ -166,17 +167,8 @@ class AxisymmetricMembrane(_Film):
         As in `Membrane`.
     """
 
-    dim = 2
-    axes = "rz"
     title = "an axisymmetric membrane"
-    cartesian = False
-    rotations = 0
-    axis_of_rotation = True
     surface = 1
-
-    def check(self, device: Device) -> None:
-        super().check(device)
-        least_radius(device)
 
     def tangent(self, x: Any) -> Any:
         """Unit tangent of the undeformed meridian, (r, z)."""
@@ -202,21 +194,6 @@ class AxisymmetricMembrane(_Film):
         return as_matrix([
             [F[0][0] - 1, 0, F[0][1]], [0, hoop - 1, 0], [F[1][0], 0, F[1][1] - 1],
         ])  # fmt: skip
-
-    def embed(self, v: Any) -> Any:
-        return as_vector([v[0], 0, v[1]])
-
-    def weight(self, x: Any) -> Any:
-        return 2 * ufl.pi * x[0]
-
-    def rigid_motions(
-        self, x: np.ndarray, axis: int, middle: np.ndarray, half: float
-    ) -> np.ndarray:
-        """The axial translation alone: all other motions stretch hoops."""
-        return Axisymmetric().rigid_motions(x, axis, middle, half)
-
-    def motion_in_words(self, motion: np.ndarray) -> str:
-        return "translation along z"
 
 
 @dataclass(frozen=True)
