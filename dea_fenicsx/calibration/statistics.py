@@ -83,11 +83,10 @@ def covariance(J: np.ndarray, v: np.ndarray, P: np.ndarray) -> tuple[np.ndarray,
         Shape (p, p); zero along directions that nothing fixes.
     """
     both = np.concatenate([J, P])
-    lengths = np.linalg.norm(both, axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
+    lengths = _lengths(both)
     _, values, Vt = np.linalg.svd(both / lengths, full_matrices=True)
     values = np.append(values, np.zeros(len(Vt) - len(values)))
-    clear = values > SMALLEST_SINGULAR_VALUE * max(values[0], 1e-300)
+    clear = _clear(values)
     V, s = Vt[clear].T, values[clear]
     rows = np.concatenate([J * np.sqrt(v)[:, None], P]) / lengths @ V / s**2
     C = V @ (rows.T @ rows) @ V.T / np.outer(lengths, lengths)
@@ -99,12 +98,22 @@ def covariance(J: np.ndarray, v: np.ndarray, P: np.ndarray) -> tuple[np.ndarray,
     return C, inverse, int(clear.sum())
 
 
+def _lengths(J: np.ndarray) -> np.ndarray:
+    """Lengths of the columns of a Jacobian, 1 for those that are zero."""
+    lengths = np.linalg.norm(J, axis=0)
+    return np.where(lengths > 0, lengths, 1.0)
+
+
+def _clear(values: np.ndarray) -> np.ndarray:
+    """Which singular values, the largest first, belong to a combination that anything fixes."""
+    return values > SMALLEST_SINGULAR_VALUE * max(values[0], 1e-300)
+
+
 def only_fixed(J: np.ndarray) -> np.ndarray:
     """A Jacobian of shape (n, p) without the combinations of parameters that nothing fixes."""
-    lengths = np.linalg.norm(J, axis=0)
-    lengths = np.where(lengths > 0, lengths, 1.0)
+    lengths = _lengths(J)
     U, values, Vt = np.linalg.svd(J / lengths, full_matrices=False)
-    clear = values > SMALLEST_SINGULAR_VALUE * max(values[0], 1e-300)
+    clear = _clear(values)
     return np.asarray((U[:, clear] * values[clear]) @ Vt[clear] * lengths)
 
 

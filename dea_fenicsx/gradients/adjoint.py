@@ -18,7 +18,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from dea_fenicsx.gradients.functionals import Functional, functional_of
 from dea_fenicsx.gradients.kept_forms import KeptForms
@@ -168,7 +167,7 @@ class Gradients:
             by_state += self.kept.by_state(form)
         rhs = problem.restrict(by_state)
         solution, residual = np.zeros(len(problem.free)), 0.0
-        if self.total(rhs @ rhs) > 0:
+        if self.kept.total(rhs @ rhs) > 0:
             given = problem.circuits.given_rows()
             rhs[given] = 0.0
             solution, residual = self._solved(rhs, transposed=True)
@@ -177,11 +176,11 @@ class Gradients:
         for one in found:
             slope = paired.slope(one)
             if isinstance(one, Load):
-                slope += self.total(by_state @ self.lifted(one.ramp)) / one.unit
+                slope += self.kept.total(by_state @ self.lifted(one.ramp)) / one.unit
                 slope += by_factor.get(one.ramp, 0.0) / one.unit
             elif isinstance(one, Shape):
                 change = fixed_change(problem, one.velocity)
-                slope += self.total(by_state @ self._followed(change))
+                slope += self.kept.total(by_state @ self._followed(change))
             slopes[one.name] = slope
         return slopes, residual
 
@@ -271,7 +270,7 @@ class Gradients:
         SolverError
             If the solution is not exact enough.
         """
-        if self.total(rhs @ rhs) == 0:
+        if self.kept.total(rhs @ rhs) == 0:
             return np.zeros(len(rhs)), 0.0
         solver = self.solver
         if transposed:
@@ -303,9 +302,6 @@ class Gradients:
         problem.rigid.follow(along.x.array, problem.w.x.array)
         problem.conditions.ties.follow(along.x.array)
         return np.asarray(along.x.array[: problem.owned])
-
-    def total(self, value: float) -> float:
-        return float(self.problem.comm.allreduce(float(value), op=MPI.SUM))
 
 
 def check_static(state: State) -> None:

@@ -124,9 +124,9 @@ def _left(gradients: Gradients) -> np.ndarray:
     solver, problem = gradients.solver, gradients.problem
     vector = solver.tangent.by_load(next(iter(problem.factors)))
     for _ in range(3):
-        vector = vector / np.sqrt(gradients.total(vector @ vector))
+        vector = vector / np.sqrt(gradients.kept.total(vector @ vector))
         found = solver.solve_transposed(vector)
         if found is None:
             raise SolverError("The left null vector of the tangent was not found.")
         vector = found.values
-    return vector / np.sqrt(gradients.total(vector @ vector))
+    return vector / np.sqrt(gradients.kept.total(vector @ vector))
