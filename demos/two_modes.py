@@ -24,13 +24,12 @@ import shutil
 from pathlib import Path
 
 import numpy as np
-from crease_or_buckle import EPS_R, neutral
+from crease_or_buckle import neutral, scene, volts
 from mpi4py import MPI
 from scipy.optimize import brentq
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
-from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.results.stable_parts import stability_intervals
 
 
@@ -61,21 +60,12 @@ def lengths(args):
     return length, [value(m, length) for m in (n, n + 1)]
 
 
-def scene(args, length, unit):
-    """Film on base; at a ramp factor of 1 the voltage is `unit`."""
+def film_on_base(args, length, unit):
+    """The film, `length` long in units of h; at a ramp factor of 1 the voltage is `unit`."""
     h = args.thickness
     layers = [Layer("base", args.depth * h, 5), Layer("film", h, 1)]
     mesh = BoxStack(length * h, None, layers, divisions=args.half_waves * args.cells)
-    return dea.Scene(
-        dea.read_gmsh(mesh, MPI.COMM_WORLD),
-        {
-            "film": dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(EPS_R)),
-            "base": dea.Material(dea.NeoHookean(args.ratio * args.mu)),
-        },
-        electrodes=[dea.Electrode("top", unit), dea.Ground("interface_1")],
-        supports=[dea.Clamp("bottom"), dea.Fix("x_min", "x"), dea.Fix("x_max", "x")],
-        kinematics=dea.PlaneStrain(),
-    )
+    return scene(args, mesh, unit)
 
 
 def mixed(args, built, record, diagram, unit):
@@ -109,8 +99,8 @@ def main():
     if not (0 < abs(args.detuning) <= 0.1 and args.to > 1):
         parser.error("--detuning must be other than 0 and at most 0.1, and --to above 1")
     length, values = lengths(args)
-    unit = args.thickness * float(np.sqrt(min(values) * args.mu / (EPS_R * EPSILON_0)))
-    built = scene(args, length, unit)
+    unit = volts(args, min(values))
+    built = film_on_base(args, length, unit)
     top = (1 + args.depth) * args.thickness
     record = {
         "left": dea.AtPoint((0.0, top), "displacement", "y"),
