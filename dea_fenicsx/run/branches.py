@@ -21,7 +21,7 @@ from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError, Interrupted, MachineError, PathError
 from dea_fenicsx.support.files import replace_file
 from dea_fenicsx.support.type_checks import is_number, shown
-from dea_fenicsx.support.validation import known
+from dea_fenicsx.support.validation import known, whole
 
 FIRST = "first"
 """Name of the branch on which the trace begins."""
@@ -209,8 +209,7 @@ def _checked(
             f"The path of a diagram must end by a Trace without switch=, not by {shown(last)}; "
             "`branches` changes the branch by itself."
         )
-    if not isinstance(most, int) or isinstance(most, bool) or most < 0:
-        raise InputError(f"most={shown(most)} must be a whole number of at least 0.")
+    whole(most, "The number most= of bifurcations", 0)
     if not is_number(aside) or not 0 < aside < 1e6:
         raise InputError(
             f"aside={shown(aside)} must be a length of arc above 0, such as 0.05; both=True goes "
