@@ -14,6 +14,8 @@ from scipy.optimize import brentq
 import dea_fenicsx as dea
 from dea_fenicsx.exact import Dead, Film, Held, instantaneous, march, relaxed
 from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.terms.viscous import Viscous
 from dea_fenicsx.support.errors import EquilibriumLost
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
@@ -311,3 +313,19 @@ def test_true_stresses_contain_those_of_the_branches():
     row = run.history[-1]
     column = next(name for name in row if name.startswith("stress"))
     assert row[column] == pytest.approx(20e3 * row["lam"], rel=1e-8)
+
+
+@pytest.mark.parametrize("kappa", [None, 20 * MU])
+def test_the_work_of_branches_is_the_variation_of_their_energy(monkeypatch, kappa):
+    branches = [dea.Maxwell(10e3, 0.5), dea.Maxwell(3e3, 20.0)]
+
+    def residual():
+        problem = Problem(film(*branches, cells=(2, 2), bulk_modulus=kappa))
+        values = np.random.default_rng(0).standard_normal(problem.size)
+        for part in problem.displacement:
+            problem.w.x.array[part.dofs] = 2e-3 * values[part.dofs]
+        return problem.residual()
+
+    own = residual()
+    monkeypatch.setattr(Viscous, "work", lambda *_: None)
+    assert np.linalg.norm(own - residual()) < 1e-13 * np.linalg.norm(own)

@@ -8,7 +8,7 @@ import ufl
 
 from dea_fenicsx.model.kernels import BoundBranch, Kernel
 from dea_fenicsx.model.material_point import MaterialPoint
-from dea_fenicsx.model.terms.base import EnergyTerm
+from dea_fenicsx.model.terms.base import EnergyTerm, Variation
 from dea_fenicsx.scene.strain import cofactor
 
 SMALLEST_SHARE = 1e-13
@@ -48,16 +48,44 @@ class Viscous(EnergyTerm):
                 total -= branch.mu * ufl.ln(at.J)
         return at.per_stress * total
 
+    def work(self, at: MaterialPoint, virtual: Variation) -> Any:
+        """F S : virtual(F), S = sum of mu C_v^-1: a third of the work of the density's variation.
+
+        It is the same but for rounding.
+        """
+        branches = at.kernel.branches
+        stress: Any = ufl.zero(3, 3)
+        for branch in branches:
+            stress += branch.mu * _inverse_strain(at, branch)
+        if not at.kernel.is_incompressible:  # there C is without the change of volume
+            return at.per_stress * ufl.inner(stress, virtual(at.strain.C)) / 2
+        own = ufl.inner(ufl.dot(at.total, stress), virtual(at.total))
+        return at.per_stress * (own - sum(b.mu for b in branches) * virtual(at.J) / at.J)
+
     def stored(self, at: MaterialPoint) -> Any:
         """The energy of the springs, mu/2 [tr(C C_v^-1) - 3], with C_v at the end of the step."""
         branches = at.kernel.branches
         return at.per_stress * sum(b.mu / 2 * (ufl.tr(_relative(at, b)) - 3) for b in branches)
 
 
+def _inverse_strain(at: MaterialPoint, branch: BoundBranch) -> Any:
+    """C_v^-1 of a branch at the end of a step: det(M)^(1/3) M^-1 with M = r C + H, symmetric."""
+    M = (branch.step + SMALLEST_SHARE) * at.strain.C + branch.tensor
+    a, b, c, d, e, f = (M[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
+    first = (b * c - f * f, e * f - d * c, d * f - e * b)
+    power = (a * first[0] + d * first[1] + e * first[2]) ** (-2 / 3)
+    x, y, z = (power * entry for entry in first)
+    mixed = power * (d * e - a * f)
+    return ufl.as_matrix([
+        [x, y, z],
+        [y, power * (a * c - e * e), mixed],
+        [z, mixed, power * (a * b - d * d)],
+    ])  # fmt: skip
+
+
 def _relative(at: MaterialPoint, branch: BoundBranch) -> Any:
-    """C C_v^-1 of a branch at the end of a step: det(M)^(1/3) C M^-1 with M = r C + H."""
-    cofactors, det = cofactor((branch.step + SMALLEST_SHARE) * at.strain.C + branch.tensor)
-    return ufl.dot(at.strain.C, ufl.transpose(cofactors)) * det ** (-2 / 3)
+    """C C_v^-1 of a branch at the end of a step."""
+    return ufl.dot(at.strain.C, _inverse_strain(at, branch))
 
 
 def dissipation(at: MaterialPoint) -> Any:
