@@ -4,8 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from dea_fenicsx.solvers.factors import WORKSPACE_ERRORS, WORKSPACE_MARGINS_PERCENT
+from dea_fenicsx.solvers.factors import AMF, WORKSPACE_ERRORS, WORKSPACE_MARGINS_PERCENT
 from dea_fenicsx.support.compat import PETSc
+
+LARGE_DIAGONAL = 5
+"""How MUMPS permutes columns first (its control ICNTL(6)): so that the diagonal becomes large.
+
+Otherwise the zero diagonal of the constraints delays most pivots, and the factor gets four times
+the entries.  MUMPS does so on one rank only.
+"""
 
 
 def by_lu(matrix: Any, method: str = "preonly") -> Any:
@@ -31,7 +38,8 @@ def by_lu(matrix: Any, method: str = "preonly") -> Any:
         pc.setFactorSolverType("mumps")
         pc.setFactorSetUpSolverType()
         factor = pc.getFactorMatrix()
-        factor.setMumpsIcntl(14, margin)
+        for number, value in {14: margin, 6: LARGE_DIAGONAL, 7: AMF}.items():
+            factor.setMumpsIcntl(number, value)
         try:
             ksp.setUp()
             fails = pc.getFailedReason() != 0
