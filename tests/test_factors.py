@@ -11,6 +11,7 @@ import dea_fenicsx as dea
 from dea_fenicsx.geometry import HDEA, BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.solvers import linear
 from dea_fenicsx.solvers.factors import WholeFactor
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.split_factor import PHI, SplitFactor, U
@@ -166,7 +167,7 @@ def test_split_factors_need_a_discontinuous_pressure():
                       elements=dea.Discretisation(pressure="continuous"))  # fmt: skip
     with pytest.raises(dea.InputError, match="discontinuous pressure"):
         ramp(scene, "split")
-    with pytest.raises(dea.InputError, match="auto, whole, single, split"):
+    with pytest.raises(dea.InputError, match="auto, whole, single, split, precise"):
         ramp(helix(), "half")
 
 
@@ -201,3 +202,16 @@ def test_kept_matrix_and_factors_are_filled_anew():
     kept[0].destroy()
     fresh = tangent.matrix()
     assert fresh.getSize() == (problem.unknowns,) * 2 and fresh.norm() > 0
+
+
+def test_precise_factors_solve_in_few_iterations_and_count(monkeypatch):
+    monkeypatch.setattr(linear, "UNKNOWNS_FOR_CHEAP_FACTOR", 1000)
+    problem = Problem(helix())
+    solver = NewtonSolver(problem, dea.NewtonOptions(factor="precise"))
+    assert solver._split and solver._split.precise
+    rhs = np.random.default_rng(0).standard_normal(len(problem.free))
+    found = solver.linear_solve(rhs, 1e-11)
+    assert solver.counters.krylov <= 4
+    rest = solver.tangent.times(found) - rhs
+    assert np.linalg.norm(rest) < 1e-10 * np.linalg.norm(rhs)
+    assert solver.inertia.excess == 0

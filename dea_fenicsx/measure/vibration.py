@@ -38,10 +38,10 @@ SHIFT_SHARE = 1e-4
 def vibration_solver(problem: Problem) -> NewtonSolver:
     """A solver for a search for vibrations, which solves very often and very precisely.
 
-    It keeps a factor of the whole tangent in double precision: each solve takes two iterations.
-    The cheaper factors of large problems take many more.
+    It keeps a precise factor: each solve takes two or three iterations.  The cheaper factors of
+    large problems take many more.
     """
-    return NewtonSolver(problem, NewtonOptions(factor="whole"))
+    return NewtonSolver(problem, NewtonOptions(factor="precise"))
 
 
 @dataclass(frozen=True)
@@ -203,6 +203,8 @@ def _lowest(
         pairs = eigenpairs(solver, wanted, reduced, carried)
         # A large device is counted by the factor that the search has made.  Motions that grow fast
         # are far from zero, so that a search for the nearest ones alone may not have met them.
+        if solver.inertia.excess is None:  # this factor has not proved that there are none
+            solver.refresh_inertia()
         counted = max(solver.inertia.excess or 0, 0)
         if counted > sum(pair.value < 0 for pair in pairs) and counted > growing:
             wanted = min(count + counted, most)

@@ -78,7 +78,7 @@ class Mass:
         self.density = _density(scene, scales, materials)
         matrix = products_of_motions(scene, space, self.density)
         add_attached(matrix, scene.declared.rigid_surfaces, rigid.parts, scales)
-        self.matrix = self._petsc.keep("mass", matrix)
+        self.matrix = self._petsc.keep("mass", _without_zeros(matrix))
         self._x, self._y = self.matrix.createVecs()
         self._petsc.keep("x", self._x)
         self._petsc.keep("y", self._y)
@@ -177,6 +177,22 @@ def products_of_motions(scene: Scene, space: Unknowns, density: Any = 1.0) -> An
     matrix = dolfinx.fem.petsc.assemble_matrix(form)
     matrix.assemble()
     return matrix
+
+
+def _without_zeros(matrix: Any) -> Any:
+    """A matrix without its entries that are 0; the one with them is destroyed.  Collective.
+
+    The pattern of the assembled mass couples all fields and all axes: it has some ten times the
+    entries that are needed.
+    """
+    offsets, columns, values = matrix.getValuesCSR()
+    kept = values != 0
+    rows = np.concatenate([[0], np.cumsum(kept)])[offsets].astype(PETSc.IntType)
+    found = PETSc.Mat().createAIJ(
+        matrix.getSizes(), csr=(rows, columns[kept], values[kept]), comm=matrix.comm
+    )
+    matrix.destroy()
+    return found
 
 
 def in_free_unknowns(matrix: Any, free: np.ndarray, expansion: Any | None) -> Any:

@@ -38,6 +38,12 @@ SOLVE_TOLERANCE = 1e-11
 PAIR_TOLERANCE = 1e-10
 """Relative tolerance of SLEPc's eigenvalues; Rayleigh and Ritz square the error."""
 
+ROUGH_TOLERANCE = 1e-3
+"""The same in a search that only looks whether something has been missed.
+
+The error of an eigenvalue is the square of this, so that it tells where the next one lies.
+"""
+
 NO_PAIR = 1e-3
 """Residual of K v = m M v, relative to m M v, above which a vector is no eigenvector.
 
@@ -229,6 +235,8 @@ class _Search:
         found: list[np.ndarray] = []
         pairs: list[Eigenpair] = []
         for _ in range(SEARCHES):
+            if len(pairs) >= count and self._is_alone(pairs[:count], found):
+                break
             new = self._search(1 if found else count, found)
             before = pairs
             found += new
@@ -241,7 +249,20 @@ class _Search:
             thing.destroy()
         return pairs[:count]
 
-    def _search(self, wanted: int, known: Sequence[np.ndarray]) -> list[np.ndarray]:
+    def _is_alone(self, pairs: list[Eigenpair], found: Sequence[np.ndarray]) -> bool:
+        """Whether a rough search sees at once that no other eigenvalue is near those found."""
+        if self.size - len(found) < 2:
+            return False
+        others = self._search(1, found, ROUGH_TOLERANCE)
+        if not others:
+            return False
+        next_one = self._ritz(others)
+        farthest = max(abs(pair.value) for pair in pairs)
+        return bool(next_one) and abs(next_one[0].value) > (1 + ROUGH_TOLERANCE) * farthest
+
+    def _search(
+        self, wanted: int, known: Sequence[np.ndarray], tolerance: float = PAIR_TOLERANCE
+    ) -> list[np.ndarray]:
         """Vectors of motion by one search of SLEPc's, in the complement of those known."""
         SLEPc = compat.slepc()
         eps = SLEPc.EPS().create(self.comm)
@@ -254,7 +275,7 @@ class _Search:
         eps.setTarget(0.0)
         room = self.size - len(known)
         eps.setDimensions(wanted, min(room, max(2 * wanted, wanted + 15)))
-        eps.setTolerances(PAIR_TOLERANCE, 200)
+        eps.setTolerances(tolerance, 200)
         if known:
             eps.setDeflationSpace([self._vector(v) for v in known])
         start = self._vector(self._start(len(known)))

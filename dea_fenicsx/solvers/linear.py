@@ -111,7 +111,8 @@ class LinearSolver:
         self.inertia = Inertia()
         self.trouble = Outcome.CONVERGED
         self.notify: Callable[[str], None] = silent
-        self._split = SplitFactor(self.problem) if self._splits() else None
+        precise = self.options.factor == "precise"
+        self._split = SplitFactor(self.problem, precise) if self._splits() else None
         self._preferred = self._split or self._whole_or_single()
         self._factor = self._preferred
         self._stale, self._wasted, self._best_rate = True, 0.0, np.inf
@@ -144,7 +145,7 @@ class LinearSolver:
                 f'NewtonOptions(factor="split") needs {why}; take factor="whole".'
             )
         large = problem.scene.kinematics.dim == 3 and problem.unknowns >= UNKNOWNS_FOR_CHEAP_FACTOR
-        return choice == "split" or (choice == "auto" and possible and large)
+        return choice == "split" or (choice in ("auto", "precise") and possible and large)
 
     def _whole_or_single(self) -> WholeFactor | SplitFactor:
         choice = self.options.factor
@@ -214,12 +215,16 @@ class LinearSolver:
         if not ok:
             self.trouble = Outcome.FACTORISATION
         elif factor is self._whole:
-            self.inertia = Inertia(
-                self._whole.excess, self.problem.factors, time=self.problem.time
-            )
+            self.inertia = self._counted(self._whole.excess)
+        elif factor is self._split and self._split.precise:
+            self.inertia = self._counted(0) if self._split.proves_stable else Inertia()
         self._stale, self._wasted, self._best_rate = not ok, 0.0, np.inf
         self.counters.factor_s += time.perf_counter() - start
         return ok
+
+    def _counted(self, excess: int | None, settled: bool = False) -> Inertia:
+        """A count of negative eigenvalues beyond those of a stable state, at the present one."""
+        return Inertia(excess, self.problem.factors, settled, time=self.problem.time)
 
     def _assemble(self, counting: bool) -> Any:
         """The tangent as a matrix, which the caller destroys."""
@@ -248,9 +253,7 @@ class LinearSolver:
             self._corotation.factor = None
             self._stale = True
         if self._split and self._proves_stable(self._split):
-            self.inertia = Inertia(
-                0, self.problem.factors, settled=True, time=self.problem.time
-            )
+            self.inertia = self._counted(0, settled=True)
         elif self._factorise(self._whole, counting=True):
             self.inertia.settled = True
         else:

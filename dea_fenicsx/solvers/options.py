@@ -9,7 +9,7 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared, plain_numbers
 from dea_fenicsx.support.validation import one_of, whole
 
-Factorisation = Literal["auto", "whole", "single", "split"]
+Factorisation = Literal["auto", "whole", "single", "split", "precise"]
 FACTORS: tuple[Factorisation, ...] = get_args(Factorisation)
 
 
@@ -33,6 +33,9 @@ class NewtonOptions:
         in single precision, ``"split"`` for a factor of the displacement block and one of the
         potential block, with the pressure condensed.  ``"auto"`` chooses ``"split"`` for large
         problems in space if it is possible, and ``"single"`` for other large problems.
+        ``"precise"`` takes two or three Krylov iterations for any number of digits, as is best for
+        very many solves at one state: ``"split"`` in double precision with a pressure that is
+        nearly exact for large problems in space, or ``"whole"``.
     """
 
     tolerance: float = 1e-10

@@ -41,6 +41,12 @@ A much larger one needs more digits than single precision has.  See "Measured co
 docs/developers/solver.md.
 """
 
+PRECISE_BULK_OVER_SHEAR_MODULUS = 1e5
+"""The same for a precise factor in double precision, with which the pressure errs by 1e-5.
+
+Then a solve to eleven digits takes two Krylov iterations, as with a factor of the whole tangent.
+"""
+
 LOW_RANK_TOLERANCE = 1e-7
 """Error of the low-rank blocks of a split factor, relative to the norm of the matrix.
 
@@ -68,10 +74,13 @@ class SplitFactor:
     ----------
     problem
         A problem with discontinuous pressure.
+    precise
+        Whether a factor in double precision and a nearly exact pressure are worth twice the memory,
+        because very many solves follow.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, precise: bool = False) -> None:
+        self.problem, self.precise = problem, precise
         self._factors: dict[Role, Mumps] = {}
         self._blocks: dict[str, Any] = {}
         self._offset = problem.comm.exscan(len(problem.free)) or 0
@@ -87,7 +96,8 @@ class SplitFactor:
             for role, on in self._on.items()
         }
         self._vectors: dict[Role, tuple[Any, Any]] = {}
-        self._cells, self._softness = _pressure_cells(problem)
+        bulk = PRECISE_BULK_OVER_SHEAR_MODULUS if precise else BULK_OVER_SHEAR_MODULUS
+        self._cells, self._softness = _pressure_cells(problem, bulk)
 
     def make(self, tangent: Any) -> bool:
         """Factorise the blocks of an assembled tangent and use it up; False if MUMPS fails.
@@ -102,7 +112,8 @@ class SplitFactor:
         stiffness = _condensed(
             self._block(tangent, U, U), blocks["Bt"], blocks["1/C"], blocks["B"]
         )
-        self._factors[U] = _definite(stiffness, LOW_RANK_TOLERANCE, single=True)
+        dropped = 0.0 if self.precise else LOW_RANK_TOLERANCE
+        self._factors[U] = _definite(stiffness, dropped, single=not self.precise)
         if PHI in self._rows:
             blocks["G"] = self._block(tangent, PHI, U)
             blocks["Gt"] = self._block(tangent, U, PHI)
@@ -114,6 +125,14 @@ class SplitFactor:
         for number, thing in enumerate(self._made()):
             self._petsc.keep(f"part {number}", thing)
         return all([factor.make() for factor in self._factors.values()])
+
+    @property
+    def proves_stable(self) -> bool:
+        """Whether the factor that was made proves that the state is stable; see `excess`."""
+        if not self.precise:  # the pivots of single precision may have wrong signs
+            return False
+        expected = self._negative_in[U] + self._negative_in[Role.INTERNAL]
+        return self._factors[U].negative == expected
 
     def excess(self, tangent: Any) -> int | None:
         """Negative eigenvalues beyond those of a stable state, for a compressible material.
@@ -262,18 +281,18 @@ def _definite(matrix: Any, dropped: float, single: bool) -> Mumps:
     """A factorisation of the block of u with p condensed, with low-rank blocks if it is large."""
     size = matrix.getSize()[0]
     icntl = {7: ordering(size, 3)}
-    if size < LOW_RANK_FROM_UNKNOWNS:
+    if size < LOW_RANK_FROM_UNKNOWNS or not dropped:
         return Mumps(matrix, icntl, {}, single)
     # ICNTL(35): low-rank blocks in factorisation and solve; ICNTL(36): blocks are compressed
     # before they are updated; ICNTL(37): contribution blocks are compressed as well
     return Mumps(matrix, icntl | {35: 2, 36: 1, 37: 1}, {7: dropped}, single)
 
 
-def _pressure_cells(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+def _pressure_cells(problem: Problem, bulk: float) -> tuple[np.ndarray, np.ndarray]:
     """The pressure rows of each owned cell, and the compressibility of the preconditioner there.
 
-    The compressibility is the integral of p q/(BULK_OVER_SHEAR_MODULUS mu) over each cell of
-    incompressible material, and 0 elsewhere.
+    The compressibility is the integral of p q/(bulk mu) over each cell of incompressible material,
+    with a bulk modulus in units of the shear modulus mu, and 0 elsewhere.
     """
     scene, part = problem.scene, problem.pressure
     space = part.space
@@ -281,7 +300,7 @@ def _pressure_cells(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     for name, material in problem.parameters.materials.items():
         if material.bulk_modulus is None:
             modulus = material.elastic.shear_modulus() / problem.scales.stress
-            soft.x.array[scene.device.cells_of(name)] = 1 / (BULK_OVER_SHEAR_MODULUS * modulus)
+            soft.x.array[scene.device.cells_of(name)] = 1 / (bulk * modulus)
     count = scene.device.owned_cells()
     dx = measure(scene.device, [np.arange(count)], scene.elements.quadrature_degree)
     weight = scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
