@@ -49,13 +49,27 @@ MAKERS = {
     "TrueStress": (exact.TrueStress, {"pascal": "Pa"}),
     "Held": (exact.Held, {"stretch": ""}),
     "Film": (lambda **k: exact.Film(RUBBER, **k), {"thickness": "m"}),
+    "Source": (lambda **k: dea.Source("top", **k), {"volts": "V", "ohms": "ohm", "amperes": "A"}),
+    "Conductivity": (dea.Conductivity, {"siemens_per_metre": "S/m", "field": "V/m"}),
+    "Maxwell": (dea.Maxwell, {"mu": "Pa", "tau": "s"}),
+    "March": (dea.March, {"seconds": "s"}),
+    "Inertia": (dea.Inertia, {"drag": "1/s"}),
+    "Constant": (dea.Constant, {"value": ""}),
+    "Rise": (dea.Rise, {"to": "", "seconds": "s", "start": "s", "low": ""}),
+    "Step": (dea.Step, {"to": "", "at": "s", "low": ""}),
+    "Sine": (dea.Sine, {"hertz": "Hz", "amplitude": "", "mean": "", "phase": "rad"}),
+    "Chirp": (dea.Chirp, {"low": "Hz", "high": "Hz", "seconds": "s", "amplitude": "", "mean": ""}),
 }  # fmt: skip
 # two ways to write the same, and what is something else
 WRITTEN = {
     "V": ("2 kV", 2000.0), "C": ("3 nC", 3e-9), "m": ("4 mm", 4e-3), "Pa": ("50 kPa", 5e4),
     "V/m": ("60 V/um", 6e7), "": ("250 percent", 2.5),
+    "ohm": ("3 Mohm", 3e6), "A": ("4 uA", 4e-6), "S/m": ("5 pS/m", 5e-12), "s": ("2 min", 120.0),
+    "Hz": ("3 kHz", 3e3), "1/s": ("6 / min", 0.1), "rad": ("90 degree", 1.5707963267948966),
 }  # fmt: skip
-WRONG = {"V": "2 mm", "C": "3 V", "m": "4 kPa", "Pa": "5 kN", "V/m": "6 kV", "": "7 mm"}
+WRONG = {"V": "2 mm", "C": "3 V", "m": "4 kPa", "Pa": "5 kN", "V/m": "6 kV", "": "7 mm",
+         "ohm": "2 V", "A": "3 V", "S/m": "4 S", "s": "5 V", "Hz": "6 s", "1/s": "7 s",
+         "rad": "8 s"}  # fmt: skip
 NUMBERS = {"inner_radius": 1e-3, "outer_radius": 9e-3, "inset": 1e-4, "radius": 9e-3}
 
 
@@ -105,6 +119,23 @@ def test_lists_and_arrays_of_quantities():
     assert ogden == dea.Ogden.from_abaqus((1e3, 2e3), (1.3, 5.0))
     with pytest.raises(dea.InputError, match="Ogden: mu"):
         dea.Ogden((Q("1 mm"),), (2.0,))
+
+
+def test_tables_and_landings_in_time():
+    """The unit of an array is no ornament: minutes must not be taken for seconds."""
+    wave = dea.Table(Q([0, 1, 2], "minute"), [0, 1, 0])
+    assert (wave.times, wave(90.0)) == ((0.0, 60.0, 120.0), 0.5)
+    assert dea.Table([Q("0 s"), Q("1 ms")], [0, 1]).times == (0.0, 1e-3)
+    assert dea.March(1.0, at=Q([0.1, 0.2], "ms")).at == pytest.approx((1e-4, 2e-4))
+    with pytest.raises(dea.InputError, match="Table: times"):
+        dea.Table(Q([0, 1], "V"), [0, 1])
+    with pytest.raises(dea.InputError, match="Table: values"):
+        dea.Table([0, 1], Q([0, 1], "kV"))
+
+
+def test_each_unit_is_in_words():
+    with pytest.raises(ValueError, match="DIMENSIONS"):
+        units.in_si(volts="furlong")
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ import numpy as np
 
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
+from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, positive
 
 ROUNDING = 1e-12
@@ -56,6 +57,7 @@ class Wave(ABC):
 
 
 @dataclass(frozen=True)
+@in_si(value="")
 class Constant(Wave):
     """The same factor at all times.
 
@@ -75,6 +77,7 @@ class Constant(Wave):
 
 
 @dataclass(frozen=True)
+@in_si(to="", seconds="s", start="s", low="")
 class Rise(Wave):
     """A factor that changes at a constant rate, from one value to another, and then stays.
 
@@ -109,6 +112,7 @@ class Rise(Wave):
 
 
 @dataclass(frozen=True)
+@in_si(to="", at="s", low="")
 class Step(Wave):
     """A factor that jumps from one value to another.
 
@@ -141,6 +145,7 @@ class Step(Wave):
 
 
 @dataclass(frozen=True)
+@in_si(hertz="Hz", amplitude="", mean="", phase="rad")
 class _Periodic(Wave):
     """A wave about a mean: ``mean + amplitude shape(f t + phase / (2 pi))``.
 
@@ -217,6 +222,7 @@ class Square(_Periodic):
 
 
 @dataclass(frozen=True)
+@in_si(low="Hz", high="Hz", seconds="s", amplitude="", mean="")
 class Chirp(Wave):
     """A sine whose frequency changes evenly with time, and then stays.
 
@@ -254,6 +260,7 @@ class Chirp(Wave):
 
 
 @dataclass(frozen=True)
+@in_si(times="s", values="")
 class Table(Wave):
     """Values at times, with straight lines between them; a time that stands twice is a jump.
 
@@ -321,6 +328,7 @@ class Table(Wave):
 
 
 @dataclass(frozen=True)
+@in_si(at="s")
 class Function(Wave):
     """Any function of time in s.
 

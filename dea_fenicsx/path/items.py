@@ -10,6 +10,7 @@ from dea_fenicsx.drives.waves import Constant, Function, Wave
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.scene.sources import Source
 from dea_fenicsx.support.type_checks import is_number, plain_numbers
+from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import known
 
 Response = Literal["instantaneous", "relaxed"]
@@ -24,7 +25,7 @@ GENERALISED_ALPHA, CONSERVING = INERTIAL_SCHEMES = ("generalised-alpha", "energy
 
 
 @dataclass(frozen=True)
-@plain_numbers
+@in_si(drag="1/s", velocity="m/s")
 class Inertia:
     """How inertia is taken in a `March`.
 
@@ -205,7 +206,7 @@ class Trace:
 
 
 @dataclass(frozen=True)
-@plain_numbers
+@in_si(seconds="s", at="s")
 class March:
     """Let time pass, with loads that may change in it.
 

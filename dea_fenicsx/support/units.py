@@ -30,6 +30,12 @@ DIMENSIONS = {
     "m**3": "a volume in m^3",
     "V/m": "an electric field in V/m",
     "s": "a time in s",
+    "Hz": "a frequency in Hz",
+    "1/s": "a rate in 1/s",
+    "m/s": "a velocity in m/s",
+    "A": "a current in A",
+    "ohm": "a resistance in ohm",
+    "S/m": "a conductivity in S/m",
     "kg": "a mass in kg",
     "kg*m**2": "a moment of inertia in kg m^2",
     "kg/m**3": "a density in kg/m^3",
@@ -96,6 +102,9 @@ def in_si[T](**units: str) -> Callable[[type[T]], type[T]]:
     **units
         Field name to SI unit, one of `DIMENSIONS`.
     """
+    unknown = set(units.values()) - set(DIMENSIONS)
+    if unknown:
+        raise ValueError(f"{sorted(unknown)} are no keys of DIMENSIONS; add them there.")
 
     def decorate(cls: type[T]) -> type[T]:
         own = getattr(cls, "__post_init__", None)

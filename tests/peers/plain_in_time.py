@@ -7,6 +7,7 @@ a step does not converge.
 
 from __future__ import annotations
 
+import math
 import time
 from typing import Any
 
@@ -25,8 +26,9 @@ DEGREE = 4
 """Of the quadrature."""
 
 
-def solve(case: TimeCase) -> dict[str, Any]:
-    """Step until the field is there or a step does not converge."""
+def solve(case: TimeCase, budget_s: float = math.inf) -> dict[str, Any]:
+    """Step until the field is there, a step does not converge, or so much CPU time is spent."""
+    begin = time.process_time()
     # the mesh with its groups alone; coordinates are in units of `length`
     device = dea.read_gmsh(case.geometry, MPI.COMM_WORLD)
     mesh, length = device.mesh, device.length
@@ -76,20 +78,24 @@ def solve(case: TimeCase) -> dict[str, Any]:
     seen, done, field, kept = _dof_at(W, np.array(case.seen) / length), 0, 0.0, 0.0
     # the potential's unit is the one in which the energy is in units of G
     nominal = case.thickness / length
+    end = "the field asked for"
     for k in range(1, case.steps + 1):
         bound.x.array[fixed] = raised * case.field * k / case.steps * nominal
         taken = _newton(w, b, A, ksp, step_, (form, tangent, bcs), spent)
         newton += taken
         if taken == 0 or not np.all(np.isfinite(w.x.array)):
+            end = ""
             break
         values = [e.eval(mesh, cells) for e in updates]
         for function, value in zip(past, values, strict=True):
             function.x.array[:] = np.asarray(value).ravel()
         done, field, kept = k, case.field * k / case.steps, float(w.x.array[seen] * length)
-    whole = done == case.steps
+        if time.process_time() - begin > budget_s:
+            end = "the time allowed"
+            break
     return {
         "field": field, "value": kept,
-        "end": "the field asked for" if whole else f"Newton's method failed in step {done + 1}",
+        "end": end or f"Newton's method failed in step {done + 1}",
         "unknowns": W.dofmap.index_map.size_global * W.dofmap.index_map_bs - len(fixed),
         "steps": done, "newton": newton, "factorisations": newton, **spent,
     }  # fmt: skip
