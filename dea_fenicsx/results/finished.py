@@ -12,6 +12,7 @@ import numpy as np
 
 from dea_fenicsx.gradients.adjoint import Gradient, Gradients
 from dea_fenicsx.gradients.critical import critical_load, limit_row
+from dea_fenicsx.gradients.through_time import Recorded, at_step, has_past
 from dea_fenicsx.gradients.variables import ShapeChange
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.columns import check_added
@@ -155,8 +156,19 @@ class Run:
                 self._gradients, self._states.of(row, len(self.history)), self.history[row], to
             )
         known(name, self._recorded, "recorded observable", "the run")
-        state = self._states.of(step, len(self.history))
+        rows = len(self.history)
+        state = self._states.of(step, rows)
+        if has_past(state):
+            row = step + rows if step < 0 else step
+            return at_step(
+                self._gradients, name, self._recorded[name], to, row, self._recorded_step
+            )
         return self._gradients.of_observable(state, name, self._recorded[name], to)
+
+    def _recorded_step(self, row: int) -> Recorded:
+        """The state of a row, and where on the path it lies."""
+        state = self._states.of(row, len(self.history))
+        return Recorded(state, *self._states.item_of(row))
 
     def column(self, name: str) -> np.ndarray:
         """A column of the history as an array: numbers, NaN where there is none, or texts."""

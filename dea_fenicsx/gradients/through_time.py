@@ -1,0 +1,396 @@
+"""Derivatives at a step of a march: the discrete ones, with the lengths of all steps held.
+
+A step ends where R(x, H, p) = 0, with the history H that the steps before have left.  The direct
+method goes over the recorded steps once and carries the changes of the state with each variable
+along (Tortorelli and Michaleris, Inverse Problems in Engineering 1 (1994) 71):
+
+    K dx = -(dR/dp + dR/dH dH),
+
+with the tangent K of the step, flow included, and then the change of the history at its end.  The
+first stage of SDIRK2 is not recorded and is solved for again.  An observable is differenced along
+the change of the last state.
+
+A load is derived by what the scene gives at factor 1 (a voltage in V), while all factors of the
+path stay: the whole drive grows in proportion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.gradients.adjoint import DIFFERENCE, LEAST_MOTION, Gradient, Gradients
+from dea_fenicsx.gradients.shapes import most
+from dea_fenicsx.gradients.variables import (
+    Coefficients,
+    Load,
+    Shape,
+    ShapeChange,
+    Variable,
+    variables,
+)
+from dea_fenicsx.gradients.viscous_changes import Strains, ViscousChanges, combined_change
+from dea_fenicsx.model.motion import MOTION
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.state import State
+from dea_fenicsx.model.viscous_history import STAGE_SHARE, Rule, ViscousHistory
+from dea_fenicsx.path.time_stepping import TimeStepper
+from dea_fenicsx.support.agreement import bind_alike
+from dea_fenicsx.support.errors import InputError, SolverError
+
+SAME = 1e-7
+"""Difference of viscous strains that counts as none where the rule of a step is found out.
+
+The strains of a wrong rule differ by the error of a step, and those of the right one by rounding
+and by the tolerance of Newton's method.
+"""
+
+STAGE_TOLERANCE = 1e-12
+"""Newton's tolerance where a first stage is solved for again."""
+
+RECENT = 8
+"""Number of earlier times whose changes are kept; rules of time look back by less."""
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """How a state changes with a variable.
+
+    Attributes
+    ----------
+    values
+        The change of all local values for a unit of the variable.
+    strains
+        That of the viscous strains of which the state's history tells; None without branches.
+    """
+
+    values: np.ndarray
+    strains: Strains | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A recorded step.
+
+    Attributes
+    ----------
+    state
+        Its state.
+    item
+        The item of the path in which it lies.
+    began
+        Time in s at which that item began.
+    """
+
+    state: State
+    item: Any
+    began: float
+
+
+class ThroughTime:
+    """Carries the changes of a state with some variables along the recorded steps of a run.
+
+    Parameters
+    ----------
+    gradients
+        What derives.
+    found
+        The variables.
+    recorded
+        Gives the recorded step of a row.
+
+    Attributes
+    ----------
+    row
+        The last row that it has come to; -1 at first.
+    changes
+        The change of the state there with each variable.
+    residual
+        Largest relative residual of a linear solve.
+    """
+
+    def __init__(
+        self, gradients: Gradients, found: list[Variable], recorded: Callable[[int], Recorded]
+    ) -> None:
+        self.gradients, self.problem = gradients, gradients.problem
+        self.found, self.recorded = found, recorded
+        self.row, self.residual = -1, 0.0
+        self.changes: list[Change] = []
+        self.memory = self.problem.forms.memory
+        self.viscous = ViscousChanges(self.problem) if self.memory else None
+        self._levels: dict[float, list[Strains]] = {}
+        self._states: dict[float, State] = {}
+
+    def go_to(self, row: int) -> None:
+        """Go over all steps up to a row.  Collective."""
+        while self.row < row:
+            recorded = self.recorded(self.row + 1)
+            with self.problem.at(recorded.state):
+                if self.viscous is None:
+                    self.changes = [Change(v) for v in self._solved(recorded.state, None)]
+                else:
+                    self._flow(recorded)
+            self.row += 1
+
+    def _flow(self, recorded: Recorded) -> None:
+        """The changes after a step with viscous branches.  Collective."""
+        state, name = recorded.state, self.memory.NAME
+        told = state.history.get(name) or self.memory.at_rest()
+        step, past = self._step_of(recorded, told)
+        values = self._solved(replace(state, history={**state.history, name: step}), past)
+        landed = self._landed(step, past, values)
+        held = told.span != 0  # relaxed: what the state tells is the history before
+        kept = past if held else landed
+        self.changes = [Change(v, s) for v, s in zip(values, kept, strict=True)]
+        self._keep(state.time if held else told.times[0], state, landed)
+
+    def _keep(self, time: float, state: State, strains: list[Strains]) -> None:
+        for kept, new in ((self._levels, strains), (self._states, state)):
+            kept.pop(time, None)
+            kept[time] = new  # type: ignore[index]
+            for old in list(kept)[:-RECENT]:
+                del kept[old]
+
+    def _landed(
+        self, step: ViscousHistory, past: list[Strains], values: list[np.ndarray]
+    ) -> list[Strains]:
+        """The changes of C_v at the end of a step, in the present state.  Collective."""
+        assert self.viscous is not None
+        each = zip(past, values, self.found, strict=True)
+        return [self.viscous.landed(step, p, v, one) for p, v, one in each]
+
+    # ---------------------------------------------------------------------------- one step
+
+    def _step_of(
+        self, recorded: Recorded, told: ViscousHistory
+    ) -> tuple[ViscousHistory, list[Strains]]:
+        """The history with which a state was found, and the changes of its H.  Collective."""
+        assert self.viscous is not None
+        none = [self.viscous.none() for _ in self.found]
+        if told.times[0] in self._levels or len(told.times) == 1 or told.span:
+            return told, self._levels.get(told.times[0], none)
+        past = ViscousHistory(told.strains[1:], told.times[1:])
+        if lost := [t for t in past.times[:3] if t not in self._levels]:
+            raise SolverError(
+                f"The step at {told.times[0]:.9g} s follows one at {lost[0]:.9g} s that is not "
+                "recorded, so that its derivative cannot be found."
+            )
+        changes = [self._levels[t] for t in past.times if t in self._levels]
+        seconds = told.times[0] - told.times[1]
+        order = getattr(recorded.item, "order", 2)
+        for rule in _rules(past, order, Rule.EULER):
+            step = past.ahead(seconds, rule)
+            if self._differ(self.memory.strained(step), told.strains[0]) < SAME:
+                return step, self._combined(step, changes)
+        return self._second_stage(recorded, told, past)
+
+    def _combined(
+        self, step: ViscousHistory, changes: list[list[Strains]]
+    ) -> list[Strains]:
+        """dH for each variable, from the changes at the earlier times, the newest first."""
+        return [
+            combined_change(step, tuple(level[k] for level in changes))
+            for k in range(len(self.found))
+        ]
+
+    def _differ(self, one: Strains, other: Strains) -> float:
+        """Largest difference of strains over all ranks.  Collective."""
+        mine = float(np.max(np.abs(one - other), initial=0.0))
+        return float(self.problem.comm.allreduce(mine, op=MPI.MAX))
+
+    def _second_stage(
+        self, recorded: Recorded, told: ViscousHistory, past: ViscousHistory
+    ) -> tuple[ViscousHistory, list[Strains]]:
+        """The same of a step of SDIRK2, whose first stage is solved for again.  Collective."""
+        problem, name = self.problem, self.memory.NAME
+        part = STAGE_SHARE * (told.times[0] - told.times[1])
+        base = self._states[past.times[0]]
+        problem.show(replace(base, history={**base.history, name: past}))
+        solver = self.gradients.solver
+        waves = getattr(recorded.item, "waves", {})
+        stepper = TimeStepper(solver, waves, recorded.began, only=name)
+        target = stepper.target(part, stepper.ahead(part, Rule.EULER))
+        first = solver.solve(target, target.factors, tolerance=STAGE_TOLERANCE)
+        if not first.converged:
+            raise SolverError(
+                f"The first stage of the step at {told.times[0]:.9g} s was not found again."
+            )
+        problem.show(first.found)
+        inner = past.ahead(part, Rule.EULER)
+        before = self._levels[past.times[0]]
+        middle = self._landed(inner, before, self._solved(first.found, before))
+        problem.show(first.found)
+        step = replace(self.memory.staged(inner, first.found.time), span=part)
+        problem.show(recorded.state)
+        if self._differ(self.memory.strained(step), told.strains[0]) > SAME:
+            raise SolverError(
+                f"The step at {told.times[0]:.9g} s is of no rule that is known here, so that its "
+                "derivative cannot be found."
+            )
+        return step, self._combined(step, [middle, before])
+
+    def _solved(self, state: State, past: list[Strains] | None) -> list[np.ndarray]:
+        """The changes of all local values of a state with each variable.  Collective.
+
+        The problem is left in the state.
+        """
+        problem, gradients = self.problem, self.gradients
+        problem.show(state)
+        gradients.linearise()
+        found = []
+        for k, one in enumerate(self.found):
+            rows = self._share(state, one) * gradients.forces(one)
+            if past is not None:
+                assert self.viscous is not None
+                step = state.history.get(self.memory.NAME) or self.memory.at_rest()
+                rows = rows + problem.restrict(self.viscous.forces(step, past[k], one))
+            changed, residual = gradients.solved(-rows)
+            self.residual = max(self.residual, residual)
+            found.append(self._values(state, changed, one))
+        return found
+
+    def _share(self, state: State, one: Variable) -> float:
+        """Change of a ramp's factor for a change of the load at factor 1, relative to that."""
+        return state.factors[one.ramp] if isinstance(one, Load) else 1.0
+
+    def _values(self, state: State, changed: np.ndarray, one: Variable) -> np.ndarray:
+        """The change of all local values, from that of the free unknowns.  Collective."""
+        problem, along = self.problem, self.problem.w.copy()
+        problem.spread(changed, along)
+        if isinstance(one, Load):
+            lifted = self.gradients.lifted(one.ramp)
+            along.x.array[: problem.owned] += self._share(state, one) / one.unit * lifted
+            along.x.scatter_forward()
+        return np.asarray(along.x.array.copy())
+
+    # ---------------------------------------------------------------------------- observables
+
+    def slopes(self, state: State, measure: Callable[[], float]) -> dict[str, float]:
+        """The derivatives of an observable at the last row.  Collective."""
+        found = {}
+        with self.problem.at(state):
+            for one, change in zip(self.found, self.changes, strict=True):
+                step = self._size(state, change, one)
+                near, far = (
+                    self._measured(state, change, one, k * step, measure)
+                    - self._measured(state, change, one, -k * step, measure) for k in (1, 2)
+                )  # fmt: skip
+                self.problem.show(state)
+                found[one.name] = (8 * near - far) / (12 * step)
+        return found
+
+    def _size(self, state: State, change: Change, one: Variable) -> float:
+        """The step of a variable for differences.  Collective."""
+        problem = self.problem
+        sizes = [most(problem, state.values[part.dofs]) for part in problem.displacement]
+        speeds = [most(problem, change.values[part.dofs]) for part in problem.displacement]
+        speed, size = max(speeds), max([*sizes, LEAST_MOTION])
+        steps = [size / speed] if speed > 0 else []
+        if change.strains is not None and (flow := most(problem, change.strains)) > 0:
+            steps.append(1 / flow)
+        value = one.value if isinstance(one, Coefficients) else 0.0
+        if isinstance(one, Load):
+            value = one.unit
+        if value:
+            steps.append(abs(value))
+        return DIFFERENCE * min(steps, default=1.0)
+
+    def _measured(
+        self, state: State, change: Change, one: Variable, step: float,
+        measure: Callable[[], float],
+    ) -> float:  # fmt: skip
+        """The observable where a variable is larger by a step, to first order.  Collective."""
+        factors, history = state.factors, dict(state.history)
+        if isinstance(one, Load):
+            factors = factors | {one.ramp: factors[one.ramp] * (1 + step / one.unit)}
+        if change.strains is not None:
+            told = history.get(self.memory.NAME) or self.memory.at_rest()
+            newest = told.strains[0] + step * change.strains
+            history[self.memory.NAME] = replace(told, strains=(newest, *told.strains[1:]))
+        moved = replace(
+            state, values=state.values + step * change.values, factors=factors, history=history
+        )
+        changes = one.changes if isinstance(one, Coefficients) else ()
+        kept = [c.x.array.copy() for c, _, _ in changes]
+        try:
+            for coefficient, cells, rate in changes:
+                coefficient.x.array[cells] += step * rate
+            self.problem.show(moved)
+            return float(measure())
+        finally:
+            for (coefficient, _, _), values in zip(changes, kept, strict=True):
+                coefficient.x.array[:] = values
+
+
+def _rules(past: ViscousHistory, order: int, first: Rule) -> list[Rule]:
+    """The rules that a step may have had, the likeliest first; SDIRK2 is not among them."""
+    if order == 1 or past.levels < 2:
+        return [first]
+    return [Rule.BDF2, Rule.BDF3, first] if order == 2 else [Rule.BDF3, Rule.BDF2, first]
+
+
+def has_past(state: State) -> bool:
+    """Whether a state depends on those before it, so that its derivative does, too."""
+    return bool(state.time or state.history)
+
+
+def check_past(problem: Problem, state: State, found: Iterable[Variable]) -> None:
+    """Raise InputError where the steps of a march are not derived."""
+    parts = {
+        "charges that leak, relax or come from a source": bool(problem.charges),
+        "friction": bool(problem.frictions),
+        "rigid parts": bool(problem.rigid),
+        "springs of a free body": bool(problem.springs.rows.size),
+        "viscous branches that are solved at each quadrature point (only Maxwell branches are "
+        "derived)": any(kernel.flowing for kernel in problem.kernels),
+        "inertia": MOTION in state.history,
+    }
+    for what, there in parts.items():
+        if there:
+            raise InputError(
+                f"A step of a march with {what} has no derivative here; compare two runs instead."
+            )
+    for one in found:
+        if isinstance(one, Shape):
+            raise InputError(
+                f"{one.name!r} has no derivative at a step of a march; equilibria without a past "
+                "are derived by shape, and a march by constants and loads."
+            )
+
+
+def at_step(
+    gradients: Gradients, name: str, observable: Any, to: Iterable[str | ShapeChange],
+    row: int, recorded: Callable[[int], Recorded],
+) -> Gradient:  # fmt: skip
+    """The derivatives of an observable at a step with a past.  Collective.
+
+    The changes of the state are kept, so that other observables at the same row or a later one need
+    no step again.
+
+    Raises
+    ------
+    InputError
+        For an unknown variable, an observable without a derivative, and a scene whose marches are
+        not derived.
+    SolverError
+        If a linear solve fails, or if earlier steps are not known.
+    """
+    problem = gradients.problem
+    found = variables(problem, to)
+    state = recorded(row).state
+    check_past(problem, state, found)
+    with problem.at(state):
+        gradients.check_observable(observable)
+    key = tuple(one.name for one in found)
+    walk = gradients.walks.get(key)
+    if walk is None or walk.row > row:
+        walk = gradients.walks[key] = ThroughTime(gradients, found, recorded)
+    walk.go_to(row)
+    with problem.at(state):
+        measure = bind_alike(problem, name, observable)
+        value = measure()
+    return Gradient(name, value, walk.slopes(state, measure), "direct", walk.residual)
