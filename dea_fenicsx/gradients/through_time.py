@@ -16,7 +16,8 @@ path stay: the whole drive grows in proportion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,6 +25,13 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.gradients.adjoint import DIFFERENCE, LEAST_MOTION, Gradient, Gradients
+from dea_fenicsx.gradients.motion_changes import (
+    MotionChanges,
+    differenced,
+    driven,
+    moved,
+    started,
+)
 from dea_fenicsx.gradients.shapes import most
 from dea_fenicsx.gradients.variables import (
     Coefficients,
@@ -34,10 +42,12 @@ from dea_fenicsx.gradients.variables import (
     variables,
 )
 from dea_fenicsx.gradients.viscous_changes import Strains, ViscousChanges, combined_change
-from dea_fenicsx.model.motion import MOTION
+from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.model.viscous_history import STAGE_SHARE, Rule, ViscousHistory
+from dea_fenicsx.path.items import CONSERVING
+from dea_fenicsx.path.step_lengths import MOST_GROWTH_OF_BDF3
 from dea_fenicsx.path.time_stepping import TimeStepper
 from dea_fenicsx.support.agreement import bind_alike
 from dea_fenicsx.support.errors import InputError, SolverError
@@ -66,10 +76,13 @@ class Change:
         The change of all local values for a unit of the variable.
     strains
         That of the viscous strains of which the state's history tells; None without branches.
+    motion
+        That of its motion; None without inertia.
     """
 
     values: np.ndarray
     strains: Strains | None = None
+    motion: Motion | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,17 +137,85 @@ class ThroughTime:
         self.viscous = ViscousChanges(self.problem) if self.memory else None
         self._levels: dict[float, list[Strains]] = {}
         self._states: dict[float, State] = {}
+        self.moving = MotionChanges(self.problem)
+        self._bases: list[tuple[Recorded, list[Change]]] = []
 
     def go_to(self, row: int) -> None:
         """Go over all steps up to a row.  Collective."""
         while self.row < row:
             recorded = self.recorded(self.row + 1)
             with self.problem.at(recorded.state):
-                if self.viscous is None:
+                if MOTION in recorded.state.history:
+                    self._move(recorded)
+                elif self.viscous is None:
                     self.changes = [Change(v) for v in self._solved(recorded.state, None)]
                 else:
                     self._flow(recorded)
+            self._bases = [*self._bases, (recorded, self.changes)][-RECENT:]
             self.row += 1
+
+    # ---------------------------------------------------------------------------- motion
+
+    def _move(self, recorded: Recorded) -> None:
+        """The changes after a step with inertia.  Collective."""
+        state, problem = recorded.state, self.problem
+        motion: Motion = state.history[MOTION]
+        before, changes = self._bases[-1] if motion.length == 0 else self._base(recorded)
+        if motion.length == 0:
+            self._start(recorded, before, changes, jumps=True)
+            return
+        if before.began != recorded.began or MOTION not in before.state.history:
+            begun = self._start(recorded, before, changes, jumps=False)
+            before, changes = replace(before, state=begun), self.changes
+            problem.show(state)
+        ahead = self.moving.ahead(before.state, state, recorded.item)
+        history, past = {**state.history, MOTION: ahead}, None
+        if self.viscous is not None:
+            told = state.history[self.memory.NAME]
+            history[self.memory.NAME], past = self._step_of(recorded, told)
+        item, seconds = recorded.item, motion.length
+        pushed = []
+        for change in changes:
+            assert change.motion is not None
+            pushed.append(self.moving.pushed(item, seconds, change.values, change.motion))
+        values = self._solved(replace(state, history=history), past, pushed)
+        motions = [
+            self.moving.landed(item, ahead, seconds, (c.values, v), c.motion, p)
+            for c, v, p in zip(changes, values, pushed, strict=True) if c.motion is not None
+        ]  # fmt: skip
+        strains: list[Any] = [None] * len(values)
+        if self.viscous is not None and past is not None:
+            strains = self._landed(history[self.memory.NAME], past, values)
+            self._keep(told.times[0], state, strains)
+        self.changes = list(map(Change, values, strains, motions))
+
+    def _base(self, recorded: Recorded) -> tuple[Recorded, list[Change]]:
+        """The recorded step from which a state in motion was found; the latest of its time."""
+        state = recorded.state
+        due = state.time - state.history[MOTION].length
+        return min(reversed(self._bases), key=lambda base: abs(base[0].state.time - due))
+
+    def _start(
+        self, recorded: Recorded, before: Recorded, changes: list[Change], jumps: bool
+    ) -> State:
+        """The state in which a motion starts after another; its changes become the present ones.
+
+        Collective.
+        """
+        solver, found = self.gradients.solver, []
+        for one, change in zip(self.found, changes, strict=True):
+            def begun(step: float, one: Variable = one, change: Change = change) -> State:
+                state = self._changed(before.state, change, one, step)
+                item = driven(recorded.item, one, step)
+                with self._larger(one, step):
+                    return started(solver, state, item, recorded.began, jumps)
+
+            values, motion = differenced(begun, self._size(before.state, change, one))
+            found.append(replace(change, values=values, motion=motion))
+        self.changes = found
+        return started(solver, before.state, recorded.item, recorded.began, jumps)
+
+    # ---------------------------------------------------------------------------- viscous flow
 
     def _flow(self, recorded: Recorded) -> None:
         """The changes after a step with viscous branches.  Collective."""
@@ -182,7 +263,10 @@ class ThroughTime:
         changes = [self._levels[t] for t in past.times if t in self._levels]
         seconds = told.times[0] - told.times[1]
         order = getattr(recorded.item, "order", 2)
-        for rule in _rules(past, order, Rule.EULER):
+        moves = MOTION in recorded.state.history
+        if order > 1 and not moves and past.levels < Rule.BDF2.known:
+            return self._second_stage(recorded, told, past)
+        for rule in _rules(past, order, seconds, moves):
             step = past.ahead(seconds, rule)
             if self._differ(self.memory.strained(step), told.strains[0]) < SAME:
                 return step, self._combined(step, changes)
@@ -233,8 +317,12 @@ class ThroughTime:
             )
         return step, self._combined(step, [middle, before])
 
-    def _solved(self, state: State, past: list[Strains] | None) -> list[np.ndarray]:
+    def _solved(
+        self, state: State, past: list[Strains] | None, pushed: list[np.ndarray] | None = None
+    ) -> list[np.ndarray]:
         """The changes of all local values of a state with each variable.  Collective.
+
+        `past` are the changes of its history H, and `pushed` those of its inertial forces.
 
         The problem is left in the state.
         """
@@ -248,6 +336,8 @@ class ThroughTime:
                 assert self.viscous is not None
                 step = state.history.get(self.memory.NAME) or self.memory.at_rest()
                 rows = rows + problem.restrict(self.viscous.forces(step, past[k], one))
+            if pushed is not None:
+                rows = rows + self.moving.forces(pushed[k])
             changed, residual = gradients.solved(-rows)
             self.residual = max(self.residual, residual)
             found.append(self._values(state, changed, one))
@@ -304,6 +394,25 @@ class ThroughTime:
         measure: Callable[[], float],
     ) -> float:  # fmt: skip
         """The observable where a variable is larger by a step, to first order.  Collective."""
+        with self._larger(one, step):
+            self.problem.show(self._changed(state, change, one, step))
+            return float(measure())
+
+    @contextmanager
+    def _larger(self, one: Variable, step: float) -> Iterator[None]:
+        """Let a constant of a material be larger by a step."""
+        changes = one.changes if isinstance(one, Coefficients) else ()
+        kept = [c.x.array.copy() for c, _, _ in changes]
+        try:
+            for coefficient, cells, rate in changes:
+                coefficient.x.array[cells] += step * rate
+            yield
+        finally:
+            for (coefficient, _, _), values in zip(changes, kept, strict=True):
+                coefficient.x.array[:] = values
+
+    def _changed(self, state: State, change: Change, one: Variable, step: float) -> State:
+        """A state where a variable is larger by a step, to first order."""
         factors, history = state.factors, dict(state.history)
         if isinstance(one, Load):
             factors = factors | {one.ramp: factors[one.ramp] * (1 + step / one.unit)}
@@ -311,26 +420,21 @@ class ThroughTime:
             told = history.get(self.memory.NAME) or self.memory.at_rest()
             newest = told.strains[0] + step * change.strains
             history[self.memory.NAME] = replace(told, strains=(newest, *told.strains[1:]))
-        moved = replace(
-            state, values=state.values + step * change.values, factors=factors, history=history
-        )
-        changes = one.changes if isinstance(one, Coefficients) else ()
-        kept = [c.x.array.copy() for c, _, _ in changes]
-        try:
-            for coefficient, cells, rate in changes:
-                coefficient.x.array[cells] += step * rate
-            self.problem.show(moved)
-            return float(measure())
-        finally:
-            for (coefficient, _, _), values in zip(changes, kept, strict=True):
-                coefficient.x.array[:] = values
+        if change.motion is not None:
+            history[MOTION] = moved(history[MOTION], change.motion, step)
+        values = state.values + step * change.values
+        return replace(state, values=values, factors=factors, history=history)
 
 
-def _rules(past: ViscousHistory, order: int, first: Rule) -> list[Rule]:
+def _rules(past: ViscousHistory, order: int, seconds: float, moves: bool) -> list[Rule]:
     """The rules that a step may have had, the likeliest first; SDIRK2 is not among them."""
     if order == 1 or past.levels < 2:
-        return [first]
-    return [Rule.BDF2, Rule.BDF3, first] if order == 2 else [Rule.BDF3, Rule.BDF2, first]
+        return [Rule.EULER]
+    rules = [Rule.BDF2, Rule.EULER]
+    if order == 3 and not moves and past.levels >= Rule.BDF3.known:
+        before = past.times[0] - past.times[1]
+        rules.insert(int(seconds > MOST_GROWTH_OF_BDF3 * before * (1 + SAME)), Rule.BDF3)
+    return rules
 
 
 def has_past(state: State) -> bool:
@@ -338,8 +442,10 @@ def has_past(state: State) -> bool:
     return bool(state.time or state.history)
 
 
-def check_past(problem: Problem, state: State, found: Iterable[Variable]) -> None:
+def check_past(problem: Problem, recorded: Recorded, found: Iterable[Variable]) -> None:
     """Raise InputError where the steps of a march are not derived."""
+    inertia = getattr(recorded.item, "moving", None)
+    conserves = inertia is not None and inertia.scheme == CONSERVING
     parts = {
         "charges that leak, relax or come from a source": bool(problem.charges),
         "friction": bool(problem.frictions),
@@ -347,7 +453,7 @@ def check_past(problem: Problem, state: State, found: Iterable[Variable]) -> Non
         "springs of a free body": bool(problem.springs.rows.size),
         "viscous branches that are solved at each quadrature point (only Maxwell branches are "
         "derived)": any(kernel.flowing for kernel in problem.kernels),
-        "inertia": MOTION in state.history,
+        "the energy-conserving scheme": conserves,
     }
     for what, there in parts.items():
         if there:
@@ -382,7 +488,7 @@ def at_step(
     problem = gradients.problem
     found = variables(problem, to)
     state = recorded(row).state
-    check_past(problem, state, found)
+    check_past(problem, recorded(row), found)
     with problem.at(state):
         gradients.check_observable(observable)
     key = tuple(one.name for one in found)
