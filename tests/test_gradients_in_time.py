@@ -40,7 +40,8 @@ def test_force_of_a_relaxing_cube():
     held = [dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")]
     pull = [dea.Stretch("x_max", "x", STRETCH)]
     scene = dea.Scene(block((1, 1, 1), L, L), {"film": rubber}, supports=held, prescribed=pull)
-    path = [dea.Ramp("stretch", steps=1, response="instantaneous"), dea.March(0.9, steps=3, order=1)]
+    pulled = dea.Ramp("stretch", steps=1, response="instantaneous")
+    path = [pulled, dea.March(0.9, steps=3, order=1)]
     run = solve(scene, path, {"force": dea.Reaction("x_max", "x")})
     to = ["film.elastic.mu", "film.viscous[0].mu", "film.viscous[0].tau"]
     constants = (MU, MU_V, TAU)
@@ -65,8 +66,9 @@ def scene(comm, kilovolts=3.0, tau=TAU, mu=MU, time=1.0, **more):
         dea.NeoHookean(mu), dea.IdealDielectric(3.0), density=1000.0,
         viscous=[dea.Maxwell(MU_V, tau * time), dea.Maxwell(10e3, 5.0 * time)],
     )  # fmt: skip
+    electrodes = [dea.Electrode("top", 1e3 * kilovolts), dea.Ground("bottom")]
     return dea.Scene(
-        strip(comm), {"film": rubber}, [dea.Electrode("top", 1e3 * kilovolts), dea.Ground("bottom")],
+        strip(comm), {"film": rubber}, electrodes,
         [dea.Clamp("x_min"), dea.Fix("bottom", "y")], kinematics=dea.PlaneStrain(L), **more,
     )  # fmt: skip
 
@@ -138,7 +140,8 @@ def test_scaling_all_stresses_changes_no_displacement():
 
 
 def test_what_is_not_derived_in_time():
-    run = solve(scene(MPI.COMM_SELF), march(steps=2), RECORD | {"most": dea.LargestDisplacement("top")})
+    record = RECORD | {"most": dea.LargestDisplacement("top")}
+    run = solve(scene(MPI.COMM_SELF), march(steps=2), record)
     with pytest.raises(dea.InputError, match="no derivative at a step of a march"):
         run.sensitivity("up", ["thickness:film:y"])
     with pytest.raises(dea.InputError, match="jumps from one node to another"):

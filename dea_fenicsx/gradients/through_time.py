@@ -16,41 +16,26 @@ path stay: the whole drive grows in proportion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.gradients.adjoint import DIFFERENCE, LEAST_MOTION, Gradient, Gradients
-from dea_fenicsx.gradients.motion_changes import (
-    MotionChanges,
-    differenced,
-    driven,
-    moved,
-    started,
-)
-from dea_fenicsx.gradients.shapes import most
-from dea_fenicsx.gradients.variables import (
-    Coefficients,
-    Load,
-    Shape,
-    ShapeChange,
-    Variable,
-    variables,
-)
+from dea_fenicsx.gradients.adjoint import Gradient, Gradients
+from dea_fenicsx.gradients.changes import Change, Recorded, changed, larger, slopes, step_of
+from dea_fenicsx.gradients.motion_changes import MotionChanges, differenced, driven, started
+from dea_fenicsx.gradients.past_checks import check_past
+from dea_fenicsx.gradients.variables import Load, ShapeChange, Variable, variables
 from dea_fenicsx.gradients.viscous_changes import Strains, ViscousChanges, combined_change
 from dea_fenicsx.model.motion import MOTION, Motion
-from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.model.viscous_history import STAGE_SHARE, Rule, ViscousHistory
-from dea_fenicsx.path.items import CONSERVING
 from dea_fenicsx.path.step_lengths import MOST_GROWTH_OF_BDF3
 from dea_fenicsx.path.time_stepping import TimeStepper
 from dea_fenicsx.support.agreement import bind_alike
-from dea_fenicsx.support.errors import InputError, SolverError
+from dea_fenicsx.support.errors import SolverError
 
 SAME = 1e-7
 """Difference of viscous strains that counts as none where the rule of a step is found out.
@@ -64,44 +49,6 @@ STAGE_TOLERANCE = 1e-12
 
 RECENT = 8
 """Number of earlier times whose changes are kept; rules of time look back by less."""
-
-
-@dataclass(frozen=True, eq=False)
-class Change:
-    """How a state changes with a variable.
-
-    Attributes
-    ----------
-    values
-        The change of all local values for a unit of the variable.
-    strains
-        That of the viscous strains of which the state's history tells; None without branches.
-    motion
-        That of its motion; None without inertia.
-    """
-
-    values: np.ndarray
-    strains: Strains | None = None
-    motion: Motion | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Recorded:
-    """A recorded step.
-
-    Attributes
-    ----------
-    state
-        Its state.
-    item
-        The item of the path in which it lies.
-    began
-        Time in s at which that item began.
-    """
-
-    state: State
-    item: Any
-    began: float
 
 
 class ThroughTime:
@@ -204,13 +151,14 @@ class ThroughTime:
         """
         solver, found = self.gradients.solver, []
         for one, change in zip(self.found, changes, strict=True):
+
             def begun(step: float, one: Variable = one, change: Change = change) -> State:
-                state = self._changed(before.state, change, one, step)
+                state = changed(self.problem, before.state, change, one, step)
                 item = driven(recorded.item, one, step)
-                with self._larger(one, step):
+                with larger(one, step):
                     return started(solver, state, item, recorded.began, jumps)
 
-            values, motion = differenced(begun, self._size(before.state, change, one))
+            values, motion = differenced(begun, step_of(self.problem, before.state, change, one))
             found.append(replace(change, values=values, motion=motion))
         self.changes = found
         return started(solver, before.state, recorded.item, recorded.began, jumps)
@@ -272,9 +220,7 @@ class ThroughTime:
                 return step, self._combined(step, changes)
         return self._second_stage(recorded, told, past)
 
-    def _combined(
-        self, step: ViscousHistory, changes: list[list[Strains]]
-    ) -> list[Strains]:
+    def _combined(self, step: ViscousHistory, changes: list[list[Strains]]) -> list[Strains]:
         """dH for each variable, from the changes at the earlier times, the newest first."""
         return [
             combined_change(step, tuple(level[k] for level in changes))
@@ -338,92 +284,24 @@ class ThroughTime:
                 rows = rows + problem.restrict(self.viscous.forces(step, past[k], one))
             if pushed is not None:
                 rows = rows + self.moving.forces(pushed[k])
-            changed, residual = gradients.solved(-rows)
+            free, residual = gradients.solved(-rows)
             self.residual = max(self.residual, residual)
-            found.append(self._values(state, changed, one))
+            found.append(self._values(state, free, one))
         return found
 
     def _share(self, state: State, one: Variable) -> float:
         """Change of a ramp's factor for a change of the load at factor 1, relative to that."""
         return state.factors[one.ramp] if isinstance(one, Load) else 1.0
 
-    def _values(self, state: State, changed: np.ndarray, one: Variable) -> np.ndarray:
+    def _values(self, state: State, free: np.ndarray, one: Variable) -> np.ndarray:
         """The change of all local values, from that of the free unknowns.  Collective."""
         problem, along = self.problem, self.problem.w.copy()
-        problem.spread(changed, along)
+        problem.spread(free, along)
         if isinstance(one, Load):
             lifted = self.gradients.lifted(one.ramp)
             along.x.array[: problem.owned] += self._share(state, one) / one.unit * lifted
             along.x.scatter_forward()
         return np.asarray(along.x.array.copy())
-
-    # ---------------------------------------------------------------------------- observables
-
-    def slopes(self, state: State, measure: Callable[[], float]) -> dict[str, float]:
-        """The derivatives of an observable at the last row.  Collective."""
-        found = {}
-        with self.problem.at(state):
-            for one, change in zip(self.found, self.changes, strict=True):
-                step = self._size(state, change, one)
-                near, far = (
-                    self._measured(state, change, one, k * step, measure)
-                    - self._measured(state, change, one, -k * step, measure) for k in (1, 2)
-                )  # fmt: skip
-                self.problem.show(state)
-                found[one.name] = (8 * near - far) / (12 * step)
-        return found
-
-    def _size(self, state: State, change: Change, one: Variable) -> float:
-        """The step of a variable for differences.  Collective."""
-        problem = self.problem
-        sizes = [most(problem, state.values[part.dofs]) for part in problem.displacement]
-        speeds = [most(problem, change.values[part.dofs]) for part in problem.displacement]
-        speed, size = max(speeds), max([*sizes, LEAST_MOTION])
-        steps = [size / speed] if speed > 0 else []
-        if change.strains is not None and (flow := most(problem, change.strains)) > 0:
-            steps.append(1 / flow)
-        value = one.value if isinstance(one, Coefficients) else 0.0
-        if isinstance(one, Load):
-            value = one.unit
-        if value:
-            steps.append(abs(value))
-        return DIFFERENCE * min(steps, default=1.0)
-
-    def _measured(
-        self, state: State, change: Change, one: Variable, step: float,
-        measure: Callable[[], float],
-    ) -> float:  # fmt: skip
-        """The observable where a variable is larger by a step, to first order.  Collective."""
-        with self._larger(one, step):
-            self.problem.show(self._changed(state, change, one, step))
-            return float(measure())
-
-    @contextmanager
-    def _larger(self, one: Variable, step: float) -> Iterator[None]:
-        """Let a constant of a material be larger by a step."""
-        changes = one.changes if isinstance(one, Coefficients) else ()
-        kept = [c.x.array.copy() for c, _, _ in changes]
-        try:
-            for coefficient, cells, rate in changes:
-                coefficient.x.array[cells] += step * rate
-            yield
-        finally:
-            for (coefficient, _, _), values in zip(changes, kept, strict=True):
-                coefficient.x.array[:] = values
-
-    def _changed(self, state: State, change: Change, one: Variable, step: float) -> State:
-        """A state where a variable is larger by a step, to first order."""
-        factors, history = state.factors, dict(state.history)
-        if isinstance(one, Load):
-            factors = factors | {one.ramp: factors[one.ramp] * (1 + step / one.unit)}
-        if change.strains is not None:
-            told = history.get(self.memory.NAME) or self.memory.at_rest()
-            newest = told.strains[0] + step * change.strains
-            history[self.memory.NAME] = replace(told, strains=(newest, *told.strains[1:]))
-        if change.motion is not None:
-            history[MOTION] = moved(history[MOTION], change.motion, step)
-        values = state.values + step * change.values
-        return replace(state, values=values, factors=factors, history=history)
 
 
 def _rules(past: ViscousHistory, order: int, seconds: float, moves: bool) -> list[Rule]:
@@ -435,37 +313,6 @@ def _rules(past: ViscousHistory, order: int, seconds: float, moves: bool) -> lis
         before = past.times[0] - past.times[1]
         rules.insert(int(seconds > MOST_GROWTH_OF_BDF3 * before * (1 + SAME)), Rule.BDF3)
     return rules
-
-
-def has_past(state: State) -> bool:
-    """Whether a state depends on those before it, so that its derivative does, too."""
-    return bool(state.time or state.history)
-
-
-def check_past(problem: Problem, recorded: Recorded, found: Iterable[Variable]) -> None:
-    """Raise InputError where the steps of a march are not derived."""
-    inertia = getattr(recorded.item, "moving", None)
-    conserves = inertia is not None and inertia.scheme == CONSERVING
-    parts = {
-        "charges that leak, relax or come from a source": bool(problem.charges),
-        "friction": bool(problem.frictions),
-        "rigid parts": bool(problem.rigid),
-        "springs of a free body": bool(problem.springs.rows.size),
-        "viscous branches that are solved at each quadrature point (only Maxwell branches are "
-        "derived)": any(kernel.flowing for kernel in problem.kernels),
-        "the energy-conserving scheme": conserves,
-    }
-    for what, there in parts.items():
-        if there:
-            raise InputError(
-                f"A step of a march with {what} has no derivative here; compare two runs instead."
-            )
-    for one in found:
-        if isinstance(one, Shape):
-            raise InputError(
-                f"{one.name!r} has no derivative at a step of a march; equilibria without a past "
-                "are derived by shape, and a march by constants and loads."
-            )
 
 
 def at_step(
@@ -499,4 +346,7 @@ def at_step(
     with problem.at(state):
         measure = bind_alike(problem, name, observable)
         value = measure()
-    return Gradient(name, value, walk.slopes(state, measure), "direct", walk.residual)
+        found_slopes = slopes(
+            problem, state, list(zip(walk.found, walk.changes, strict=True)), measure
+        )
+    return Gradient(name, value, found_slopes, "direct", walk.residual)
