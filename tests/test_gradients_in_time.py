@@ -140,7 +140,7 @@ def test_scaling_all_stresses_changes_no_displacement():
 
 
 def test_what_is_not_derived_in_time():
-    record = RECORD | {"most": dea.LargestDisplacement("top")}
+    record = RECORD | {"most": dea.LargestDisplacement("top", "y")}
     run = solve(scene(MPI.COMM_SELF), march(steps=2), record)
     with pytest.raises(dea.InputError, match="no derivative at a step of a march"):
         run.sensitivity("up", ["thickness:film:y"])

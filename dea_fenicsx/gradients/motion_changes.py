@@ -126,6 +126,7 @@ class MotionChanges:
             self.moving(base.values), base.history[MOTION], motion.length, inertia.drag
         )
         assert motion.constant is not None
+        assert found.constant is not None
         due = found.stiffness * self.moving(state.values) + found.constant
         sizes = [
             self.problem.comm.allreduce(float(np.max(np.abs(a), initial=0.0)), op=MPI.MAX)

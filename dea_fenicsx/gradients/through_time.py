@@ -178,11 +178,8 @@ class ThroughTime:
         self._keep(state.time if held else told.times[0], state, landed)
 
     def _keep(self, time: float, state: State, strains: list[Strains]) -> None:
-        for kept, new in ((self._levels, strains), (self._states, state)):
-            kept.pop(time, None)
-            kept[time] = new  # type: ignore[index]
-            for old in list(kept)[:-RECENT]:
-                del kept[old]
+        _put(self._levels, time, strains)
+        _put(self._states, time, state)
 
     def _landed(
         self, step: ViscousHistory, past: list[Strains], values: list[np.ndarray]
@@ -302,6 +299,14 @@ class ThroughTime:
             along.x.array[: problem.owned] += self._share(state, one) / one.unit * lifted
             along.x.scatter_forward()
         return np.asarray(along.x.array.copy())
+
+
+def _put(kept: dict[float, Any], time: float, new: Any) -> None:
+    """Keep what belongs to a time as the newest, and let go of the oldest."""
+    kept.pop(time, None)
+    kept[time] = new
+    for old in list(kept)[:-RECENT]:
+        del kept[old]
 
 
 def _rules(past: ViscousHistory, order: int, seconds: float, moves: bool) -> list[Rule]:
