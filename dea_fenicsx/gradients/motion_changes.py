@@ -89,7 +89,8 @@ def differenced(find: Callable[[float], State], step: float) -> tuple[np.ndarray
         for name in PARTS
     }
     length = ends[1].history[MOTION].length
-    return slope(lambda s: s.values), Motion(length=length, **parts)
+    v, a, b, d = parts.values()
+    return slope(lambda s: s.values), Motion(v, a, b, length, constant=d)
 
 
 class MotionChanges:
