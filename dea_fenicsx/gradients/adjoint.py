@@ -98,6 +98,11 @@ class Gradients:
     ----------
     problem
         The problem.
+
+    Attributes
+    ----------
+    walks
+        What has gone over the steps of a march, by the names of the variables.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -105,6 +110,7 @@ class Gradients:
         self.kept = KeptForms(problem)
         self._directions: dict[int, Any] = {}
         self._functionals: dict[tuple[int, frozenset[str]], tuple[Any, Functional | None]] = {}
+        self.walks: dict[tuple[str, ...], Any] = {}
 
     @cached_property
     def solver(self) -> NewtonSolver:
@@ -138,14 +144,18 @@ class Gradients:
                 )
             measure = bind_alike(problem, name, observable)
             value = measure()
-            self._linearise()
+            self.linearise()
             if functional is None:
                 slopes, residual = self._direct(state, measure, found)
                 return Gradient(name, value, slopes, "direct", residual)
             slopes, residual = self._by_adjoint(functional, found)
         return Gradient(name, value, slopes, "adjoint", residual)
 
-    def _linearise(self) -> None:
+    def check_observable(self, observable: Any) -> None:
+        """Raise InputError for an observable that has no derivative."""
+        self._functional(observable)
+
+    def linearise(self) -> None:
         """Let the rows of the linear systems be weighed as Newton's method does it."""
         self.solver.residual_of(self.problem.residual())
 
@@ -170,7 +180,7 @@ class Gradients:
         if self.kept.total(rhs @ rhs) > 0:
             given = problem.circuits.given_rows()
             rhs[given] = 0.0
-            solution, residual = self._solved(rhs, transposed=True)
+            solution, residual = self.solved(rhs, transposed=True)
         paired = Paired(self.kept, self.solver.tangent, -solution, forms)
         slopes = {}
         for one in found:
@@ -180,7 +190,7 @@ class Gradients:
                 slope += by_factor.get(one.ramp, 0.0) / one.unit
             elif isinstance(one, Shape):
                 change = fixed_change(problem, one.velocity)
-                slope += self.kept.total(by_state @ self._followed(change))
+                slope += self.kept.total(by_state @ self.followed(change))
             slopes[one.name] = slope
         return slopes, residual
 
@@ -190,7 +200,7 @@ class Gradients:
         problem = self.problem
         slopes, worst = {}, 0.0
         for one in found:
-            changed, residual = self._solved(-self._forces(one))
+            changed, residual = self.solved(-self.forces(one))
             worst = max(worst, residual)
             step = self._step(state, changed, one)
 
@@ -240,7 +250,7 @@ class Gradients:
             for (coefficient, _, _), values in zip(one.changes, kept, strict=True):
                 coefficient.x.array[:] = values
 
-    def _forces(self, one: Variable) -> np.ndarray:
+    def forces(self, one: Variable) -> np.ndarray:
         """dR/dp of a constant or a load, in the free rows.  Collective."""
         problem = self.problem
         if isinstance(one, Load):
@@ -262,7 +272,7 @@ class Gradients:
         along.x.array[cells] = rate
         return self.kept.along(self.problem.forms.residual, coefficient, along)
 
-    def _solved(self, rhs: np.ndarray, transposed: bool = False) -> tuple[np.ndarray, float]:
+    def solved(self, rhs: np.ndarray, transposed: bool = False) -> tuple[np.ndarray, float]:
         """Solve with the tangent or its transpose; the solution and its residual.  Collective.
 
         Raises
@@ -292,9 +302,9 @@ class Gradients:
         along = np.zeros(problem.size)
         along[problem.fixed] = problem.conditions.fixed_values.base[ramp][problem.fixed]
         problem.circuits.per_factor(ramp, along)
-        return self._followed(along)
+        return self.followed(along)
 
-    def _followed(self, change: np.ndarray) -> np.ndarray:
+    def followed(self, change: np.ndarray) -> np.ndarray:
         """A change of fixed values with what follows them, over the owned values.  Collective."""
         problem, along = self.problem, dolfinx.fem.Function(self.problem.W)
         along.x.array[:] = change

@@ -11,7 +11,10 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.gradients.adjoint import Gradient, Gradients
+from dea_fenicsx.gradients.changes import Recorded
 from dea_fenicsx.gradients.critical import critical_load, limit_row
+from dea_fenicsx.gradients.past_checks import has_past
+from dea_fenicsx.gradients.through_time import at_step
 from dea_fenicsx.gradients.variables import ShapeChange
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.columns import check_added
@@ -109,9 +112,7 @@ class Run:
     def _gradients(self) -> Gradients:
         return Gradients(self._problem)
 
-    def sensitivity(
-        self, name: str, to: Iterable[str | ShapeChange], step: int = -1
-    ) -> Gradient:
+    def sensitivity(self, name: str, to: Iterable[str | ShapeChange], step: int = -1) -> Gradient:
         """The derivatives of what was recorded at a step, or of a critical load.  Collective.
 
         Parameters
@@ -135,7 +136,9 @@ class Run:
             a `ShapeChange`
                 Any other change of the undeformed shape, by the velocity of its points.
         step
-            The row of the history; the last one by default.
+            The row of the history; the last one by default.  At a step of a march the lengths of
+            all steps are held, and a load is derived by its value at factor 1, so that the whole
+            drive grows in proportion.
 
         Returns
         -------
@@ -145,7 +148,8 @@ class Run:
         Raises
         ------
         InputError
-            For names that there are not, an observable without a derivative, a step of a march.
+            For names that there are not, an observable without a derivative, and a march whose
+            steps are not derived.
         SolverError
             If a linear system is singular, as that of an observable is at a limit point.
         """
@@ -155,8 +159,19 @@ class Run:
                 self._gradients, self._states.of(row, len(self.history)), self.history[row], to
             )
         known(name, self._recorded, "recorded observable", "the run")
-        state = self._states.of(step, len(self.history))
+        rows = len(self.history)
+        state = self._states.of(step, rows)
+        if has_past(state):
+            row = step + rows if step < 0 else step
+            return at_step(
+                self._gradients, name, self._recorded[name], to, row, self._recorded_step
+            )
         return self._gradients.of_observable(state, name, self._recorded[name], to)
+
+    def _recorded_step(self, row: int) -> Recorded:
+        """The state of a row, and where on the path it lies."""
+        state = self._states.of(row, len(self.history))
+        return Recorded(state, *self._states.item_of(row))
 
     def column(self, name: str) -> np.ndarray:
         """A column of the history as an array: numbers, NaN where there is none, or texts."""

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.model.motion import Motion
 from dea_fenicsx.model.state import State
+from dea_fenicsx.model.viscous_history import ViscousHistory
 from dea_fenicsx.support.errors import InputError
 
 MOST_BYTES = 200_000_000
 """Memory of the states that are kept, on each rank.  The last one is always kept."""
+
+MOST_BYTES_OF_MARCH = 2_000_000_000
+"""The same where states have a past, for the derivative of each needs all before it."""
 
 
 class KeptStates:
@@ -14,19 +23,31 @@ class KeptStates:
 
     Parameters
     ----------
-    most_bytes
-        Memory that they may take; the earliest are let go.
+    most_bytes, most_bytes_of_march
+        Memory that they may take without and with a past; the earliest are let go.
     """
 
-    def __init__(self, most_bytes: int = MOST_BYTES) -> None:
-        self._most, self._states = most_bytes, dict[int, State]()
+    def __init__(
+        self, most_bytes: int = MOST_BYTES, most_bytes_of_march: int = MOST_BYTES_OF_MARCH
+    ) -> None:
+        self._most, self._most_of_march = most_bytes, most_bytes_of_march
+        self._states = dict[int, State]()
+        self._items = dict[int, tuple[Any, float]]()
 
-    def put(self, row: int, state: State) -> None:
-        """Keep the state of a row, and let go of the earliest ones that are too many."""
-        self._states[row] = state
-        room = max(1, self._most // max(1, state.values.nbytes))
+    def put(self, row: int, state: State, item: Any = None, began: float = 0.0) -> None:
+        """Keep the state of a row, and let go of the earliest ones that are too many.
+
+        `item` is where on the path it lies, and `began` the time in s at which that began.
+        """
+        self._states[row], self._items[row] = state, (item, began)
+        most = self._most_of_march if state.history else self._most
+        room = max(1, most // max(1, _bytes_of(state)))
         for old in sorted(self._states)[:-room]:
             del self._states[old]
+
+    def item_of(self, row: int) -> tuple[Any, float]:
+        """The item of the path in which a row lies, and the time in s at which that began."""
+        return self._items[row]
 
     def of(self, step: int, rows: int) -> State:
         """The state of a row of a history; negative numbers count from its end.
@@ -49,3 +70,14 @@ class KeptStates:
                 f"run are not kept; the first that are kept are {kept}."
             )
         return self._states[row]
+
+
+def _bytes_of(state: State) -> int:
+    """Memory that one more state takes: values, newest viscous strains, and its motion."""
+    found = state.values.nbytes
+    for told in state.history.values():
+        if isinstance(told, ViscousHistory):
+            found += told.strains[0].nbytes  # earlier strains are shared with earlier states
+        elif isinstance(told, Motion):
+            found += 4 * np.asarray(told.velocity).nbytes
+    return int(found)

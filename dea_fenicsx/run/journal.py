@@ -145,7 +145,8 @@ class Journal:
             self._note_failure("pull-in", row, None)
         if self.folder and self.writer:
             self._write(step, row, {f.column: values for f, _, values in read})
-        self.states.put(len(self.history) - 1, step.state)
+        item = self.path[min(cursor.ramp, len(self.path) - 1)]
+        self.states.put(len(self.history) - 1, step.state, item, cursor.began)
         self._report(row, now - self._step_started, self.share(cursor), counting)
         self._step_started = time.perf_counter()
 

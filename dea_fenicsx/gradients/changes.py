@@ -1,0 +1,128 @@
+"""Changes of a state with a variable, and of what is measured on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from dea_fenicsx.gradients.adjoint import DIFFERENCE, LEAST_MOTION
+from dea_fenicsx.gradients.motion_changes import moved
+from dea_fenicsx.gradients.shapes import most
+from dea_fenicsx.gradients.variables import Coefficients, Load, Variable
+from dea_fenicsx.gradients.viscous_changes import Strains
+from dea_fenicsx.model.motion import MOTION, Motion
+from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.model.state import State
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """How a state changes with a variable.
+
+    Attributes
+    ----------
+    values
+        The change of all local values for a unit of the variable.
+    strains
+        That of the viscous strains of which the state's history tells; None without branches.
+    motion
+        That of its motion; None without inertia.
+    """
+
+    values: np.ndarray
+    strains: Strains | None = None
+    motion: Motion | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """A recorded step.
+
+    Attributes
+    ----------
+    state
+        Its state.
+    item
+        The item of the path in which it lies.
+    began
+        Time in s at which that item began.
+    """
+
+    state: State
+    item: Any
+    began: float
+
+
+def slopes(
+    problem: Problem, state: State, changes: Iterable[tuple[Variable, Change]],
+    measure: Callable[[], float],
+) -> dict[str, float]:  # fmt: skip
+    """The derivatives of an observable by variables, along the changes of the state.  Collective.
+
+    The problem is left in the state.
+    """
+
+    def measured(one: Variable, change: Change, step: float) -> float:
+        with larger(one, step):
+            problem.show(changed(problem, state, change, one, step))
+            return float(measure())
+
+    found = {}
+    for one, change in changes:
+        step = step_of(problem, state, change, one)
+        near, far = (
+            measured(one, change, k * step) - measured(one, change, -k * step) for k in (1, 2)
+        )
+        problem.show(state)
+        found[one.name] = (8 * near - far) / (12 * step)
+    return found
+
+
+def step_of(problem: Problem, state: State, change: Change, one: Variable) -> float:
+    """The step of a variable for differences.  Collective."""
+    sizes = [most(problem, state.values[part.dofs]) for part in problem.displacement]
+    speeds = [most(problem, change.values[part.dofs]) for part in problem.displacement]
+    speed, size = max(speeds), max([*sizes, LEAST_MOTION])
+    steps = [size / speed] if speed > 0 else []
+    if change.strains is not None and (flow := most(problem, change.strains)) > 0:
+        steps.append(1 / flow)
+    value = one.value if isinstance(one, Coefficients) else 0.0
+    if isinstance(one, Load):
+        value = one.unit
+    if value:
+        steps.append(abs(value))
+    return DIFFERENCE * min(steps, default=1.0)
+
+
+@contextmanager
+def larger(one: Variable, step: float) -> Iterator[None]:
+    """Let a constant of a material be larger by a step."""
+    changes = one.changes if isinstance(one, Coefficients) else ()
+    kept = [c.x.array.copy() for c, _, _ in changes]
+    try:
+        for coefficient, cells, rate in changes:
+            coefficient.x.array[cells] += step * rate
+        yield
+    finally:
+        for (coefficient, _, _), values in zip(changes, kept, strict=True):
+            coefficient.x.array[:] = values
+
+
+def changed(problem: Problem, state: State, change: Change, one: Variable, step: float) -> State:
+    """A state where a variable is larger by a step, to first order."""
+    factors, history = state.factors, dict(state.history)
+    if isinstance(one, Load):
+        factors = factors | {one.ramp: factors[one.ramp] * (1 + step / one.unit)}
+    if change.strains is not None:
+        memory = problem.forms.memory
+        told = history.get(memory.NAME) or memory.at_rest()
+        newest = told.strains[0] + step * change.strains
+        history[memory.NAME] = replace(told, strains=(newest, *told.strains[1:]))
+    if change.motion is not None:
+        history[MOTION] = moved(history[MOTION], change.motion, step)
+    values = state.values + step * change.values
+    return replace(state, values=values, factors=factors, history=history)

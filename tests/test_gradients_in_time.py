@@ -1,0 +1,167 @@
+"""Derivatives at steps of marches: against a recursion in closed form, and solved neighbours."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import block
+from mpi4py import MPI
+from rank_scenes import strip
+
+import dea_fenicsx as dea
+
+pytestmark = pytest.mark.usefixtures("quick_compile")
+TIGHT = dea.NewtonOptions(tolerance=1e-12)
+MU, MU_V, TAU, STRETCH, L = 15e3, 26e3, 0.6, 1.5, 1e-3
+
+
+def solve(scene, path, record):
+    return dea.solve(scene, path, record, quiet=True, options=TIGHT, stability="never")
+
+
+# --------------------------------------------------------------------------------- closed forms
+
+
+def held_force(mu, mu_v, tau, steps, seconds):
+    """Force of a cube of edge L held at a stretch, by the backward Euler steps of its branch.
+
+    C = (lam^2, 1/lam, 1/lam) and C_v = (c, c^-1/2, c^-1/2), so that a step is one of c.
+    """
+    a, b, c, r = STRETCH**2, 1 / STRETCH, 1.0, seconds / steps / tau
+    for _ in range(steps):
+        first, other = r * a + c, r * b + c**-0.5
+        c = (first / other) ** (2 / 3)
+    spring = mu_v * (a / c - b * c**0.5)
+    return L**2 * (mu * (a - b) + spring) / STRETCH
+
+
+def test_force_of_a_relaxing_cube():
+    rubber = dea.Material(dea.NeoHookean(MU), viscous=[dea.Maxwell(MU_V, TAU)])
+    held = [dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")]
+    pull = [dea.Stretch("x_max", "x", STRETCH)]
+    scene = dea.Scene(block((1, 1, 1), L, L), {"film": rubber}, supports=held, prescribed=pull)
+    pulled = dea.Ramp("stretch", steps=1, response="instantaneous")
+    path = [pulled, dea.March(0.9, steps=3, order=1)]
+    run = solve(scene, path, {"force": dea.Reaction("x_max", "x")})
+    to = ["film.elastic.mu", "film.viscous[0].mu", "film.viscous[0].tau"]
+    constants = (MU, MU_V, TAU)
+    for steps, row in ((3, -1), (1, -3), (0, 1)):
+        found = run.sensitivity("force", to, step=row)
+        times = max(steps, 1), 0.3 * steps
+        due = held_force(*constants, *times)
+        assert found.value == pytest.approx(due, rel=1e-9)
+        assert found.method == ("direct" if steps else "adjoint")  # at no time there is no past
+        for k, name in enumerate(to):
+            shifted = [c + 1e-30j * (i == k) for i, c in enumerate(constants)]
+            exact = held_force(*shifted, *times).imag / 1e-30
+            assert found[name] == pytest.approx(exact, rel=1e-8, abs=1e-8 * due / constants[k])
+
+
+# ------------------------------------------------------------------------- differences of runs
+
+
+def scene(comm, kilovolts=3.0, tau=TAU, mu=MU, time=1.0, **more):
+    """A clamped square in plane strain with two branches; times are in units of `time`."""
+    rubber = dea.Material(
+        dea.NeoHookean(mu), dea.IdealDielectric(3.0), density=1000.0,
+        viscous=[dea.Maxwell(MU_V, tau * time), dea.Maxwell(10e3, 5.0 * time)],
+    )  # fmt: skip
+    electrodes = [dea.Electrode("top", 1e3 * kilovolts), dea.Ground("bottom")]
+    return dea.Scene(
+        strip(comm), {"film": rubber}, electrodes,
+        [dea.Clamp("x_min"), dea.Fix("bottom", "y")], kinematics=dea.PlaneStrain(L), **more,
+    )  # fmt: skip
+
+
+RECORD = {"up": dea.MeanDisplacement("top", "y"), "q": dea.Charge("top")}
+
+
+def march(time=1.0, **more):
+    """A march whose drive does not begin at zero, so that a body in motion is not at rest."""
+    drive = {"voltage": lambda t: 0.3 + 0.7 * np.sin(1.3 * t / time + 0.2) ** 2}
+    return dea.March(1.5 * time, drive, **more)
+
+
+MARCHES = {
+    "BDF2 after SDIRK2": (1.0, {"steps": 5}),
+    "BDF3 in adapted steps": (1.0, {"tolerance": 1e-3, "order": 3}),
+    "motion": (2e-3, {"steps": 5, "inertia": dea.Inertia(drag=20.0)}),
+}
+CHANGED = {"film.viscous[0].tau": "tau", "voltage": "kilovolts", "film.elastic.mu": "mu"}
+VALUES = {"tau": TAU, "kilovolts": 3.0, "mu": MU}
+
+
+@pytest.mark.parametrize("case", MARCHES)
+def test_differences_converge_to_the_derivative_in_time(case):
+    """A central difference is off by a term in the square of the step; no step changes length."""
+    time, how = MARCHES[case]
+    run = solve(scene(MPI.COMM_SELF, time=time), march(time, **how), RECORD)
+    found = {name: run.sensitivity(name, list(CHANGED)) for name in RECORD}
+    columns = {"up": "up_m", "q": "q_C"}
+    for variable, key in CHANGED.items():
+        unit = {"tau": time, "kilovolts": 1e3}.get(key, 1.0) * VALUES[key]
+        errors = []
+        for share in (1e-2, 5e-3):
+            ends = [
+                solve(
+                    scene(MPI.COMM_SELF, time=time, **{key: VALUES[key] * (1 + s)}),
+                    march(time, **how), RECORD,
+                )
+                for s in (share, -share)
+            ]  # fmt: skip
+            errors.append([
+                (ends[0][columns[n]] - ends[1][columns[n]]) / (2 * share * unit) / g[variable] - 1
+                for n, g in found.items()
+            ])  # fmt: skip
+        large, small = np.array(errors)
+        assert np.all(np.abs(large) < 1e-3)
+        assert large / small == pytest.approx(4, rel=0.02)
+
+
+def test_scaling_all_stresses_changes_no_displacement():
+    """Only ratios of moduli and of eps V^2 count, and a voltage counts by its square."""
+    run = solve(scene(MPI.COMM_SELF), march(steps=5), RECORD)
+    names = [f"film.{n}" for n in (
+        "elastic.mu", "viscous[0].mu", "viscous[1].mu", "electric.eps_r"
+    )]  # fmt: skip
+    to = [*names, "voltage"]
+    constants = run.problem.parameters
+    up, q = (run.sensitivity(name, to, step=4) for name in RECORD)
+    for found, degree in ((up, 0.0), (q, 1.0)):
+        terms = [constants[name] * found[name] for name in names]
+        assert sum(terms) == pytest.approx(
+            degree * found.value, rel=1e-8, abs=1e-8 * max(map(abs, terms))
+        )
+        twice = 2 * constants[names[-1]] * found[names[-1]] - degree * found.value
+        assert 3e3 * found["voltage"] == pytest.approx(twice, rel=1e-8)
+
+
+# ------------------------------------------------------------------------------- what is refused
+
+
+def test_what_is_not_derived_in_time():
+    record = RECORD | {"most": dea.LargestDisplacement("top", "y")}
+    run = solve(scene(MPI.COMM_SELF), march(steps=2), record)
+    with pytest.raises(dea.InputError, match="no derivative at a step of a march"):
+        run.sensitivity("up", ["thickness:film:y"])
+    with pytest.raises(dea.InputError, match="jumps from one node to another"):
+        run.sensitivity("most", ["voltage"])
+    with pytest.raises(dea.InputError, match=r"did you mean 'film.viscous\[0\].tau'"):
+        run.sensitivity("up", ["film.viscous[0].tao"])
+
+
+# ---------------------------------------------------------------------------------------- ranks
+
+
+def on_ranks_found(comm):
+    time, how = MARCHES["motion"]  # of a viscous body
+    run = solve(scene(comm, time=time), march(time, **how | {"steps": 2}), RECORD)
+    return [list(run.sensitivity(name, list(CHANGED)).values()) for name in RECORD]
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_three_ranks_find_what_one_finds(on_ranks):
+    alone = np.array(on_ranks_found(MPI.COMM_SELF))
+    found = np.array(on_ranks("test_gradients_in_time", "on_ranks_found", 3))
+    assert found == pytest.approx(alone, rel=1e-7)
