@@ -52,26 +52,40 @@ def volts(stretch):
     return T * math.sqrt(stiff * (stretch**2 - stretch**-4) / (EPS_R * EPSILON_0)) / stretch**2
 
 
-@pytest.mark.parametrize("share", [0.9, 0.97])
-def test_the_film_between_its_limit_points(share):
-    """Three stretches have one voltage; the middle one is unstable."""
+FILM = {
+    "z": dea.MeanStretch(("bottom", "top"), "z"),
+    "upper": dea.AtPoint((T, T), "displacement", "r"),
+    "lower": dea.AtPoint((T, 0), "displacement", "r"),
+}
+
+
+def test_the_film_between_its_limit_points():
+    """Three stretches have one voltage; the middle one is unstable.
+
+    The stiff state is far from the others.  It is found from one at a higher voltage, to which the
+    film has snapped.  A free film has states that are not homogeneous beside these.
+    """
     peak = max(np.linspace(1.05, 2.0, 2000), key=volts)
-    low = min(np.linspace(2.0, 4.5, 2000), key=volts)
-    level = share * volts(peak) + (1 - share) * volts(low)
-    edges = [1.0 + 1e-9, peak, low, brentq(lambda x: 2 * x**2 + x**-4 - 3 - JM, 3, 9) * (1 - 1e-9)]
+    low = min(np.linspace(2.0, 4.3, 2000), key=volts)
+    level = 0.9 * volts(peak) + 0.1 * volts(low)
+    locked = brentq(lambda x: 2 * x**2 + x**-4 - 3 - JM, 3, 9) * (1 - 1e-9)
+    edges = [1.0 + 1e-9, peak, low, locked]
     exact = [brentq(lambda x: volts(x) - level, *edges[k : k + 2], xtol=1e-13) for k in range(3)]
-    record = {"r": dea.MeanStretch(("bottom", "top"), "z")}
-    run = dea.solve(film(), dea.Ramp("voltage", to=level / 1000.0, steps=4), record, quiet=True)
-    found = dea.deflate(run, record, most=2)
-    assert [one.values["r"] ** -0.5 for one in found] == pytest.approx(exact, rel=1e-6)
+    snapped = dea.Ramp("voltage", to=1.1 * volts(peak) / 1e3, steps=4, at_loss="snap")
+    stiff = dea.solve(film(), snapped, FILM, quiet=True)
+    run = dea.solve(film(), dea.Ramp("voltage", to=level / 1e3, steps=4), FILM, quiet=True)
+    found = dea.deflate(run, FILM, most=2, starts=[stiff.problem.state])
+    assert [one.values["z"] ** -0.5 for one in found] == pytest.approx(exact, rel=1e-6)
     assert [one.stable for one in found] == [True, False, True]
+    for one in found:
+        assert one.values["upper_m"] == pytest.approx(one.values["lower_m"], rel=1e-6)
 
 
 def test_wrong_calls_are_refused():
     run = dea.solve(film(), dea.Ramp("voltage", to=0.1, steps=1), quiet=True)
     for options, words in (
         ({"most": 0}, "most="), ({"aside": -1.0}, "aside="), ({"modes": 1.5}, "modes="),
-        ({"step": 99}, "no row of the history"),
+        ({"step": 99}, "no row of the history"), ({"starts": [1]}, "a state of the run's scene"),
     ):  # fmt: skip
         with pytest.raises(dea.InputError, match=words):
             dea.deflate(run, **options)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import chain
 
 import numpy as np
+from mpi4py import MPI
 
 from dea_fenicsx.measure.observables import Observable
 from dea_fenicsx.model.fields import Role
+from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.stability import Spectrum
 from dea_fenicsx.results.columns import column_of
@@ -22,8 +26,11 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.validation import positive, whole
 
-SIZES = (1.0, 4.0, 16.0)
+SIZES = (1.0, 4.0, 16.0, 64.0)
 """Distances of the starts from a known equilibrium, in units of `aside`."""
+
+SAME = 1e-3
+"""Two equilibria closer than this share of `aside` are one."""
 
 DEFAULT_ASIDE = 0.01
 """The default of `aside`, over the device's largest extent."""
@@ -63,12 +70,14 @@ def deflate(
     aside: float | None = None,
     modes: int = 2,
     step: int = -1,
+    starts: Sequence[State] = (),
 ) -> list[Equilibrium]:
     """Other equilibria at the load of one state of a run, by deflation.  Collective.
 
-    Newton's method starts beside each equilibrium that is known, along its softest modes to both
-    sides, and is kept away from all that are known; see `solvers.deflation`.  States that no such
-    start leads to are not found, so that the list need not be complete.
+    Newton's method starts in the states that are given, and then beside each equilibrium that is
+    known, along its softest modes to both sides.  It is kept away from all that are known; see
+    `solvers.deflation`.  States that no such start leads to are not found, so that the list need
+    not be complete.  Those of a coarse mesh may be states of this mesh alone.
 
     Parameters
     ----------
@@ -79,12 +88,15 @@ def deflate(
     most
         Most equilibria that are looked for beside the given one.
     aside
-        Distance of the nearest starts, and length of the deflation, in m: root mean square of
-        the displacements.  None takes a hundredth of the device's largest extent.
+        Distance of the nearest starts in m: root mean square of the displacements.  Others lie up
+        to 64 times as far.  None takes a hundredth of the device's largest extent.
     modes
         Number of softest modes along which the starts lie.
     step
         The row of the history with the given state; the last one by default.
+    starts
+        States of the same scene at any load, such as `Branch.state` or ``Equilibrium.state`` give.
+        They are brought to the load of the given one.
 
     Returns
     -------
@@ -115,19 +127,42 @@ def deflate(
             "branches, friction, leakage or follower pressure."
         )
     first = run._states.of(int(step), len(run.history))
-    finder = Deflation(NewtonSolver(problem), aside / length)
+    finder = Deflation(NewtonSolver(problem), SAME * aside / length)
     finder.known.append(first)
-    for start in _starts(finder, modes):
+    _check_starts(problem, starts)
+    for search in chain(_from_given(finder, starts), _from_known(finder, modes, aside / length)):
         if len(finder.known) > most:
             break
-        found = finder.search(start)
+        found = search()
         if found is not None:
             finder.known.append(found)
     return _described(finder, record or {})
 
 
-def _starts(finder: Deflation, modes: int) -> Iterator[State]:
-    """Starts beside each state that is known by the time that it is reached."""
+def _check_starts(problem: Problem, starts: Sequence[State]) -> None:
+    """Raise InputError unless all starts are states of a problem.  Collective."""
+    for start in starts:
+        fits = isinstance(start, State) and len(start.values) == problem.size
+        if not problem.comm.allreduce(fits, op=MPI.LAND):
+            raise InputError(
+                f"A start of deflate is {shown(start)}, but must be a state of the run's scene on "
+                "the same ranks."
+            )
+
+
+Search = Callable[[], State | None]
+"""Finds an equilibrium that is not known yet, or none."""
+
+
+def _from_given(finder: Deflation, starts: Sequence[State]) -> Iterator[Search]:
+    """Newton's method from each start that is given to the load of the first state."""
+    load = dict(finder.known[0].factors)
+    for start in starts:
+        yield partial(finder.carried, start, load)
+
+
+def _from_known(finder: Deflation, modes: int, aside: float) -> Iterator[Search]:
+    """Searches beside each state that is known by the time that it is reached."""
     spectrum = Spectrum(finder.solver)
     motion = finder.problem.roles.free(Role.MOTION)
     reached = 0
@@ -143,9 +178,10 @@ def _starts(finder: Deflation, modes: int) -> Iterator[State]:
             same = finder.mean(like, pair.vector[motion]) >= 0
             ways += [pair.vector if same else -pair.vector]
         for size in SIZES:
+            away = size * aside
             for way in ways:
                 for side in (1.0, -1.0):
-                    yield finder.moved(state, way, side * size * finder.length)
+                    yield partial(finder.search, finder.moved(state, way, side * away), away)
 
 
 def _described(finder: Deflation, record: Mapping[str, Observable]) -> list[Equilibrium]:

@@ -9,11 +9,13 @@ M R follows from that of R, s = -J^-1 R, by the formula of Sherman and Morrison,
 
     d = s/(1 - g . s),   g = grad ln M,
 
-so that the tangent, and the factor that is kept of it, stay as they are (P. E. Farrell, A. Birkisson
-and S. W. Funke, SIAM J. Sci. Comput. 37 (2015) A2026).
+so that the tangent, and the factor that is kept of it, stay as they are (P. E. Farrell,
+A. Birkisson and S. W. Funke, SIAM J. Sci. Comput. 37 (2015) A2026).
 """
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 import numpy as np
 from mpi4py import MPI
@@ -35,9 +37,6 @@ LONGEST_STEP = 0.3
 LEAST_DENOMINATOR = 1e-3
 """Least size of 1 - g . s: closer to 0 an increment has no length."""
 
-SAME = 1e-3
-"""Two equilibria closer than this share of l are one."""
-
 
 class Deflation:
     """Finds equilibria at one load, other than those that are known.
@@ -46,12 +45,13 @@ class Deflation:
     ----------
     solver
         The nonlinear solver with its problem.
-    length
-        The length l, over that of the device.
+    apart
+        Smallest distance, over the device's length, at which two equilibria are two.
     """
 
-    def __init__(self, solver: NewtonSolver, length: float) -> None:
-        self.solver, self.problem, self.length = solver, solver.problem, length
+    def __init__(self, solver: NewtonSolver, apart: float) -> None:
+        self.solver, self.problem, self.apart = solver, solver.problem, apart
+        self._length = apart
         self._motion = self.problem.roles.free(Role.MOTION)
         self._places = self.problem.free[self._motion]
         self._count = self.problem.comm.allreduce(len(self._places), op=MPI.SUM)
@@ -69,7 +69,7 @@ class Deflation:
 
     def is_known(self, state: State) -> bool:
         """Whether a state is one of those that are known.  Collective."""
-        return any(self.distance(state, k) <= SAME * self.length for k in self.known)
+        return any(self.distance(state, k) <= self.apart for k in self.known)
 
     def moved(self, state: State, vector: np.ndarray, size: float) -> State:
         """A state moved along a vector by a root mean square `size`.  Collective."""
@@ -77,11 +77,20 @@ class Deflation:
         rms = np.sqrt(self.mean(part, part))
         return self.problem.moved(state, vector * (size / rms))
 
-    def search(self, start: State) -> State | None:
+    def search(self, start: State, length: float) -> State | None:
         """An equilibrium that is not known, from a start at its load; None if none is found.
 
         Collective; the problem is left in the state in which it was.
+
+        Parameters
+        ----------
+        start
+            Where Newton's method starts; not at an equilibrium that is known.
+        length
+            The length l over that of the device, such as the distance of the start from the
+            nearest equilibrium that is known.
         """
+        self._length = length
         self.solver.forget_factor()
         if any(self.distance(start, known) == 0 for known in self.known):
             return None  # there M has no value
@@ -90,6 +99,17 @@ class Deflation:
         if near is None:
             return None
         attempt = self.solver.solve(near)
+        if not attempt.converged or self.is_known(attempt.found):
+            return None
+        return attempt.found
+
+    def carried(self, start: State, factors: Mapping[str, float]) -> State | None:
+        """An equilibrium that is not known, from one at another load; None if none is found.
+
+        Newton's method leads to it without deflation.  Collective.
+        """
+        self.solver.forget_factor()
+        attempt = self.solver.solve(start, factors)
         if not attempt.converged or self.is_known(attempt.found):
             return None
         return attempt.found
@@ -121,8 +141,8 @@ class Deflation:
         part, here, slope = step[self._motion], self.problem.state, 0.0
         for known in self.known:
             away = (here.values - known.values)[self._places]
-            square = self.mean(away, away) / self.length**2
-            change = 2 * self.mean(away, part) / self.length**2
+            square = self.mean(away, away) / self._length**2
+            change = 2 * self.mean(away, part) / self._length**2
             slope -= change / max(square * (square + 1), 1e-300)
         below = 1 - slope
         return 1 / (below if abs(below) > LEAST_DENOMINATOR else LEAST_DENOMINATOR)
@@ -141,4 +161,3 @@ class Deflation:
                 return problem.residual()
             share /= 2
         return None
-
