@@ -98,6 +98,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
     from dea_fenicsx.run.branches import Diagram, branches
+    from dea_fenicsx.run.deflating import Equilibrium, deflate
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
     from dea_fenicsx.run.frequency_response import FrequencyResponse, frequency_response
     from dea_fenicsx.run.imperfections import ModeShape, RandomShape, imperfect
@@ -228,6 +229,7 @@ _HOME = {
     "results.finished": ("Run",),
     "run.session": ("solve",),
     "run.branches": ("Diagram", "branches"),
+    "run.deflating": ("Equilibrium", "deflate"),
     "run.imperfections": ("ModeShape", "RandomShape", "imperfect"),
     "run.modes": ("Modes", "modes"),
     "run.frequency_response": ("FrequencyResponse", "frequency_response"),
