@@ -18,8 +18,7 @@ from dea_fenicsx.support.errors import InputError
 def unknown_number() -> Any:
     """A UFL scalar without a value, which no function can turn into a number."""
     domain = ufl.Mesh(basix.ufl.element("Lagrange", "interval", 1, shape=(1,)))
-    space = ufl.FunctionSpace(domain, basix.ufl.element("Lagrange", "interval", 1))
-    return ufl.variable(ufl.Coefficient(space))
+    return ufl.variable(ufl.SpatialCoordinate(domain)[0])
 
 
 def scalar_of(function: Callable[[Any], Any], at: Any, what: str, means: str) -> Any:
