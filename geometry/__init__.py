@@ -15,6 +15,7 @@ from .grading import graded
 
 if TYPE_CHECKING:
     from .air_box import AirBox
+    from .air_core import AirCore
     from .balloon import Balloon
     from .box_stack import BoxStack
     from .dea_hinge import DEAHinge
@@ -31,13 +32,14 @@ if TYPE_CHECKING:
     from .tube import Tube
 
 __all__ = [
-    "AirBox", "Balloon", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack", "FingerStack",
-    "Geometry", "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer", "MembraneDisc",
-    "Meridian", "StiffenedFilm", "StiffenedSection", "Tube", "graded",
+    "AirBox", "AirCore", "Balloon", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack",
+    "FingerStack", "Geometry", "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer",
+    "MembraneDisc", "Meridian", "StiffenedFilm", "StiffenedSection", "Tube", "graded",
 ]  # fmt: skip
 
 _HOME = {
     "AirBox": "air_box",
+    "AirCore": "air_core",
     "Balloon": "balloon",
     "BoxStack": "box_stack",
     "DEAHinge": "dea_hinge",

@@ -196,6 +196,8 @@ REFUSED = {
     "an empty name": dict(displacement=(0, 1e-4), ramp=""),
     "must return one number": dict(shape=lambda x: x),
     "fails for a UFL vector": dict(shape=lambda x: x[2]),
+    "a number that is not finite": dict(shape=lambda x: x[1] - float("nan")),
+    "the same at all places": dict(shape=lambda x: 1.0),
     "shape of the obstacle at 'top' is 3": dict(shape=3),
 }  # fmt: skip
 

@@ -151,8 +151,14 @@ def test_two_turns_about_an_oblique_axis():
                 prescribed=[dea.Turn("x_max", 4 * np.pi, about=(1, 2, 2))])  # fmt: skip
     record = {f"a{k}": dea.PartRotation("x_max", k) for k in "xyz"}
     record["far"] = dea.AtPoint((0.0, 0.0, 0.0), "displacement", "x")
+    record |= {
+        "along": dea.PartRotation("x_max", (2, 4, 4)),
+        "across": dea.PartRotation("x_max", (2, -1, 0)),
+    }
     run = dea.solve(scene, dea.Ramp("turn", steps=24), record, quiet=True)
     assert [run[f"a{k}_rad"] for k in "xyz"] == pytest.approx(4 * np.pi * axis, rel=1e-12)
+    assert run["along_rad"] == pytest.approx(4 * np.pi, rel=1e-12)
+    assert abs(run["across_rad"]) < 1e-12
     assert abs(run["min_J"] - 1) < 1e-8
     assert np.abs(run.problem.residual()).max() < 1e-8
     angles = 4 * np.pi * run.column("turn_factor")

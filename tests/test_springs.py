@@ -135,6 +135,7 @@ WRONG = {
     "must act along": (RIGID, dea.Spring("x_max", 1.0, "z")),
     "length 0 at the start": (RIGID, dea.Spring("x_max", 1.0, anchor=(H, H / 2))),
     "fails at the elongation 0": (RIGID, dea.Spring("x_max", lambda d: 1 / d, "x")),
+    "fails for a UFL scalar": (RIGID, dea.Spring("x_max", lambda d: np.sin(d), "x")),
     "ends there, too": (RIGID, dea.Spring("x_max", 1.0, "x", to="x_max")),
     "stands for length=": (RIGID, dea.Spring("x_max", 1.0, "x", length=1e-3)),
     "share the ramp": (RIGID, dea.Spring("x_max", 1.0, "x", rest=1e-4, ramp="load")),

@@ -11,6 +11,7 @@ from dea_fenicsx.measure.holding import holding, holding_forces
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_parts import RigidPart
+from dea_fenicsx.scene.rigid import check_axis, unit_vector
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import one_of
 
@@ -19,24 +20,25 @@ from dea_fenicsx.support.validation import one_of
 class PartRotation:
     """Angle of a rigid part in rad, counter-clockwise; several turns count.
 
-    In space it is a component of the rotation vector: its direction is the axis of the rotation,
-    and its length the angle.  So it does not depend on an order of rotations.
+    In space it is the part of the rotation vector along an axis.  The direction of this vector is
+    the axis of the rotation, and its length is the angle.  So it does not depend on an order of
+    rotations.
 
     Parameters
     ----------
     where
         The name that is `Rigid`.
     about
-        ``"x"``, ``"y"`` or ``"z"``, fixed in space.
+        The axis, fixed in space: ``"x"``, ``"y"``, ``"z"`` or a direction.
     """
 
     where: str
-    about: str = "z"
+    about: str | tuple[float, float, float] = "z"
     unit = "rad"
 
     def bind(self, problem: Problem) -> Measurement:
-        part, k = _turning_part(self, problem)
-        return lambda: float(motion_of(problem, part)[1][k])
+        part, about = _turning_part(self, problem)
+        return lambda: float(about @ motion_of(problem, part)[1])
 
 
 @dataclass(frozen=True)
@@ -95,18 +97,18 @@ class PartMoment:
     where
         The name that is `Rigid`.
     about
-        ``"x"``, ``"y"`` or ``"z"``, fixed in space.
+        The axis, fixed in space: ``"x"``, ``"y"``, ``"z"`` or a direction.
     """
 
     where: str
-    about: str = "z"
+    about: str | tuple[float, float, float] = "z"
     unit = "N_m"
 
     def bind(self, problem: Problem) -> Measurement:
-        part, k = _turning_part(self, problem)
+        part, about = _turning_part(self, problem)
         unit = problem.scales.force * problem.scales.length
         forces = holding_forces(problem)
-        return lambda: float(holding(problem, part, forces())[1][k]) * unit
+        return lambda: float(about @ holding(problem, part, forces())[1]) * unit
 
 
 def motion_of(problem: Problem, part: RigidPart) -> tuple[np.ndarray, np.ndarray]:
@@ -152,17 +154,16 @@ def _part(item: Any, problem: Problem) -> RigidPart:
     return found[0]
 
 
-def _turning_part(item: Any, problem: Problem) -> tuple[RigidPart, int]:
-    """The rigid part that an observable names, and the number of the rotation."""
+def _turning_part(item: Any, problem: Problem) -> tuple[RigidPart, np.ndarray]:
+    """The rigid part that an observable names, and its axis as a vector of the part's rotations."""
     part = _part(item, problem)
-    names = {0: "", 1: "z", 3: "xyz"}[part.turning.count]
-    if not names:
+    if not part.turning.count:
         raise InputError(
             f"{type(item).__name__} of {item.where!r}: a rigid part of an axisymmetric section "
             "does not turn; measure PartDisplacement or PartForce."
         )
-    one_of(item.about, tuple(names), f"The axis of {type(item).__name__} of {item.where!r}")
-    return part, names.index(item.about)
+    check_axis(item, problem.scene.kinematics)
+    return part, np.array(unit_vector(item.about))[-part.turning.count :]
 
 
 def _axis(item: Any, problem: Problem) -> int:

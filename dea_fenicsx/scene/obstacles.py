@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 import ufl
 from mpi4py import MPI
+from ufl.corealg.traversal import unique_pre_traversal
+from ufl.variable import Label
 
 from dea_fenicsx.scene.condition import OnSurface, Setting, Support, Told, of_kind
 from dea_fenicsx.scene.contact_declarations import UnilateralContact
 from dea_fenicsx.scene.declarations import Declaration, HeldRigidMotions
 from dea_fenicsx.scene.kinematics_base import Kinematics
+from dea_fenicsx.scene.own_functions import scalar_of, unknown_number
 from dea_fenicsx.scene.part_declarations import RigidSurface
 from dea_fenicsx.scene.shapes import Cylinder, Plane, Shape, Sphere
 from dea_fenicsx.support.compat import dolfinx
@@ -209,18 +212,11 @@ def _check_shape(item: Obstacle, kinematics: Kinematics) -> None:
 def _check_function(item: Obstacle, dim: int) -> None:
     """Raise InputError unless a function returns a scalar of the place."""
     assert callable(item.shape)
-    place = ufl.as_vector([ufl.variable(ufl.as_ufl(0.1 * (k + 1))) for k in range(dim)])
+    place = ufl.as_vector([unknown_number() for _ in range(dim)])
     name = f"The shape of the obstacle at {item.where!r} is a function that"
-    try:
-        found = ufl.as_ufl(item.shape(place))
-    except Exception as error:
-        told = " ".join(str(error).split())
+    found = scalar_of(item.shape, place, name, "the gap in m")
+    if not any(isinstance(part, Label) for part in unique_pre_traversal(found)):
         raise InputError(
-            f"{name} fails for a UFL vector of {dim} components ({type(error).__name__}: {told}); "
-            "write the gap with the functions of ufl, such as ufl.sqrt."
-        ) from error
-    if found.ufl_shape != ():
-        raise InputError(
-            f"{name} returns something of shape {found.ufl_shape}, but must return one number, "
-            "the gap in m."
+            f"{name} is the same at all places, but must be the gap in m, which depends on the "
+            "place."
         )

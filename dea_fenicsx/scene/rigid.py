@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from dea_fenicsx.scene.part_declarations import (
     RigidSurface,
 )
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, known
 
@@ -195,7 +197,7 @@ class Turn(Prescribed):
     def check(self, scene: Setting) -> None:
         check_part_name(self, scene)
         finite(self.radians, f"The angle of {self.where!r}")
-        _check_axis(self, scene.kinematics)
+        check_axis(self, scene.kinematics)
 
     def check_beside(self, told: Told) -> None:
         part = _check_part(self, self.where, told)
@@ -234,7 +236,7 @@ class Moment(Load):
     def check(self, scene: Setting) -> None:
         check_part_name(self, scene)
         finite(self.newton_metres, f"The moment on {self.where!r}")
-        _check_axis(self, scene.kinematics)
+        check_axis(self, scene.kinematics)
 
     def check_beside(self, told: Told) -> None:
         part = _check_part(self, self.where, told)
@@ -315,16 +317,19 @@ def _turns(kinematics: Kinematics) -> str:
     return AXES_OF_TURNS[kinematics.rotations]
 
 
-def _check_axis(item: Turn | Moment, kinematics: Kinematics) -> None:
-    """Raise InputError unless an item names an axis about which parts may turn."""
+def check_axis(item: Any, kinematics: Kinematics) -> None:
+    """Raise InputError unless an item names an axis about which parts may turn.
+
+    An item is a condition or an observable with the attributes `where` and `about`.
+    """
     about, what = item.about, f"{type(item).__name__} on {item.where!r}"
     turns = _turns(kinematics)
     if not turns:
         raise InputError(f"{what} is for three dimensions and plane strain only; leave it out.")
-    if isinstance(about, str):
+    if isinstance(about, str) or not isinstance(about, Sequence | np.ndarray):
         if about not in ("x", "y", "z"):
             raise InputError(
-                f"{what} is about {about!r}, but must be about x, y, z or a direction."
+                f"{what} is about {shown(about)}, but must be about x, y, z or a direction."
             )
     else:
         if len(about) != 3:
@@ -336,7 +341,9 @@ def _check_axis(item: Turn | Moment, kinematics: Kinematics) -> None:
         if not np.linalg.norm(about) > 0:
             raise InputError(f"The axis of {what} is 0 along x, y and z; give a direction.")
     if turns == "z" and not np.allclose(unit_vector(about)[:2], 0.0):
-        raise InputError(f"{what} is about {about!r}, but in a plane parts turn about 'z' alone.")
+        raise InputError(
+            f"{what} is about {shown(about)}, but in a plane parts turn about 'z' alone."
+        )
 
 
 def _check_may_turn(item: Turn | Moment, part: RigidSurface, wholly: bool) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from dea_fenicsx.scene.condition import OnSurface, Setting, Support, Told, of_kind
 from dea_fenicsx.scene.declarations import Declaration, SurfaceFields, SurfaceWork
+from dea_fenicsx.scene.own_functions import scalar_of, unknown_number
 from dea_fenicsx.scene.part_declarations import RigidSurface
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
@@ -208,6 +209,8 @@ class Spring(Support):
                 f"The law of the spring on {self.where!r} fails at the elongation 0 ({told})."
             ) from error
         finite(force, f"The force of the spring on {self.where!r} at the elongation 0")
+        at = unknown_number()
+        scalar_of(self.law, at, f"The law of the spring on {self.where!r}", "the force in N")
 
     def _check_anchor(self, what: str, scene: Setting) -> None:
         axes = scene.kinematics.axes

@@ -8,6 +8,7 @@ from typing import Any
 
 from dea_fenicsx.scene.condition import Setting, Support, Told, of_kind
 from dea_fenicsx.scene.declarations import Declaration
+from dea_fenicsx.scene.own_functions import scalar_of, unknown_number
 from dea_fenicsx.scene.part_declarations import RigidSurface
 from dea_fenicsx.scene.springs import CubicLaw, SpringForce
 from dea_fenicsx.support.errors import InputError
@@ -112,6 +113,8 @@ class TorsionSpring(Support):
             told = " ".join(str(error).split())
             raise InputError(f"{what} has a law that fails at the angle 0 ({told}).") from error
         finite(moment, f"The moment of the torsional spring on {self.where!r} at the angle 0")
+        at = unknown_number()
+        scalar_of(self.law, at, f"The law of {what[0].lower()}{what[1:]}", "the moment in N m")
 
     def check_beside(self, told: Told) -> None:
         parts = {one.surface: one for _, one in of_kind(told, RigidSurface)}

@@ -241,7 +241,8 @@ class NewtonSolver(LinearSolver):
         """
         moved = float(np.max(np.abs(increment[self.problem.roles.free(Role.MOTION)]), initial=0.0))
         at_rest = self.problem.comm.allreduce(moved, op=MPI.MAX) < NEGLIGIBLE_MOTION
-        near = min(history) <= MOST_ROUNDING_OVER_TOLERANCE * self.options.tolerance
+        # Where all steps were parts of a way that air allowed, no residual has been kept.
+        near = min(history, default=np.inf) <= MOST_ROUNDING_OVER_TOLERANCE * self.options.tolerance
         return Outcome.ROUNDING if near and at_rest else Outcome.SLOW
 
     def _lift(self, lifted: State, increment: np.ndarray) -> tuple[State, State | None]:
