@@ -189,6 +189,16 @@ class FieldPoint(Protocol):
         """E . E = e . F F^T e, with the nominal field E."""
         ...
 
+    @property
+    def ln_J(self) -> Any:
+        """Logarithm of det F; 0 in an incompressible material."""
+        ...
+
+    @property
+    def vacuum(self) -> Any:
+        """eps_0 in the units of the point."""
+        ...
+
     def exp(self, x: Any) -> Any:
         """Exponential."""
         ...
