@@ -148,9 +148,9 @@ class MaterialPoint:
         assert law is not None
         if law.is_linear:
             return ElectricPoint(self, self._pulled(field)).displacement
-        t = ufl.variable(self.constant(0.0))
-        there = ElectricPoint(self, self._pulled(self.nominal_field + t * field))
-        return ufl.diff(there.displacement, t)
+        present = ufl.variable(self.nominal_field)
+        there = ElectricPoint(self, self._pulled(present)).displacement
+        return ufl.dot(ufl.diff(there, present), field)
 
     @property
     def nominal_field(self) -> Any:
