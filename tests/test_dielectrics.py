@@ -174,7 +174,7 @@ def solved(law: Any, kinematics: Any, cell: str, pull: float, volts: float) -> t
         electrodes=[dea.Electrode(f"{last}_max", volts), dea.Ground(f"{last}_min")],
         supports=supports, loads=loads, kinematics=kinematics,
     )  # fmt: skip
-    seen = {"x": dea.MeanStretch(("x_min", "x_max"), axes[0]), "Q": dea.Charge(f"{last}_max"),
+    seen = {"z": dea.MeanStretch((f"{last}_min", f"{last}_max"), axes[-1]), "Q": dea.Charge(f"{last}_max"),
             "C": dea.Capacitance(f"{last}_max"), "W": dea.Energy("electric")}  # fmt: skip
     run = dea.solve(
         scene, [dea.Ramp("load", steps=2), dea.Ramp("voltage", steps=4)], seen, quiet=True,
@@ -189,7 +189,7 @@ def agrees(law: Any, kinematics: Any, cell: str, pull: float = 1e4, volts: float
     run, state = solved(law, kinematics, cell, pull, volts)
     area = np.pi * 1e-6 if isinstance(kinematics, dea.Axisymmetric) else 1e-6
     assert abs(state.stretches[0] - 1) > 0.02
-    assert float(run["x"]) == pytest.approx(state.stretches[0], abs=1e-8)
+    assert float(run["z"]) == pytest.approx(state.stretches[2], abs=1e-8)
     assert float(run["Q_C"]) == pytest.approx(state.charge * area, rel=1e-8)
     if law.is_linear:
         assert float(run["C_F"]) * volts == pytest.approx(state.charge * area, rel=1e-8)
@@ -206,7 +206,7 @@ def of_order_two(problem: Any) -> None:
     x.array[:] = d
     tangent.mult(x, y)
     start, linear, left = problem.residual()[problem.free], y.array_r.copy(), []
-    for h in (0.125, 0.0625, 0.03125):
+    for h in (2**-6, 2**-7, 2**-8):  # so small since hoop strains near the axis are large
         problem.commit(state)
         problem.commit(problem.moved(problem.state, h * d))
         left.append(np.linalg.norm(problem.residual()[problem.free] - start - h * linear))
