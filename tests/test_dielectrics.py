@@ -254,6 +254,24 @@ def test_mixing_rules_lie_between_their_bounds():
     assert peaks[0] == pytest.approx(peaks[1], rel=1e-14)
 
 
+def test_weibull_by_area_thickness_and_time():
+    """A hundred areas: the field falls by 100^(1/m), and chances multiply (weakest link)."""
+    law = dea.WeibullBreakdown(60e6, 0.5, modulus=10.0)
+    assert law.at(1.0) == pytest.approx(60e6, rel=1e-14)
+    large = replace(law, area_ratio=100.0)
+    assert large.at(1.0) == pytest.approx(60e6 * 100 ** -0.1, rel=1e-14)
+    one, hundred = law.probability_at(50e6, 1.44), large.probability_at(50e6, 1.44)
+    assert 1 - hundred == pytest.approx((1 - one) ** 100, rel=1e-12)
+    thick = replace(law, thickness_ratio=4.0, thickness_exponent=0.5, time_ratio=16.0,
+                    time_exponent=0.25, probability=0.01)  # fmt: skip
+    assert thick.at(1.44) == pytest.approx(60e6 * 1.2 / 4 * (-np.log(0.99)) ** 0.1, rel=1e-13)
+    assert thick.probability_at(thick.at(1.44), 1.44) == pytest.approx(0.01, rel=1e-12)
+    worn = film(replace(STRAINED["linear"], breakdown=replace(large, field=30e6)))
+    state = exact.trace(worn).event("breakdown")
+    lam = state.stretches[0]
+    assert state.field == pytest.approx(30e6 * 100 ** -0.1 * lam**0.5, rel=1e-9)
+
+
 BAD = {
     "falls to": materials.LinearPermittivity(4.7, -0.1, 3.0),
     "squeezed flat": materials.Electrostriction(4.7, 9.0),

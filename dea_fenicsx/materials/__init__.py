@@ -42,6 +42,7 @@ from dea_fenicsx.materials.presets import Preset, get, names, preset
 from dea_fenicsx.materials.rate_data import RateData, rate_errors, rate_stress, read_cycles
 from dea_fenicsx.materials.viscous import Maxwell, ViscousBranch
 from dea_fenicsx.materials.viscous_fitting import RateFit, fit_rates
+from dea_fenicsx.materials.weibull import WeibullBreakdown
 
 list = names  # reads well as dea_fenicsx.materials.list(); not among what * imports
 
@@ -61,6 +62,7 @@ __all__ = [
     "Debye",
     "Conductor",
     "Dielectric",
+    "WeibullBreakdown",
     "LinearPermittivity",
     "PolynomialPermittivity",
     "TabulatedPermittivity",
