@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 from dea_fenicsx.materials.base import EPSILON_0, Elastic, Strain
-from dea_fenicsx.materials.electric import Dielectric, Electric, FieldPoint
+from dea_fenicsx.materials.electric import Dielectric, Electric
 from dea_fenicsx.materials.material import Material
 from dea_fenicsx.materials.viscous import Branch
 from dea_fenicsx.support.type_checks import is_number, shown
@@ -25,17 +25,9 @@ MOST_SMOOTHING = 10.0
 class Vacuum(Dielectric):
     """The permittivity eps_0, without a breakdown field."""
 
-    eps_r: ClassVar[float] = 1.0
-    is_ideal: ClassVar[bool] = True
-    depends_on_strain: ClassVar[bool] = False
-
     def permittivity(self) -> float:
         """Absolute permittivity in F/m."""
         return EPSILON_0
-
-    def coenergy(self, s: FieldPoint) -> Any:
-        """eps_0 e.e/2"""
-        return self.eps_r / 2 * s.e2
 
     def faults(self) -> list[str]:
         return []

@@ -44,6 +44,9 @@ class OverStretch(Dielectric):
 
     eps_r: float
     largest_stretch: float
+    is_ideal: ClassVar[bool] = False
+    depends_on_strain: ClassVar[bool] = True
+    constants: ClassVar[dict[str, str]] = {"eps_r": "permittivity"}
 
     def factor(self, s: Any, x: Any) -> Any:
         """f at x = I1 - 3, a number, a series or an expression."""
@@ -232,8 +235,8 @@ class TabulatedPermittivity(OverStretch):
             if not isinstance(values, tuple) or not all(is_number(v) for v in values):
                 return [f"{name} is {shown(values)}, but must be a list of numbers"]
         if len(x) != len(f) or not 2 <= len(x) <= 50:
-            return [f"it has {len(x)} stretches and {len(f)} permittivities, but needs as many of "
-                    "both, from 2 to 50"]  # fmt: skip
+            return [f"stretches has {len(x)} and eps_r_at {len(f)} numbers, but must have as many "
+                    "of both, from 2 to 50"]  # fmt: skip
         if x[0] != 1 or any(not b > a for a, b in pairwise(x)):
             return ["stretches must rise from 1, the undeformed dielectric, from each to the next"]
         return super().faults()

@@ -237,22 +237,25 @@ class Dielectric(Electric):
     """
 
     is_dielectric = True
-    is_ideal: ClassVar[bool] = False
+    is_ideal: ClassVar[bool] = True
     is_linear: ClassVar[bool] = True
-    depends_on_strain: ClassVar[bool] = True
-    constants: ClassVar[dict[str, str]] = {"eps_r": "permittivity"}
+    depends_on_strain: ClassVar[bool] = False
+    constants: ClassVar[dict[str, str]] = {}
 
     @abstractmethod
     def permittivity(self) -> float:
         """Absolute permittivity in F/m of the undeformed dielectric at small fields."""
 
-    @abstractmethod
     def coenergy(self, s: FieldPoint) -> Any:
-        """u, per deformed volume.  All `constants` are those of `in_units`, none is relative."""
+        """u, per deformed volume.  All `constants` are those of `in_units`, none is relative.
+
+        That of an ideal dielectric, eps e.e/2, unless a law says otherwise.
+        """
+        return s.vacuum * (self.permittivity() / EPSILON_0) / 2 * s.e2
 
     def form(self) -> Hashable:
         """What shapes the formula beside the constants."""
-        return ()
+        return () if self.constants else self.permittivity()
 
     def in_units(self, convert: Callable[[str, str], Any]) -> Dielectric:
         """A copy whose constants are `convert(name, kind)`."""
@@ -327,8 +330,7 @@ class IdealDielectric(Dielectric):
     breakdown: float | Breakdown | None = None
     conductivity: float | Conductivity = 0.0
     relaxation: tuple[Debye, ...] = ()
-    is_ideal: ClassVar[bool] = True
-    depends_on_strain: ClassVar[bool] = False
+    constants: ClassVar[dict[str, str]] = {"eps_r": "permittivity"}
 
     def __post_init__(self) -> None:
         if isinstance(self.relaxation, list):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal, get_args
 
@@ -81,6 +80,8 @@ class Electrostriction(Dielectric):
     a1: float
     a2: float = 0.0
     breakdown: float | Breakdown | None = None
+    is_ideal: ClassVar[bool] = False
+    depends_on_strain: ClassVar[bool] = True
     constants: ClassVar[dict[str, str]] = dict.fromkeys(("eps_r", "a1", "a2"), "permittivity")
 
     def permittivity(self) -> float:
@@ -125,8 +126,8 @@ class SaturatingDielectric(Dielectric):
     eps_r: float
     D_s: float
     breakdown: float | Breakdown | None = None
+    is_ideal: ClassVar[bool] = False
     is_linear: ClassVar[bool] = False
-    depends_on_strain: ClassVar[bool] = False
     constants: ClassVar[dict[str, str]] = {"eps_r": "permittivity", "D_s": "displacement"}
 
     def permittivity(self) -> float:
@@ -171,8 +172,8 @@ class LangevinDielectric(Dielectric):
     P_s: float
     eps_r_high: float = 1.0
     breakdown: float | Breakdown | None = None
+    is_ideal: ClassVar[bool] = False
     is_linear: ClassVar[bool] = False
-    depends_on_strain: ClassVar[bool] = False
     constants: ClassVar[dict[str, str]] = {
         "eps_r": "permittivity", "P_s": "displacement", "eps_r_high": "permittivity"
     }  # fmt: skip
@@ -277,9 +278,6 @@ class CompositeDielectric(Dielectric):
     fraction: float
     rule: Mixing = "maxwell-garnett"
     breakdown: float | Breakdown | None = None
-    is_ideal: ClassVar[bool] = True
-    depends_on_strain: ClassVar[bool] = False
-    constants: ClassVar[dict[str, str]] = {}
 
     @property
     def eps_r(self) -> float:
@@ -288,13 +286,6 @@ class CompositeDielectric(Dielectric):
 
     def permittivity(self) -> float:
         return self.eps_r * EPSILON_0
-
-    def form(self) -> Hashable:
-        return self.matrix, self.filler, self.fraction, self.rule
-
-    def coenergy(self, s: FieldPoint) -> Any:
-        """eps e.e/2"""
-        return s.vacuum * self.eps_r / 2 * s.e2
 
     def faults(self) -> list[str]:
         try:
