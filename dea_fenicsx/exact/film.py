@@ -62,7 +62,7 @@ CONTROLS = {
     "pressure": np.array([1.0, 1.0, 1.0]),
     "undeformed": np.array([1.0, 1.0, 1.0]),
 }
-"""What is kept while a state is tested for stability, each with d ln(M J)/de of an ideal dielectric.
+"""What is kept while a state is tested for stability, with d ln(M J)/de of an ideal dielectric.
 
 ``"voltage"`` or ``"charge"`` between the electrodes (an open circuit keeps its charge), a live
 Maxwell ``"pressure"``, or a live pressure eps (V/T)^2 with the ``"undeformed"`` thickness T, as in
@@ -77,7 +77,7 @@ class Film:
     Parameters
     ----------
     material
-        Its material, with any dielectric that is known in films; compressible if it has a bulk modulus.
+        Its material, with a dielectric; compressible if it has a bulk modulus.
     thickness
         Undeformed thickness T in m.
     first, second

@@ -1,4 +1,4 @@
-"""The numeric `FieldPoint`: a dielectric in a film, with derivatives in the logarithmic stretches."""
+"""The numeric `FieldPoint`: a dielectric in a film, with derivatives in logarithmic stretches."""
 
 from __future__ import annotations
 

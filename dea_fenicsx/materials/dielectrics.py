@@ -119,7 +119,8 @@ class LinearPermittivity(OverStretch):
         return 1 + self.slope * x
 
     def constant_faults(self) -> list[str]:
-        return [] if is_finite(self.slope) else [f"slope is {shown(self.slope)}, but must be finite"]
+        ok = is_finite(self.slope)
+        return [] if ok else [f"slope is {shown(self.slope)}, but must be finite"]
 
 
 @dataclass(frozen=True)

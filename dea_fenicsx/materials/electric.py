@@ -294,7 +294,7 @@ class Dielectric(Electric):
 
     def breakdown_law(self) -> Breakdown | None:
         """The law of its breakdown field, or None where it is not known."""
-        law = getattr(self, "breakdown", None)
+        law: Any = getattr(self, "breakdown", None)
         return Breakdown(law) if is_number(law) else law
 
     def breakdown_field(self, stretch: Any = 1.0) -> Any:

@@ -231,7 +231,8 @@ def mixed_permittivity(matrix: float, filler: float, fraction: float, rule: Mixi
     for name, eps in (("matrix", matrix), ("filler", filler)):
         if not is_number(eps) or not is_finite(eps) or eps < 1:
             raise InputError(
-                f"The relative permittivity of the {name} is {shown(eps)}, but must be a number >= 1."
+                f"The relative permittivity of the {name} is {shown(eps)}, but must be a number "
+                ">= 1."
             )
     if not is_number(fraction) or not 0 <= fraction <= 1:
         raise InputError(
