@@ -5,7 +5,9 @@ from typing import Any, get_args
 
 import numpy as np
 import pytest
-from conftest import on_demand
+from conftest import block, on_demand
+from membrane_scenes import STRETCHES as FLAT
+from membrane_scenes import film as flat_film
 from scipy.optimize import brentq
 from test_homogeneous_all_models import device
 
@@ -234,6 +236,36 @@ def test_elements_are_the_exact_state(name, quick_compile):
 def test_all_kinematics(name, kinematics, cell, quick_compile):
     run, _ = agrees(LAWS[name], kinematics, cell)
     of_order_two(run.problem)
+
+
+@on_demand
+@pytest.mark.parametrize("name", LAWS)
+def test_membrane(name):
+    law = dea.Material(dea.NeoHookean(MU), LAWS[name])
+    plate = [dea.Electrode("film", 12e3)]
+    scene = flat_film(materials={"film": law}, electrodes=plate)
+    run = dea.solve(scene, dea.Ramp(steps=4), FLAT, quiet=True)
+    branch = exact.trace(exact.Film(law, H))
+    state = next(s for s, ok in branch.states_at(12e3) if ok)
+    assert float(run["x"]) == pytest.approx(state.stretches[0], abs=1e-8)
+    assert float(run["Q_C"]) == pytest.approx(state.charge * 0.1 * 0.05, rel=1e-8)
+
+
+@on_demand
+@pytest.mark.parametrize("name", STRAINED)
+def test_compressible_film(name, quick_compile):
+    """With a bulk modulus of 50 mu the strain of the law is the volume-preserving part."""
+    monitored = dea.Material(dea.NeoHookean(MU), STRAINED[name], bulk_modulus=50 * MU)
+    sides = [dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")]
+    plates = [dea.Electrode("top", 15e3), dea.Ground("bottom")]
+    scene = dea.Scene(block(), {"film": monitored}, plates, sides)
+    seen = {"x": dea.MeanStretch(("x_min", "x_max"), "x"), "Q": dea.Charge("top")}
+    run = dea.solve(scene, dea.Ramp(steps=4), seen, quiet=True)
+    states = exact.trace(exact.Film(monitored, H)).states_at(15e3)
+    state = next(s for s, ok in states if ok)
+    assert abs(np.prod(state.stretches) - 1) > 1e-3
+    assert float(run["x"]) == pytest.approx(state.stretches[0], abs=1e-8)
+    assert float(run["Q_C"]) == pytest.approx(state.charge * 1e-6, rel=1e-8)
 
 
 def test_mixing_rules_lie_between_their_bounds():
