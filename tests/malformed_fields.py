@@ -106,6 +106,12 @@ def of_material(kind):
     return lambda **given: scene(materials={"film": dea.Material(kind(**given))})
 
 
+def of_dielectric(kind):
+    return lambda **given: scene(
+        materials={"film": dea.Material(dea.Gent(5e4, 9.0), kind(**given))}
+    )
+
+
 def recorded(kind):
     return lambda **given: solve(record={"it": kind(**given)})
 
@@ -150,6 +156,19 @@ FIELDS = {
     dea.IdealDielectric: (
         lambda **g: scene(materials={"film": dea.Material(dea.Gent(5e4, 9.0), dea.IdealDielectric(
             **g))}), dict(eps_r=3.0)),
+    dea.LinearPermittivity: (of_dielectric(dea.LinearPermittivity), dict(eps_r=3.0, slope=0.01)),
+    dea.PolynomialPermittivity: (
+        of_dielectric(dea.PolynomialPermittivity), dict(eps_r=3.0, coefficients=(0.01,))),
+    dea.TabulatedPermittivity: (
+        of_dielectric(dea.TabulatedPermittivity), dict(stretches=(1.0, 2.0), eps_r_at=(3.0, 2.0))),
+    dea.Electrostriction: (of_dielectric(dea.Electrostriction), dict(eps_r=3.0, a1=0.5)),
+    dea.SaturatingDielectric: (of_dielectric(dea.SaturatingDielectric), dict(eps_r=3.0, D_s=1e-3)),
+    dea.LangevinDielectric: (of_dielectric(dea.LangevinDielectric), dict(eps_r=3.0, P_s=1e-3)),
+    dea.CompositeDielectric: (
+        of_dielectric(dea.CompositeDielectric), dict(matrix=3.0, filler=9.0, fraction=0.1)),
+    dea.WeibullBreakdown: (
+        lambda **g: scene(materials={"film": dea.Material(dea.Gent(5e4, 9.0), dea.IdealDielectric(
+            3.0, dea.WeibullBreakdown(**g)))}), dict(field=1e8)),
     dea.Breakdown: (
         lambda **g: scene(materials={"film": dea.Material(dea.Gent(5e4, 9.0), dea.IdealDielectric(
             3.0, dea.Breakdown(**g)))}), dict(field=1e8)),

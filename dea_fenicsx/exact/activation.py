@@ -37,4 +37,4 @@ def activation_voltage(material: Material, thickness: float, k: Any, stretch: fl
     lam = 1 / np.sqrt(lam3)
     before = elastic_stress(material, stretch, stretch)[0]
     pressure = elastic_stress(material, lam, lam)[0] - before
-    return thickness * lam3 * np.sqrt(pressure / dielectric.permittivity())
+    return thickness * lam3 * np.sqrt(pressure / dielectric.constant_permittivity("An activation"))

@@ -133,7 +133,7 @@ def _resultants(plies: Sequence[Ply], height: float, x: np.ndarray, volts: float
             # V = E r ln(r_2/r_1), written so that k may be 0
             turn = share / np.log1p(share) if abs(share) > 1e-8 and share > -1 else 1 + share / 2
             E = volts * a * start / t * turn / lam
-            maxwell = ply.material.dielectric.permittivity() * E * E
+            maxwell = ply.material.dielectric.constant_permittivity("A bending strip") * E * E
             hoop, side = hoop - maxwell, side - maxwell
         slope = hoop / square
         radial = k / a * (force + t / 2 * (_INTEGRAL @ slope))

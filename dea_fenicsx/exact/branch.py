@@ -138,7 +138,7 @@ class Branch:
             maxwell=M,
             voltage=float(film.voltage(e, M)),
             charge=float(film.charge(e, M)),
-            field=float(np.sqrt(max(M, 0) / film.permittivity)),
+            field=float(film.electric.field(e, np.float64(M))),
             stress=film.true_stress(e, np.float64(M)),
             place=place,
         )
@@ -261,11 +261,10 @@ class Branch:
         electric = self.film.material.dielectric
         if electric.breakdown_field() is None:
             return []
-        eps = self.film.permittivity
 
         def excess(lam: np.ndarray, M: Any) -> np.ndarray:
             limit = electric.breakdown_field(np.sqrt(lam[0] * lam[1]))
-            return np.sqrt(np.maximum(M, 0) / eps) - limit
+            return self.film.electric.field(np.log(lam), M) - limit
 
         return [
             Event("breakdown", self.at(place))

@@ -88,7 +88,7 @@ def harvesting_cycle(material: Material, low: float, high: float, field: float) 
         raise InputError(f"The field is {shown(field)}, but must be a number in V/m.")
     if not low < high:
         raise InputError(f"The low stretch {low:g} must be less than the high one, {high:g}.")
-    eps = material.dielectric_of("film's material").permittivity()
+    eps = material.dielectric_of("film's material").constant_permittivity("A film in a circuit")
     given = eps / 2 * field**2 * high**4
     gain = (high / low) ** 4
     nominal = (field, field * gain)

@@ -35,8 +35,7 @@ class Equations:
         """a and b of the equations a(e) - M b(e) = 0, reduced to the free directions."""
         _, R, _ = self.film.elastic(e)
         tau, _ = self.film.applied(e)
-        v = self.film.v.reshape(3, *[1] * (e.ndim - 1))
-        return self.B.T @ (R - tau), self.B.T @ (v * np.exp(e.sum(axis=0)))
+        return self.B.T @ (R - tau), self.B.T @ (self.film.push(e) * np.exp(e.sum(axis=0)))
 
     def matrix(self, e: np.ndarray, M: float) -> np.ndarray:
         """Derivative in (y, M), shape (n, n + 1)."""

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from dea_fenicsx.exact.states import elastic_stiffness, elastic_stress
+from dea_fenicsx.exact.states import elastic_stiffness, elastic_stress, pull, softening
 from dea_fenicsx.materials import Material
+from dea_fenicsx.materials.dielectric_series import film_permittivity
 from dea_fenicsx.materials.stretches import margin
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import si
@@ -30,7 +31,7 @@ def limits(material: Material, lam1: Any, lam2: Any, held: bool = False) -> dict
     Parameters
     ----------
     material
-        An incompressible ideal dielectric elastomer.
+        An incompressible dielectric elastomer, whose field is proportional to the displacement.
     lam1, lam2
         In-plane stretches; they broadcast.
     held
@@ -44,27 +45,51 @@ def limits(material: Material, lam1: Any, lam2: Any, held: bool = False) -> dict
     """
     lam1, lam2 = np.broadcast_arrays(np.asarray(lam1, float), np.asarray(lam2, float))
     f, K = elastic_stiffness(material, lam1, lam2)
-    # K - diag(f) + M (1 - 2) on the diagonal and -2 M off it, singular in M
+    if not material.dielectric.is_linear:
+        raise InputError(
+            f"Failure maps know fields that are proportional to the displacement, which that of "
+            f"{type(material.dielectric).__name__} is not; trace exact.Film instead."
+        )
+    w, B = pull(material, lam1, lam2), softening(material, lam1, lam2)
+    # the matrix A - M B with A = K - diag(f), singular in M
     A11, A22, A12 = K[0] - f[0], K[1] - f[1], K[2]
+    B11, B22, B12 = B[0] - w[0], B[1] - w[1], B[2]
     if held:
-        unstable = np.where(A11 > 0, A11, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            unstable = np.where(A11 > 0, np.where(B11 > 0, A11 / B11, np.inf), 0.0)
     else:
-        # (A11 - M)(A22 - M) - (A12 - 2 M)^2 = 0
-        a, b, c = -3.0, 4 * A12 - A11 - A22, A11 * A22 - A12**2
-        root = np.sqrt(np.maximum(b * b - 4 * a * c, 0))
-        roots = np.stack([(-b + root) / (2 * a), (-b - root) / (2 * a)])
-        first = np.min(np.where(roots > 0, roots, np.inf), axis=0)
+        # (A11 - M B11)(A22 - M B22) - (A12 - M B12)^2 = 0
+        a, c = B11 * B22 - B12**2, A11 * A22 - A12**2
+        b = 2 * A12 * B12 - A11 * B22 - A22 * B11
+        disc = b * b - 4 * a * c
+        root = np.sqrt(np.maximum(disc, 0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            roots = np.stack([(-b + root) / (2 * a), (-b - root) / (2 * a)])
+        first = np.min(np.where((roots > 0) & (disc >= 0), roots, np.inf), axis=0)
         unstable = np.where((c > 0) & (A11 + A22 > 0), first, 0.0)
-    out = {"loss of tension": np.maximum(np.min(f, axis=0), 0.0), "instability": unstable}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slack = np.min(np.where(w > 0, np.maximum(f, 0.0) / w, np.inf), axis=0)
+    out = {"loss of tension": slack, "instability": unstable}
     electric = material.dielectric
     field = electric.breakdown_field(np.sqrt(lam1 * lam2))
     out["breakdown"] = (
-        np.full(lam1.shape, np.inf) if field is None else electric.permittivity() * field**2
+        np.full(lam1.shape, np.inf) if field is None
+        else _eps(material, lam1, lam2) * field**2
     )
-    e = np.stack([np.log(lam1), np.log(lam2), -np.log(lam1 * lam2)])
+    e = _log(lam1, lam2)
     inside = margin(material.elastic, e) > 0
     out["stretch limit"] = np.full(lam1.shape, np.inf)
     return {mode: np.where(inside, out[mode], 0.0) for mode in MODES}
+
+
+def _log(lam1: Any, lam2: Any) -> np.ndarray:
+    e1, e2 = np.broadcast_arrays(np.log(lam1), np.log(lam2))
+    return np.stack([e1, e2, -e1 - e2])
+
+
+def _eps(material: Material, lam1: Any, lam2: Any) -> np.ndarray:
+    """Permittivity across the film in F/m."""
+    return film_permittivity(material.dielectric, _log(lam1, lam2))[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +112,8 @@ class FailureMap:
     lam2: np.ndarray
     maxwell: dict[str, np.ndarray]
 
-    def _eps(self) -> float:
-        return self.material.dielectric.permittivity()
+    def _eps(self) -> np.ndarray:
+        return _eps(self.material, self.lam1, self.lam2)
 
     def voltage(self, mode: str) -> np.ndarray:
         """Largest voltage in V that a mode allows at each stretch."""
@@ -100,9 +125,9 @@ class FailureMap:
 
     def force(self, mode: str) -> np.ndarray:
         """Nominal stress along direction 1 in Pa on a mode's bound, conjugate to the stretch."""
-        return (elastic_stress(self.material, self.lam1, self.lam2)[0] - self.maxwell[mode]) / (
-            self.lam1
-        )
+        w = pull(self.material, self.lam1, self.lam2)[0]
+        f = elastic_stress(self.material, self.lam1, self.lam2)[0]
+        return (f - w * self.maxwell[mode]) / self.lam1
 
     def allowed(self) -> np.ndarray:
         """Largest voltage in V that all modes allow at each stretch."""
@@ -195,11 +220,10 @@ def first_failure(
         Whether direction 2 is held.
     """
     thickness = si(thickness, "m", "The thickness")
-    eps = material.dielectric.permittivity()
 
     def excess(s: float, mode: str) -> float:
         l1, l2, volts = path(s)
-        M = eps * (volts * l1 * l2 / thickness) ** 2
+        M = float(_eps(material, l1, l2)) * (volts * l1 * l2 / thickness) ** 2
         bound = float(limits(material, l1, l2, held)[mode])
         if not np.isfinite(bound):
             return -1.0
@@ -208,7 +232,7 @@ def first_failure(
 
     s = np.linspace(0, 1, samples + 1)
     points = np.array([path(x) for x in s]).T
-    M = eps * (points[2] * points[0] * points[1] / thickness) ** 2
+    M = _eps(material, points[0], points[1]) * (points[2] * points[0] * points[1] / thickness) ** 2
     found = []
     for mode, bound in limits(material, points[0], points[1], held).items():
         over = bound < M

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.exact.film_field import FilmField
 from dea_fenicsx.exact.states import STRESSES, Stress
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.stretches import margin, taylor
@@ -61,7 +62,7 @@ CONTROLS = {
     "pressure": np.array([1.0, 1.0, 1.0]),
     "undeformed": np.array([1.0, 1.0, 1.0]),
 }
-"""What is kept while a state is tested for stability, each with d ln(M J)/de.
+"""What is kept while a state is tested for stability, with d ln(M J)/de of an ideal dielectric.
 
 ``"voltage"`` or ``"charge"`` between the electrodes (an open circuit keeps its charge), a live
 Maxwell ``"pressure"``, or a live pressure eps (V/T)^2 with the ``"undeformed"`` thickness T, as in
@@ -76,7 +77,7 @@ class Film:
     Parameters
     ----------
     material
-        Its material, with an ideal dielectric; compressible if it has a bulk modulus.
+        Its material, with a dielectric; compressible if it has a bulk modulus.
     thickness
         Undeformed thickness T in m.
     first, second
@@ -102,9 +103,20 @@ class Film:
         faults = self.material.faults()
         if faults:
             raise InputError(f"{type(self.material.elastic).__name__}: {faults[0]}.")
-        self.material.dielectric_of("film's material")
+        FilmField(self.material.dielectric_of("film's material"))
         positive(self.thickness, "The thickness", "a length > 0 in m")
         one_of(self.stress, STRESSES, "The stress", '"field" or "pressure"')
+        law = self.material.dielectric
+        if not law.is_ideal and self.stress == "pressure":
+            raise InputError(
+                f"The stress is 'pressure', but that of {type(law).__name__} is no pressure on the "
+                'electrodes; take stress="field".'
+            )
+        if not law.is_linear and not self.incompressible:
+            raise InputError(
+                f"The film has a bulk modulus, but {type(law).__name__} is known exactly in "
+                "incompressible films; leave bulk_modulus out, or take finite elements."
+            )
         for name, side in (("first", self.first), ("second", self.second)):
             if not isinstance(side, Side):
                 raise InputError(
@@ -119,8 +131,13 @@ class Film:
 
     @property
     def permittivity(self) -> float:
-        """Absolute permittivity in F/m."""
-        return self.material.dielectric.permittivity()
+        """Absolute permittivity in F/m, if that is one number; InputError otherwise."""
+        return self.material.dielectric.constant_permittivity("This theory of films")
+
+    @property
+    def electric(self) -> FilmField:
+        """Field and displacement of its dielectric."""
+        return FilmField(self.material.dielectric)
 
     @property
     def sides(self) -> tuple[Side, Side]:
@@ -132,8 +149,13 @@ class Film:
 
     @property
     def v(self) -> np.ndarray:
-        """Kirchhoff stress of the field over -M J."""
+        """Kirchhoff stress of the field over -M J, without that of a changing permittivity."""
         return np.array([0.5, 0.5, -0.5]) if self.stress == "field" else np.array([0.0, 0.0, -1.0])
+
+    def push(self, e: np.ndarray) -> np.ndarray:
+        """Kirchhoff stress of the field over -M J, shape (3, ...)."""
+        _, g, _ = self.electric.strain_part(e)
+        return self.v.reshape(3, *[1] * (e.ndim - 1)) + g / 2
 
     def freedoms(self, symmetric: bool) -> tuple[np.ndarray, np.ndarray]:
         """Offset e0 and basis B of e = e0 + B y; with `symmetric`, equal sides stay equal."""
@@ -193,16 +215,17 @@ class Film:
         """Derivative of the equilibrium equations in e while the control is kept, (3, 3, ...)."""
         _, _, H = self.elastic(e)
         _, slope = self.applied(e)
-        push = M * np.exp(e.sum(axis=0))
-        outer = self.v[:, None] * CONTROLS[known_control(control)][None, :]
-        return H - slope - outer.reshape(3, 3, *[1] * np.ndim(push)) * push
+        kept = self.electric.controls(e, M, known_control(control))
+        outer = self.push(e)[:, None] * kept[None, :] + self.electric.strain_part(e)[2] / 2
+        return H - slope - outer * (M * np.exp(e.sum(axis=0)))
 
     def true_stress(self, e: np.ndarray, M: Any) -> np.ndarray:
         """True in-plane stresses in Pa, field included, shape (2, ...)."""
         _, R, _ = self.elastic(e)
         if self.incompressible:
-            return R[:2] - R[2] - M
-        return R[:2] / np.exp(e.sum(axis=0)) - self.v[:2].reshape(2, *[1] * np.ndim(M)) * M
+            push = self.push(e)
+            return R[:2] - R[2] - (push[:2] - push[2]) * M
+        return R[:2] / np.exp(e.sum(axis=0)) - self.push(e)[:2] * M
 
     # ------------------------------------------------------------------ loads and states
 
@@ -235,12 +258,12 @@ class Film:
         return float(e[2])
 
     def voltage(self, e: Any, M: Any) -> Any:
-        """Voltage in V: V = E t = T lam3 sqrt(M/eps)."""
-        return self.thickness * np.exp(e[2]) * np.sqrt(np.maximum(M, 0) / self.permittivity)
+        """Voltage in V: V = E t = T lam3 E, with M = D E."""
+        return self.thickness * np.exp(e[2]) * self.electric.field(e, M)
 
     def charge(self, e: Any, M: Any) -> Any:
-        """Charge per undeformed area in C/m^2: D lam1 lam2, D = eps E."""
-        return np.exp(e[0] + e[1]) * np.sqrt(np.maximum(M, 0) * self.permittivity)
+        """Charge per undeformed area in C/m^2: D lam1 lam2, with M = D E."""
+        return np.exp(e[0] + e[1]) * self.electric.displacement(e, M)
 
     def load(self, control: str, e: Any, M: Any) -> Any:
         """What a control imposes: V, C/m^2, Pa, or for ``"undeformed"`` V with p = eps (V/T)^2."""
@@ -251,7 +274,7 @@ class Film:
             return self.charge(e, M)
         if control == "pressure":
             return M
-        return self.thickness * np.sqrt(np.maximum(M, 0) / self.permittivity)
+        return self.thickness * self.electric.field(e, M)
 
     def margin(self, e: np.ndarray) -> np.ndarray:
         """Distance to chain lock-up, inf where the model has no limit."""

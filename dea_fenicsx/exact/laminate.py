@@ -73,7 +73,7 @@ class Ply:
         """p in Pa; with stress ``"pressure"`` eps E^2 presses on the faces and nothing pulls."""
         if not self.driven:
             return np.zeros_like(np.asarray(volts, dtype=float))
-        permittivity = self.material.dielectric.permittivity()
+        permittivity = self.material.dielectric.constant_permittivity("A laminate")
         maxwell = permittivity * (np.asarray(volts) / self.thickness) ** 2
         side = self.poisson / (1 - self.poisson)
         return maxwell * ((1 + side) / 2 if stress == "field" else side)

@@ -230,7 +230,8 @@ class _Wall:
         wall = float(self.weights @ (2 * (self.R[1] - self.R[0]) / r))
         drop = 1 / a - 1 / b
         volts = math.copysign(math.sqrt(abs(2 * wall / (a**-4 - b**-4))) * drop, wall)
-        self.volts = volts * A * math.sqrt(mu / material.dielectric.permittivity())
+        eps = material.dielectric.constant_permittivity("A balloon")
+        self.volts = volts * A * math.sqrt(mu / eps)
         self.field = volts / drop / r**2
         # Radial stress from the outer face, where it vanishes, by the polynomial of its slope.
         slope = 2 / r * (self.R[1] - self.R[0] - self.field**2)

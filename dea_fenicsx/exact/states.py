@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from dea_fenicsx.exact.film_field import FilmField
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.stretches import taylor
 from dea_fenicsx.support.errors import InputError
@@ -72,21 +73,22 @@ def maxwell_pressure(
         raise InputError(
             f"Exactly one of {', '.join(given)} is needed, but {len(named)} are given."
         )
-    eps, area = material.dielectric.permittivity(), np.asarray(lam1) * np.asarray(lam2)
+    field, e = FilmField(material.dielectric), _log(lam1, lam2)
+    area = np.asarray(lam1) * np.asarray(lam2)
     if voltage is not None:
-        return eps * (np.asarray(voltage) * area / thickness) ** 2
+        return field.maxwell(e, np.asarray(voltage) * area / thickness)
     if charge is not None:
-        return (np.asarray(charge) / area) ** 2 / eps
+        D = np.asarray(charge) / area
+        return D * field.field_of(e, D)
     if pressure is not None:
         return np.asarray(pressure) + 0 * area
-    return eps * (np.asarray(undeformed) / thickness) ** 2 + 0 * area
+    return field.maxwell(e, np.asarray(undeformed) / thickness + 0 * area)
 
 
 def true_stress(material: Material, thickness: float, lam1: Any, lam2: Any, **electric: Any) -> Any:
     """True in-plane stresses in Pa that hold the state, shape (2, ...); see `maxwell_pressure`."""
-    return elastic_stress(material, lam1, lam2) - maxwell_pressure(
-        material, thickness, lam1, lam2, **electric
-    )
+    M = maxwell_pressure(material, thickness, lam1, lam2, **electric)
+    return elastic_stress(material, lam1, lam2) - pull(material, lam1, lam2) * M
 
 
 def nominal_stress(
@@ -115,7 +117,32 @@ def second_variation(material: Material, lam1: Any, lam2: Any, maxwell: Any) -> 
 def _stiffness(material: Material, lam1: Any, lam2: Any, M: np.ndarray) -> np.ndarray:
     """Entries 11, 22, 12 of the second variation at kept voltage and dead loads."""
     f, K = elastic_stiffness(material, lam1, lam2)
-    return K - np.stack([f[0] - M, f[1] - M, 0 * M]) - 2 * M
+    w = pull(material, lam1, lam2)
+    return K - np.stack([f[0] - w[0] * M, f[1] - w[1] * M, 0 * M]) - M * softening(
+        material, lam1, lam2, M
+    )
+
+
+def pull(material: Material, lam1: Any, lam2: Any) -> np.ndarray:
+    """In-plane true stress that the field takes away, over M: 1 for an ideal one; (2, ...)."""
+    _, g, _ = FilmField(material.dielectric).strain_part(_log(lam1, lam2))
+    return 1 + (g[:2] - g[2]) / 2
+
+
+def softening(material: Material, lam1: Any, lam2: Any, M: Any = 0.0) -> np.ndarray:
+    """Derivative of M times `pull` by the logarithmic stretches at kept voltage, over M.
+
+    Entries 11, 22, 12; 2 each for an ideal dielectric.
+    """
+    field, e = FilmField(material.dielectric), _log(lam1, lam2)
+    _, g, h = field.strain_part(e)
+    kept = field.controls(e, M, "voltage")
+    kept = kept[:2] - kept[2]
+    w = 1 + (g[:2] - g[2]) / 2
+    curved = [h[i, j] - h[i, 2] - h[2, j] + h[2, 2] for i, j in ((0, 0), (1, 1), (0, 1))]
+    return np.array(
+        [w[0] * kept[0], w[1] * kept[1], (w[0] * kept[1] + w[1] * kept[0]) / 2]
+    ) + np.array(curved) / 2
 
 
 def elastic_stiffness(material: Material, lam1: Any, lam2: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,11 @@ from dea_fenicsx.materials.air import Air
 from dea_fenicsx.materials.base import EPSILON_0, Elastic, Strain
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
 from dea_fenicsx.materials.curve_data import TestData, read_data
+from dea_fenicsx.materials.dielectrics import (
+    LinearPermittivity,
+    PolynomialPermittivity,
+    TabulatedPermittivity,
+)
 from dea_fenicsx.materials.electric import (
     Breakdown,
     Conductivity,
@@ -25,11 +30,19 @@ from dea_fenicsx.materials.fitting import fit
 from dea_fenicsx.materials.flow_laws import FlowLaw, KumarLopezPamies
 from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.ogden import Ogden
+from dea_fenicsx.materials.polarisation import (
+    CompositeDielectric,
+    Electrostriction,
+    LangevinDielectric,
+    SaturatingDielectric,
+    mixed_permittivity,
+)
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.presets import Preset, get, names, preset
 from dea_fenicsx.materials.rate_data import RateData, rate_errors, rate_stress, read_cycles
 from dea_fenicsx.materials.viscous import Maxwell, ViscousBranch
 from dea_fenicsx.materials.viscous_fitting import RateFit, fit_rates
+from dea_fenicsx.materials.weibull import WeibullBreakdown
 
 list = names  # reads well as dea_fenicsx.materials.list(); not among what * imports
 
@@ -49,6 +62,15 @@ __all__ = [
     "Debye",
     "Conductor",
     "Dielectric",
+    "WeibullBreakdown",
+    "LinearPermittivity",
+    "PolynomialPermittivity",
+    "TabulatedPermittivity",
+    "Electrostriction",
+    "SaturatingDielectric",
+    "LangevinDielectric",
+    "CompositeDielectric",
+    "mixed_permittivity",
     "Air",
     "Material",
     "Maxwell",

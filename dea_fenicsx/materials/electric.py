@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from dea_fenicsx.materials.base import EPSILON_0
+from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.type_checks import is_number
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite, is_positive
 
@@ -163,14 +167,122 @@ class Electric(ABC):
         """What is unphysical about the constants, as a list of clauses."""
 
 
+class FieldPoint(Protocol):
+    """What an electric energy is given: a strain, and the square of the true field e.
+
+    It is symbolic in finite elements and a truncated Taylor series in the theory of films, like
+    the `Strain` of elastic models, whose invariants it has, too.
+    """
+
+    @property
+    def I1(self) -> Any:
+        """tr C; of the volume-preserving part of F in a compressible material."""
+        ...
+
+    @property
+    def e2(self) -> Any:
+        """e . e, with the true field e = F^-T E."""
+        ...
+
+    @property
+    def E2(self) -> Any:
+        """E . E = e . F F^T e, with the nominal field E."""
+        ...
+
+    @property
+    def ln_J(self) -> Any:
+        """Logarithm of det F; 0 in an incompressible material."""
+        ...
+
+    @property
+    def vacuum(self) -> Any:
+        """eps_0 in the units of the point."""
+        ...
+
+    def exp(self, x: Any) -> Any:
+        """Exponential."""
+        ...
+
+    def ln(self, x: Any) -> Any:
+        """Natural logarithm."""
+        ...
+
+    def choose(self, x: Any, edge: float, below: Any, above: Any) -> Any:
+        """`below` where x < edge, else `above`; both are finite everywhere."""
+        ...
+
+    def at_least(self, x: Any, edge: float) -> Any:
+        """The larger of x and a number."""
+        ...
+
+
 class Dielectric(Electric):
-    """A dielectric whose true permittivity does not depend on strain."""
+    """A dielectric by its energy: u(F, e) per deformed volume at a given true field e.
+
+    u is the co-energy, whose change with the field is that of the charge: the nominal displacement
+    is d(J u)/dE and the nominal stress of the field -d(J u)/dF at kept nominal field E.  One
+    energy gives both, so that Maxwell's relation between them holds.
+
+    Attributes
+    ----------
+    is_ideal
+        Whether u = eps e.e/2 with one permittivity eps at all strains and fields.
+    is_linear
+        Whether u is quadratic in the field, so that displacement and field are proportional.
+    depends_on_strain
+        Whether u at a kept true field changes with the strain.
+    constants
+        The numbers in the energy, each with its kind: ``"permittivity"`` for one in units of
+        eps_0, ``"displacement"`` for C/m^2, or ``""``.
+    """
 
     is_dielectric = True
+    is_ideal: ClassVar[bool] = True
+    is_linear: ClassVar[bool] = True
+    depends_on_strain: ClassVar[bool] = False
+    constants: ClassVar[dict[str, str]] = {}
 
     @abstractmethod
     def permittivity(self) -> float:
-        """Absolute permittivity in F/m."""
+        """Absolute permittivity in F/m of the undeformed dielectric at small fields."""
+
+    def coenergy(self, s: FieldPoint) -> Any:
+        """u, per deformed volume.  All `constants` are those of `in_units`, none is relative.
+
+        That of an ideal dielectric, eps e.e/2, unless a law says otherwise.
+        """
+        return s.vacuum * (self.permittivity() / EPSILON_0) / 2 * s.e2
+
+    def form(self) -> Hashable:
+        """What shapes the formula beside the constants."""
+        return () if self.constants else self.permittivity()
+
+    def in_units(self, convert: Callable[[str, str], Any]) -> Dielectric:
+        """A copy whose constants are `convert(name, kind)`."""
+        made = copy.copy(self)
+        for name, kind in self.constants.items():
+            object.__setattr__(made, name, convert(name, kind))
+        return made
+
+    def in_si(self) -> Dielectric:
+        """A copy with its permittivities in F/m, ready for `coenergy` at fields in V/m."""
+        return self.in_units(lambda name, kind: in_unit(getattr(self, name), kind, EPSILON_0, 1.0))
+
+    def constant_permittivity(self, what: str) -> float:
+        """Its permittivity in F/m, if that is one number.
+
+        Raises
+        ------
+        InputError
+            If it depends on strain or field, of which `what` knows nothing.
+        """
+        if not self.is_ideal:
+            raise InputError(
+                f"{what} needs one permittivity at all strains and fields, but that of "
+                f"{type(self).__name__} changes; take IdealDielectric, or exact.Film and elements, "
+                "which know it."
+            )
+        return self.permittivity()
 
     def conductivity_law(self) -> Conductivity | None:
         """The law of its conductivity, or None where it does not conduct."""
@@ -182,7 +294,8 @@ class Dielectric(Electric):
 
     def breakdown_law(self) -> Breakdown | None:
         """The law of its breakdown field, or None where it is not known."""
-        return None
+        law: Any = getattr(self, "breakdown", None)
+        return Breakdown(law) if is_number(law) else law
 
     def breakdown_field(self, stretch: Any = 1.0) -> Any:
         """True breakdown field in V/m at an in-plane stretch, or None where it is not known."""
@@ -217,6 +330,7 @@ class IdealDielectric(Dielectric):
     breakdown: float | Breakdown | None = None
     conductivity: float | Conductivity = 0.0
     relaxation: tuple[Debye, ...] = ()
+    constants: ClassVar[dict[str, str]] = {"eps_r": "permittivity"}
 
     def __post_init__(self) -> None:
         if isinstance(self.relaxation, list):
@@ -237,10 +351,9 @@ class IdealDielectric(Dielectric):
         """Absolute permittivity in F/m."""
         return self.eps_r * EPSILON_0
 
-    def breakdown_law(self) -> Breakdown | None:
-        if self.breakdown is None or isinstance(self.breakdown, Breakdown):
-            return self.breakdown
-        return Breakdown(self.breakdown)
+    def coenergy(self, s: FieldPoint) -> Any:
+        """eps e.e/2"""
+        return self.eps_r / 2 * s.e2
 
     def faults(self) -> list[str]:
         found = []
@@ -261,6 +374,11 @@ class IdealDielectric(Dielectric):
                 )  # fmt: skip
         leak = self.conductivity
         return found + (leak if isinstance(leak, Conductivity) else Conductivity(leak)).faults()
+
+
+def in_unit(value: Any, kind: str, permittivity: float, displacement: float) -> Any:
+    """A constant of a dielectric of a kind, see `Dielectric`, in given units."""
+    return value * {"permittivity": permittivity, "displacement": displacement}.get(kind, 1.0)
 
 
 @dataclass(frozen=True)

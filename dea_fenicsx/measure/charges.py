@@ -58,13 +58,19 @@ class ElectrodeCharge:
         self._profile = shape = _profile_of(problem, electrode)
         self._cells = cells = _cells_of(problem, electrode, shape.x.array)
         self._form = compat.compile_form(_flux(problem, cells, self._phi, shape, rate))
+        linear = all(k.electric is None or k.electric.is_linear for k in problem.kernels)
+        self._whole = None if linear else compat.compile_form(self.form())
         late = _delayed_flux(problem, cells, shape) if rate == 1 else 0
         self._late = compat.compile_form(late) if late != 0 else None
 
     def of_state(self) -> float:
         """In C, in the present state, delayed polarisations included.  Collective."""
         assert self.problem.potential is not None
-        found = self.of(self.problem.w.x.array[self.problem.potential.dofs])
+        if self._whole is None:
+            found = self.of(self.problem.w.x.array[self.problem.potential.dofs])
+        else:
+            mine = float(np.real(dolfinx.fem.assemble_scalar(self._whole)))
+            found = self.problem.comm.allreduce(mine, op=MPI.SUM) * self.problem.scales.charge
         if self._late is None:
             return found
         mine = float(np.real(dolfinx.fem.assemble_scalar(self._late)))
@@ -73,7 +79,7 @@ class ElectrodeCharge:
     def form(self) -> Any:
         """The form of the charge in the state's own potential, dimensionless, symbolic."""
         phi = self.problem.space.symbolic(Role.POTENTIAL, self.problem.w)
-        return _flux(self.problem, self._cells, phi, self._profile)
+        return _flux(self.problem, self._cells, phi, self._profile, whole=True)
 
     def of(self, potential: np.ndarray) -> float:
         """In C, in a potential by its local values, ghosts included, dimensionless.  Collective."""
@@ -195,10 +201,15 @@ def _stiffness(problem: Problem) -> Any:
     return matrix
 
 
-def _flux(problem: Problem, cells: list[np.ndarray], a: Any, b: Any, rate: Any = 1) -> Any:
+def _flux(
+    problem: Problem, cells: list[np.ndarray], a: Any, b: Any, rate: Any = 1, whole: bool = False
+) -> Any:
     """The form int eps J^-1 (cof F Grad a) . (cof F Grad b) dX over cells of each dielectric.
 
-    The integrand is multiplied by `rate`.
+    In a dielectric whose permittivity changes with strain or field it is - int D(a) . Grad b dX;
+    where D is not proportional to the field, D is the change of the displacement with a, or with
+    `whole` the displacement itself, and a is the present potential.  The integrand is multiplied
+    by `rate`.
     """
     scene, helix = problem.scene, problem.forms.motion
     kinematics = scene.kinematics
@@ -211,7 +222,15 @@ def _flux(problem: Problem, cells: list[np.ndarray], a: Any, b: Any, rate: Any =
     points = [p for p in problem.forms.points if p.kernel.eps is not None]
     if kinematics.wrinkles:
         return sum(p.kernel.eps * p.widening * density * dx(i) for i, p in enumerate(points))
-    return sum(p.kernel.eps * density * dx(i) for i, p in enumerate(points))
+
+    def integrand(p: Any) -> Any:
+        if p.kernel.electric.is_ideal:
+            return p.kernel.eps * density
+        displaced = p.displacement_field if whole else p.displacement_of(a)
+        gradient = kinematics.gradient(b, x, helix)
+        return -rate * ufl.dot(displaced, gradient) * kinematics.weight(x)
+
+    return sum(integrand(p) * dx(i) for i, p in enumerate(points))
 
 
 def _delayed_flux(problem: Problem, cells: list[np.ndarray], shape: Any) -> Any:

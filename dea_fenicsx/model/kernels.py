@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import ufl
 
-from dea_fenicsx.materials import Elastic, Material, Maxwell
+from dea_fenicsx.materials import EPSILON_0, Dielectric, Elastic, Material, Maxwell
 from dea_fenicsx.materials.base import choices, constants
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.air import BoundAir, bound_air
@@ -78,7 +78,12 @@ class Kernel:
     elastic
         The elastic model with cell-wise coefficients in place of its constants.
     eps, kappa
-        Cell-wise permittivity and bulk modulus, dimensionless, or None.
+        Cell-wise permittivity of the undeformed dielectric at small fields, and bulk modulus,
+        dimensionless, or None.
+    electric
+        The dielectric with dimensionless cell-wise coefficients in place of its constants, or None.
+    vacuum
+        The permittivity of vacuum, dimensionless.
     prestretch
         For each ramp of a `PreStretch` its factor, a constant, and the cell-wise logarithms of the
         three stretches; empty for regions without one.
@@ -103,6 +108,8 @@ class Kernel:
 
     elastic: Elastic
     eps: Any | None
+    electric: Dielectric | None
+    vacuum: float
     kappa: Any | None
     prestretch: dict[str, tuple[Any, list[Any]]]
     regions: tuple[str, ...]
@@ -140,9 +147,6 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
     constant = dolfinx.fem.functionspace(device.mesh, ("DG", 0))
     owned = device.owned_cells()
 
-    def permittivity(name: str) -> float:
-        return scene.materials[name].dielectric.permittivity() / scales.permittivity
-
     def bulk_modulus(name: str) -> float:
         return scene.materials[name].bulk_modulus / scales.stress  # type: ignore[operator]
 
@@ -168,11 +172,14 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
             return f
 
         ramps = sorted(factors) if stretched else []
+        electric, eps = _dielectric(scene, scales, names, cellwise) if has_field else (None, None)
         together = np.sort(np.concatenate(list(cells.values())))
         made.append(
             Kernel(
                 elastic=_bind({n: scene.materials[n].elastic for n in names}, cellwise),
-                eps=cellwise(permittivity) if has_field else None,
+                eps=eps,
+                electric=electric,
+                vacuum=EPSILON_0 / scales.permittivity,
                 kappa=cellwise(bulk_modulus) if stiff else None,
                 prestretch={
                     r: (factors[r], [cellwise(partial(log_stretch, r, a)) for a in range(3)])
@@ -197,11 +204,14 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
 def _groups(scene: Scene, fields_of_problem: Sequence[Field]) -> dict[tuple, list[str]]:
     """The regions whose energies have the same shape, by this shape."""
     found: dict[tuple, list[str]] = {}
+    charged = {field.name for field in fields_of_problem if field.role is Role.POTENTIAL}
     for name in sorted(scene.materials, key=lambda n: scene.device.regions[n]):
         m = scene.materials[name]
         alive = tuple(field.name for field in fields_of_problem if field.lives_in(name))
         stretched = any(name in item.regions for item in scene.declared.initial_stretches)
         kind = (*_kind(m), len(debye_terms(scene, name)))
+        if charged & set(alive):
+            kind = (*kind, type(m.electric), m.dielectric.form())
         found.setdefault((kind, alive, m.bulk_modulus is not None, stretched), []).append(name)
     return found
 
@@ -253,6 +263,29 @@ def _bind(elastics: dict[str, Elastic], cellwise: Callable) -> Elastic:
             bound = cellwise(lambda n, k=name: getattr(elastics[n], k))
         object.__setattr__(model, name, bound)
     return model
+
+
+def _dielectric(
+    scene: Scene, scales: Scales, regions: Sequence[str], cellwise: Callable
+) -> tuple[Dielectric, Any]:
+    """One dielectric with cell-wise, dimensionless constants over several regions.
+
+    And its permittivity in the undeformed body at small fields, which may be one of them.
+    """
+
+    def convert(name: str, kind: str) -> Any:
+        return cellwise(
+            lambda region: scales.of_dielectric(
+                getattr(scene.materials[region].dielectric, name), kind
+            )
+        )
+
+    law = scene.materials[regions[0]].dielectric.in_units(convert)
+    if "eps_r" in law.constants:
+        return law, law.eps_r  # type: ignore[attr-defined]
+    return law, cellwise(
+        lambda region: scene.materials[region].dielectric.permittivity() / scales.permittivity
+    )
 
 
 def measure(device: Device, parts: list[np.ndarray], degree: int, kind: str = "dx") -> Any:

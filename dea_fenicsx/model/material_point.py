@@ -16,6 +16,7 @@ from typing import Any
 
 import ufl
 
+from dea_fenicsx.model.electric_point import ElectricPoint
 from dea_fenicsx.model.kernels import BoundDebye, Kernel
 from dea_fenicsx.model.tension_field import TensionField
 from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, StrainOf, cofactor
@@ -122,11 +123,34 @@ class MaterialPoint:
     @cached_property
     def cofactor_field(self) -> Any:
         """J F^-T E with E = -Grad phi: J times the true field."""
+        return self._pulled(self.nominal_field)
+
+    def _pulled(self, nominal: Any) -> Any:
+        """J times the true field of a nominal field."""
         if self.kernel.is_membrane:  # E is along N, and cof(F) N = F N/|F N|^2
             through = ufl.dot(self.F, self.normal)
-            return ufl.dot(self.nominal_field, self.normal) / ufl.dot(through, through) * through
-        gradient = self._kinematics.gradient(self.fields["phi"], self._x, self._motion)
-        return -ufl.dot(self.cofactor, gradient)
+            return ufl.dot(nominal, self.normal) / ufl.dot(through, through) * through
+        return ufl.dot(self.cofactor, nominal)
+
+    @cached_property
+    def electric(self) -> ElectricPoint:
+        """What the dielectric needs to know of strain and field."""
+        return ElectricPoint(self, self.cofactor_field)
+
+    def displacement_of(self, potential: Any) -> Any:
+        """Nominal displacement of another potential at the present deformation.
+
+        Where displacement and field are not proportional, it is the change of the displacement
+        with that of the potential at the present field.
+        """
+        field = -self._kinematics.gradient(potential, self._x, self._motion)
+        law = self.kernel.electric
+        assert law is not None
+        if law.is_linear:
+            return ElectricPoint(self, self._pulled(field)).displacement
+        present = ufl.variable(self.nominal_field)
+        there = ElectricPoint(self, self._pulled(present)).displacement
+        return ufl.dot(ufl.diff(there, present), field)
 
     @property
     def nominal_field(self) -> Any:
@@ -135,9 +159,8 @@ class MaterialPoint:
 
     @property
     def displacement_field(self) -> Any:
-        """Nominal electric displacement eps J F^-1 F^-T E: charge per undeformed area."""
-        pulled = ufl.dot(ufl.transpose(self.cofactor), self.cofactor_field)
-        return self.kernel.eps * pulled / self.J
+        """Nominal electric displacement: charge per undeformed area."""
+        return self.electric.displacement
 
     def polarisation(self, term: BoundDebye) -> Any:
         """Nominal polarisation of a term of dielectric relaxation."""

@@ -191,6 +191,8 @@ def check_conserving(scene: Scene) -> None:
     declared, what = scene.declared, ""
     if any(m.viscous for m in scene.materials.values()):
         what = "viscous branches, which take energy"
+    elif any(m.is_dielectric and not m.dielectric.is_ideal for m in scene.materials.values()):
+        what = "a permittivity that changes with strain or field"
     elif any(m.is_air for m in scene.materials.values()):
         what = "air"
     elif declared.rigid_moments:

@@ -7,12 +7,12 @@ mesh and no memory.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, MutableMapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.materials import EPSILON_0, Material
+from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.base import constants
 from dea_fenicsx.materials.viscous import Branch, Maxwell
 from dea_fenicsx.model.flowing_branches import spherical_slope
@@ -147,8 +147,10 @@ class Parameters(MutableMapping[str, float]):
             yield from _of_model(region, "elastic", material.elastic)
             for k, branch in enumerate(material.viscous):
                 yield from _of_branch(region, k, branch)
-            if self._kernels[region].eps is not None and hasattr(material.electric, "eps_r"):
-                yield f"{region}.electric.eps_r", _Handle(region, ("electric",), "eps_r")
+            if self._kernels[region].electric is not None:
+                own = {field.name for field in fields(material.dielectric)}  # type: ignore[arg-type]
+                for name in sorted(own & set(material.dielectric.constants)):
+                    yield f"{region}.electric.{name}", _Handle(region, ("electric",), name)
             if material.bulk_modulus is not None:
                 yield f"{region}.bulk_modulus", _Handle(region, (), "bulk_modulus")
 
@@ -210,8 +212,11 @@ class Parameters(MutableMapping[str, float]):
         cells = self._device.cells_of(handle.region)
         if handle.part != "viscous":
             coefficient, _ = self._held(handle, material)
-            unit = {"electric": EPSILON_0 / self._scales.permittivity, "": 1 / self._scales.stress}
-            return coefficient, cells, unit.get(handle.part, 1.0)
+            unit = {"": 1 / self._scales.stress}.get(handle.part, 1.0)
+            if handle.part == "electric":
+                kind = material.dielectric.constants[handle.name]
+                unit = self._scales.of_dielectric(1.0, kind)
+            return coefficient, cells, unit
         for branch in kernel.branches:
             if branch.place == handle.parts[1]:
                 return getattr(branch, handle.name), cells, 1.0
@@ -224,7 +229,9 @@ class Parameters(MutableMapping[str, float]):
         """
         kernel, scales = self._kernels[handle.region], self._scales
         if handle.part == "electric":
-            return kernel.eps, material.dielectric.permittivity() / scales.permittivity
+            kind = material.dielectric.constants[handle.name]
+            value = scales.of_dielectric(handle.read(material), kind)
+            return getattr(kernel.electric, handle.name), value
         if handle.part == "":
             return kernel.kappa, handle.read(material) / scales.stress
         coefficient = getattr(kernel.elastic, handle.name)

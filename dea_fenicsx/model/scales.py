@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dea_fenicsx.materials import EPSILON_0
+from dea_fenicsx.materials.electric import in_unit
 from dea_fenicsx.scene.scene import Scene
 
 
@@ -50,6 +52,14 @@ class Scales:
     def volume(self) -> float:
         """Volume in m^3."""
         return self.length**3 * self.depth
+
+    def of_dielectric(self, value: float, kind: str) -> float:
+        """A constant of a dielectric of a kind, see `Dielectric`, dimensionless."""
+        return float(
+            in_unit(
+                value, kind, EPSILON_0 / self.permittivity, 1 / (self.permittivity * self.field)
+            )
+        )
 
     @classmethod
     def of(cls, scene: Scene) -> Scales:

@@ -149,9 +149,14 @@ def _kind(material: Material) -> tuple[Any, ...]:
     if material.is_air:
         return (material,)
     elastic, electric = material.elastic, material.electric
-    return type(elastic), _shape(elastic), type(electric), material.is_dielectric, (
+    return type(elastic), _shape(elastic), type(electric), _shape_of_field(material), (
         material.bulk_modulus is None
     ), tuple(map(_branch_kind, material.viscous)), material.density
+
+
+def _shape_of_field(material: Material) -> Any:
+    """What shapes the energy of the field; None where there is none."""
+    return material.dielectric.form() if material.is_dielectric else None
 
 
 def _branch_kind(branch: Branch) -> tuple[Any, ...]:

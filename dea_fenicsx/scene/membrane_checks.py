@@ -45,6 +45,11 @@ def _check_relaxed(scene: Setting, region: str, material: Material) -> None:
             f"Region {region!r} depends on time, but the relaxed energy of {name} is that of "
             "elastic rubbers and ideal dielectrics; leave relaxed=True or the branches out."
         )
+    if electric is not None and not electric.is_ideal:
+        raise InputError(
+            f"Region {region!r} has a {type(electric).__name__}, but the relaxed energy of {name} "
+            "is that of one permittivity; take IdealDielectric, or leave relaxed=True out."
+        )
     charged = any(region in electrode.names for electrode in scene.electrodes)
     if charged and not hasattr(material.elastic, "width_margin"):
         raise InputError(

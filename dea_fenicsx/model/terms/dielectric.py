@@ -1,4 +1,4 @@
-"""The electric energy of an ideal dielectric."""
+"""The electric energy of a dielectric."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from dea_fenicsx.model.terms.base import EnergyTerm
 
 
 class Dielectric(EnergyTerm):
-    """- 1/2 eps J |F^-T E|^2, where E = - Grad phi; the true field is F^-T E."""
+    """- J u(F, F^-T E) with the co-energy u of the dielectric, eps e.e/2 of an ideal one.
+
+    E = - Grad phi is the nominal field, and e = F^-T E the true one.
+    """
 
     name = "dielectric"
     fields = ("phi",)
@@ -19,6 +22,10 @@ class Dielectric(EnergyTerm):
     stored_sign = -1  # at given voltages the term is minus the energy of the field
 
     def density(self, at: MaterialPoint) -> Any:
-        pulled, eps = at.cofactor_field, at.kernel.eps
-        assert eps is not None
-        return -(eps / 2 * ufl.dot(pulled, pulled) / at.J)
+        return -at.electric.energy
+
+    def stored(self, at: MaterialPoint) -> Any:
+        """The energy of the field, E . D - J u."""
+        if at.electric.law.is_linear:
+            return at.electric.energy
+        return ufl.dot(at.nominal_field, at.displacement_field) - at.electric.energy
