@@ -21,6 +21,7 @@ import numpy as np
 
 from dea_fenicsx.exact.states import STRESSES, Stress
 from dea_fenicsx.materials import Material
+from dea_fenicsx.materials.base import is_compressible, is_isotropic
 from dea_fenicsx.materials.stretches import margin, taylor
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
@@ -102,6 +103,8 @@ class Film:
         faults = self.material.faults()
         if faults:
             raise InputError(f"{type(self.material.elastic).__name__}: {faults[0]}.")
+        if not is_isotropic(self.material.elastic):
+            self.material.elastic.check_axes()
         self.material.dielectric_of("film's material")
         positive(self.thickness, "The thickness", "a length > 0 in m")
         one_of(self.stress, STRESSES, "The stress", '"field" or "pressure"')
@@ -163,12 +166,12 @@ class Film:
 
     def elastic(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Energy, gradient and Hessian in e, the volumetric part included."""
-        kappa = self.material.bulk_modulus
-        if kappa is None:
-            return taylor(self.material.elastic, e)
+        kappa, elastic = self.material.bulk_modulus, self.material.elastic
+        if kappa is None or is_compressible(elastic):
+            return taylor(elastic, e, along_axes=True)
         volume = e.sum(axis=0)
         J = np.exp(volume)
-        W, R, H = taylor(self.material.elastic, e - volume / 3)
+        W, R, H = taylor(elastic, e - volume / 3, along_axes=True)
         P = np.eye(3) - 1 / 3
         R = np.tensordot(P, R, 1)
         H = np.einsum("ij,jk...,kl->il...", P, H, P)
@@ -255,7 +258,7 @@ class Film:
 
     def margin(self, e: np.ndarray) -> np.ndarray:
         """Distance to chain lock-up, inf where the model has no limit."""
-        if not self.incompressible:
+        if not self.incompressible and not is_compressible(self.material.elastic):
             e = e - e.sum(axis=0) / 3
         return margin(self.material.elastic, e)
 

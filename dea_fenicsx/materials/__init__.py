@@ -12,6 +12,7 @@ from dea_fenicsx.materials.air import Air
 from dea_fenicsx.materials.base import EPSILON_0, Elastic, Strain
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
 from dea_fenicsx.materials.curve_data import TestData, read_data
+from dea_fenicsx.materials.directions import Along, Cylindrical, Direction, Helix, Wound
 from dea_fenicsx.materials.electric import (
     Breakdown,
     Conductivity,
@@ -19,6 +20,13 @@ from dea_fenicsx.materials.electric import (
     Debye,
     Dielectric,
     IdealDielectric,
+)
+from dea_fenicsx.materials.fibres import (
+    Family,
+    HolzapfelFibres,
+    Reinforced,
+    StandardReinforcing,
+    TransverselyIsotropic,
 )
 from dea_fenicsx.materials.fitted import Fit
 from dea_fenicsx.materials.fitting import fit
@@ -43,6 +51,16 @@ __all__ = [
     "Ogden",
     "Gent",
     "ArrudaBoyce",
+    "Reinforced",
+    "Family",
+    "StandardReinforcing",
+    "HolzapfelFibres",
+    "TransverselyIsotropic",
+    "Direction",
+    "Along",
+    "Cylindrical",
+    "Wound",
+    "Helix",
     "IdealDielectric",
     "Breakdown",
     "Conductivity",

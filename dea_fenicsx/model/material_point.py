@@ -78,9 +78,10 @@ class MaterialPoint:
         self.stretch_factors = {r: ufl.variable(t) for r, (t, _) in kernel.prestretch.items()}
         self.total = self._stretched(self.F)
         self.per_stress = self.constant(1 / stress)
-        self.strain = (
-            StrainOf(self.total) if kernel.is_incompressible
-            else StrainOf(self.F, scale=self.J ** (-2 / 3))
+        scale = 1 if kernel.is_incompressible or kernel.is_foam else self.J ** (-2 / 3)
+        self.strain = StrainOf(
+            self.total if kernel.is_incompressible else self.F, scale, kinematics.place(self._x),
+            self.constant(kernel.length),
         )  # fmt: skip
         self.p = fields["p"]
 

@@ -63,6 +63,7 @@ class PlaneStrain(Kinematics):
     dim = 2
     axes = "xy"
     rotations = 1
+    mirrored = 2
 
     def check(self, device: Device) -> None:
         super().check(device)
@@ -127,6 +128,7 @@ class OfRevolution:
     cartesian = False
     rotations = 0
     axis_of_rotation = True
+    mirrored = 1
 
     def check(self, device: Device) -> None:
         super().check(device)  # type: ignore[misc]  # that of the kinematics beside it
@@ -238,6 +240,9 @@ class Helical(Kinematics):
     @property
     def coordinates(self) -> str:
         return "rz"
+
+    def place(self, x: Any) -> Any:
+        return as_vector([x[0], 0, x[1]])
 
     def lead(self, length: float) -> float:
         """c = pitch/(2 pi) in units of `length`."""

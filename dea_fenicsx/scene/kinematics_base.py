@@ -56,6 +56,9 @@ class Kinematics(ABC):
     is_membrane
         Whether the mesh is the middle surface of a film, whose thickness stretch is part of F; see
         `scene.membranes`.
+    mirrored
+        Number of the component of F whose reflection must leave a material as it is, since the
+        displacement has no component along it; None in space.
     """
 
     dim: ClassVar[int] = 3
@@ -66,6 +69,7 @@ class Kinematics(ABC):
     rotations: ClassVar[int] = 3
     axis_of_rotation: ClassVar[bool] = False
     is_membrane: ClassVar[bool] = False
+    mirrored: ClassVar[int | None] = None
 
     @property
     def overall(self) -> tuple[str, ...]:
@@ -125,6 +129,10 @@ class Kinematics(ABC):
     def embed(self, v: Any) -> Any:
         """A vector of the mesh's dimension as a 3-vector."""
         return v
+
+    def place(self, x: Any) -> Any:
+        """A position in the undeformed body, a 3-vector in the components of F."""
+        return self.embed(x)
 
     def normal(self, n: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         """Undeformed normal times the area per area of the mesh, in the components of u."""
