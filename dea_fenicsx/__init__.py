@@ -34,10 +34,14 @@ if TYPE_CHECKING:
     from dea_fenicsx.gradients.adjoint import Gradient
     from dea_fenicsx.gradients.variables import ShapeChange
     from dea_fenicsx.materials import (
+        Along,
         ArrudaBoyce,
         Breakdown,
         Conductor,
+        Cylindrical,
         Gent,
+        Helix,
+        HolzapfelFibres,
         IdealDielectric,
         KumarLopezPamies,
         Material,
@@ -45,7 +49,11 @@ if TYPE_CHECKING:
         MooneyRivlin,
         NeoHookean,
         Ogden,
+        Reinforced,
+        StandardReinforcing,
+        TransverselyIsotropic,
         ViscousBranch,
+        Wound,
         Yeoh,
     )
     from dea_fenicsx.measure.axial import (
@@ -197,9 +205,10 @@ _HOME = {
     ),
     "run.fidelity_ladder": ("speed_vs_error",),
     "materials": (
-        "Air", "ArrudaBoyce", "Breakdown", "Conductivity", "Conductor", "Debye", "Gent",
-        "IdealDielectric", "KumarLopezPamies", "Material", "Maxwell", "MooneyRivlin", "NeoHookean",
-        "Ogden", "ViscousBranch", "Yeoh",
+        "Air", "Along", "ArrudaBoyce", "Breakdown", "Conductivity", "Conductor", "Cylindrical",
+        "Debye", "Gent", "Helix", "HolzapfelFibres", "IdealDielectric", "KumarLopezPamies",
+        "Material", "Maxwell", "MooneyRivlin", "NeoHookean", "Ogden", "Reinforced",
+        "StandardReinforcing", "TransverselyIsotropic", "ViscousBranch", "Wound", "Yeoh",
     ),
     "mesh.device": ("Device", "device", "read_gmsh"),
     "mesh.from_dolfinx": ("from_dolfinx",),

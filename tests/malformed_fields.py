@@ -106,6 +106,17 @@ def of_material(kind):
     return lambda **given: scene(materials={"film": dea.Material(kind(**given))})
 
 
+def fibre(kind):
+    """Give a rubber a family of fibres of a class."""
+    return lambda **given: of_material(dea.Reinforced)(
+        matrix=dea.NeoHookean(5e4), fibres=kind(**given))  # fmt: skip
+
+
+def along(kind):
+    """Give fibres a direction of a class."""
+    return lambda **given: fibre(dea.StandardReinforcing)(k=1e4, direction=kind(**given))
+
+
 def recorded(kind):
     return lambda **given: solve(record={"it": kind(**given)})
 
@@ -147,6 +158,16 @@ FIELDS = {
     dea.Yeoh: (of_material(dea.Yeoh), dict(C10=2e4, C20=10.0, C30=1.0)),
     dea.Ogden: (of_material(dea.Ogden), dict(mu=(5e4,), alpha=(2.0,))),
     dea.ArrudaBoyce: (of_material(dea.ArrudaBoyce), dict(mu=5e4, lam_m=3.0)),
+    dea.Reinforced: (of_material(dea.Reinforced), dict(
+        matrix=dea.NeoHookean(5e4), fibres=(dea.StandardReinforcing(1e4, (1, 0, 0)),))),
+    dea.StandardReinforcing: (fibre(dea.StandardReinforcing), dict(k=1e4, direction=(1, 0, 0))),
+    dea.HolzapfelFibres: (fibre(dea.HolzapfelFibres), dict(k1=1e4, k2=1.0, direction=(1, 0, 0))),
+    dea.TransverselyIsotropic: (
+        fibre(dea.TransverselyIsotropic), dict(k=1e4, c=1e3, direction=(1, 0, 0))),
+    dea.Along: (along(dea.Along), dict(vector=(1.0, 0.0, 0.0))),
+    dea.Cylindrical: (along(dea.Cylindrical), dict(vector=(1.0, 0.0, 0.0))),
+    dea.Wound: (along(dea.Wound), dict(degrees=0.0)),
+    dea.Helix: (along(dea.Helix), dict(pitch=1e-3)),
     dea.IdealDielectric: (
         lambda **g: scene(materials={"film": dea.Material(dea.Gent(5e4, 9.0), dea.IdealDielectric(
             **g))}), dict(eps_r=3.0)),

@@ -139,7 +139,10 @@ class Film:
         return np.array([0.5, 0.5, -0.5]) if self.stress == "field" else np.array([0.0, 0.0, -1.0])
 
     def freedoms(self, symmetric: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Offset e0 and basis B of e = e0 + B y; with `symmetric`, equal sides stay equal."""
+        """Offset e0 and basis B of e = e0 + B y; with `symmetric`, equal sides stay equal.
+
+        Not so with fibres, which may lie along one side alone.
+        """
         e0 = np.zeros(3)
         columns = []
         for k, side in enumerate(self.sides):
@@ -147,7 +150,8 @@ class Film:
                 e0[k] = math.log(side.stretch)
             else:
                 columns.append(np.eye(3)[k])
-        if len(columns) == 2 and symmetric and self.first == self.second:
+        alike = self.first == self.second and is_isotropic(self.material.elastic)
+        if len(columns) == 2 and symmetric and alike:
             columns = [columns[0] + columns[1]]
         if self.incompressible:
             e0[2] = -e0[0] - e0[1]
