@@ -31,11 +31,14 @@ from dea_fenicsx.materials.fibres import (
 from dea_fenicsx.materials.fitted import Fit
 from dea_fenicsx.materials.fitting import fit
 from dea_fenicsx.materials.flow_laws import FlowLaw, KumarLopezPamies
+from dea_fenicsx.materials.foams import BlatzKo, OgdenHill
 from dea_fenicsx.materials.material import Material, bulk_modulus_of
+from dea_fenicsx.materials.networks import ExtendedTube
 from dea_fenicsx.materials.ogden import Ogden
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.presets import Preset, get, names, preset
 from dea_fenicsx.materials.rate_data import RateData, rate_errors, rate_stress, read_cycles
+from dea_fenicsx.materials.spline import SplineEnergy
 from dea_fenicsx.materials.viscous import Maxwell, ViscousBranch
 from dea_fenicsx.materials.viscous_fitting import RateFit, fit_rates
 
@@ -51,6 +54,10 @@ __all__ = [
     "Ogden",
     "Gent",
     "ArrudaBoyce",
+    "ExtendedTube",
+    "SplineEnergy",
+    "OgdenHill",
+    "BlatzKo",
     "Reinforced",
     "Family",
     "StandardReinforcing",

@@ -196,8 +196,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 leak=leak if has_field else None,
                 relaxation=delayed_polarisations(scene, scales, cellwise, names[0], delayed),
                 air=bound_air(scene, scales, cellwise, names),
-                is_membrane=scene.kinematics.is_membrane,
-                length=scales.length,
+                is_membrane=scene.kinematics.is_membrane, length=scales.length,
             )
         )
     return made

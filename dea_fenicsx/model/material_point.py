@@ -19,6 +19,7 @@ import ufl
 from dea_fenicsx.model.kernels import BoundDebye, Kernel
 from dea_fenicsx.model.tension_field import TensionField
 from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, StrainOf, cofactor
+from dea_fenicsx.scene.kinematics_base import place_of
 from dea_fenicsx.support.compat import dolfinx
 
 
@@ -80,7 +81,7 @@ class MaterialPoint:
         self.per_stress = self.constant(1 / stress)
         scale = 1 if kernel.is_incompressible or kernel.is_foam else self.J ** (-2 / 3)
         self.strain = StrainOf(
-            self.total if kernel.is_incompressible else self.F, scale, kinematics.place(self._x),
+            self.total if kernel.is_incompressible else self.F, scale, place_of(kinematics, self._x),
             self.constant(kernel.length),
         )  # fmt: skip
         self.p = fields["p"]

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 from dea_fenicsx.materials.base import is_isotropic
 from dea_fenicsx.materials.directions import AboutAxis
+from dea_fenicsx.scene.condition import Setting
 from dea_fenicsx.support.errors import InputError
-
-if TYPE_CHECKING:
-    from dea_fenicsx.scene.scene import Scene
 
 PLACE = (0.6180339887, 0.0, 0.3141592654)
 """Where directions are compared, in units of the device's length; no place of symmetry."""
 
 
-def check_fibres(scene: Scene) -> None:
+def check_fibres(scene: Setting) -> None:
     """Raise InputError for fibres whose effect the kinematics leave out."""
     kinematics = scene.kinematics
     what = kinematics.title or type(kinematics).__name__
     place = [scene.device.length * x for x in PLACE]
-    for name, material in scene.solids.items():
-        elastic = material.elastic
-        if is_isotropic(elastic):
+    for name, material in scene.materials.items():
+        elastic: Any = material.elastic
+        if material.is_air or is_isotropic(elastic):
             continue
         about = [one.direction for one in elastic.fibres if isinstance(one.direction, AboutAxis)]
         if kinematics.axis_of_rotation and any(

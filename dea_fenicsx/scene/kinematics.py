@@ -241,9 +241,6 @@ class Helical(Kinematics):
     def coordinates(self) -> str:
         return "rz"
 
-    def place(self, x: Any) -> Any:
-        return as_vector([x[0], 0, x[1]])
-
     def lead(self, length: float) -> float:
         """c = pitch/(2 pi) in units of `length`."""
         return self.pitch / (2 * math.pi * length)

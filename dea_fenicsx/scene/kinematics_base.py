@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from ufl import as_vector
 
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.mesh.neighbours import extent
@@ -130,10 +131,6 @@ class Kinematics(ABC):
         """A vector of the mesh's dimension as a 3-vector."""
         return v
 
-    def place(self, x: Any) -> Any:
-        """A position in the undeformed body, a 3-vector in the components of F."""
-        return self.embed(x)
-
     def normal(self, n: Any, x: Any, motion: GlobalMotion | None = None) -> Any:
         """Undeformed normal times the area per area of the mesh, in the components of u."""
         return n
@@ -228,3 +225,8 @@ class Kinematics(ABC):
     def motion_in_words(self, motion: np.ndarray) -> str | None:
         """The name of a rigid motion, given by its coefficients; None in Cartesian kinematics."""
         return None
+
+
+def place_of(kinematics: Kinematics, x: Any) -> Any:
+    """The coordinates x of a mesh as a 3-vector in the components of F: (r, 0, z) in a section."""
+    return as_vector([x[0], 0, x[1]]) if kinematics.axis_of_rotation else kinematics.embed(x)
