@@ -36,9 +36,11 @@ if TYPE_CHECKING:
     from dea_fenicsx.materials import (
         Along,
         ArrudaBoyce,
+        BlatzKo,
         Breakdown,
         Conductor,
         Cylindrical,
+        ExtendedTube,
         Gent,
         Helix,
         HolzapfelFibres,
@@ -49,7 +51,9 @@ if TYPE_CHECKING:
         MooneyRivlin,
         NeoHookean,
         Ogden,
+        OgdenHill,
         Reinforced,
+        SplineEnergy,
         StandardReinforcing,
         TransverselyIsotropic,
         ViscousBranch,
@@ -128,6 +132,7 @@ if TYPE_CHECKING:
         PlaneStrain,
         ThreeD,
     )
+    from dea_fenicsx.scene.law_check import LawCheck, check_law
     from dea_fenicsx.scene.loads import (
         AxialForce,
         DeadLoad,
@@ -200,15 +205,16 @@ _HOME = {
     "gradients.adjoint": ("Gradient",),
     "gradients.variables": ("ShapeChange",),
     "measure.failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
+    "scene.law_check": ("LawCheck", "check_law"),
     "scene.kinematics": (
         "Axisymmetric", "GeneralisedPlaneStrain", "Helical", "PlaneStrain", "ThreeD",
     ),
     "run.fidelity_ladder": ("speed_vs_error",),
     "materials": (
-        "Air", "Along", "ArrudaBoyce", "Breakdown", "Conductivity", "Conductor", "Cylindrical",
-        "Debye", "Gent", "Helix", "HolzapfelFibres", "IdealDielectric", "KumarLopezPamies",
-        "Material", "Maxwell", "MooneyRivlin", "NeoHookean", "Ogden", "Reinforced",
-        "StandardReinforcing", "TransverselyIsotropic", "ViscousBranch", "Wound", "Yeoh",
+        "Air", "Along", "ArrudaBoyce", "BlatzKo", "Breakdown", "Conductivity", "Conductor", "Cylindrical",
+        "Debye", "ExtendedTube", "Gent", "Helix", "HolzapfelFibres", "IdealDielectric", "KumarLopezPamies",
+        "Material", "Maxwell", "MooneyRivlin", "NeoHookean", "Ogden", "OgdenHill", "Reinforced",
+        "SplineEnergy", "StandardReinforcing", "TransverselyIsotropic", "ViscousBranch", "Wound", "Yeoh",
     ),
     "mesh.device": ("Device", "device", "read_gmsh"),
     "mesh.from_dolfinx": ("from_dolfinx",),

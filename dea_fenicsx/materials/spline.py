@@ -50,7 +50,7 @@ class SplineEnergy:
     curvature_2: tuple[float, ...]
 
     @classmethod
-    def from_data(cls, curves: Sequence[TestData], knots: int = 8) -> SplineEnergy:
+    def from_data(cls, curves: Sequence[TestData], knots: int = 5) -> SplineEnergy:
         """The energy that is nearest to measured curves: a linear problem, with one solution.
 
         Errors are relative to the largest stress of each curve.  Beyond the data g is linear, and f
