@@ -158,6 +158,12 @@ FIELDS = {
     dea.Yeoh: (of_material(dea.Yeoh), dict(C10=2e4, C20=10.0, C30=1.0)),
     dea.Ogden: (of_material(dea.Ogden), dict(mu=(5e4,), alpha=(2.0,))),
     dea.ArrudaBoyce: (of_material(dea.ArrudaBoyce), dict(mu=5e4, lam_m=3.0)),
+    dea.ExtendedTube: (of_material(dea.ExtendedTube), dict(Gc=1e5, Ge=1e5, delta=0.1, beta=0.5)),
+    dea.SplineEnergy: (of_material(dea.SplineEnergy), dict(
+        slope_1=1e5, knots_1=(1.0, 2.0), curvature_1=(1e5, 1e5),
+        slope_2=1e4, knots_2=(1.0, 2.0), curvature_2=(1e4, 0.0))),
+    dea.OgdenHill: (of_material(dea.OgdenHill), dict(mu=(5e4,), alpha=(2.0,), beta=(0.5,))),
+    dea.BlatzKo: (of_material(dea.BlatzKo), dict(mu=5e4)),
     dea.Reinforced: (of_material(dea.Reinforced), dict(
         matrix=dea.NeoHookean(5e4), fibres=(dea.StandardReinforcing(1e4, (1, 0, 0)),))),
     dea.StandardReinforcing: (fibre(dea.StandardReinforcing), dict(k=1e4, direction=(1, 0, 0))),

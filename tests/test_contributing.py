@@ -17,7 +17,7 @@ from test_structure import PACKAGE, ROOMS
 
 PAGE = ROOT / "CONTRIBUTING.md"
 MOST_LINES = 60
-SHOWN = ("material", "support", "load", "field", "observable", "device family")
+SHOWN = ("material", "fibre", "support", "load", "field", "observable", "device family")
 """Kinds of things whose addition is shown by a diff."""
 
 ADDED = tuple(

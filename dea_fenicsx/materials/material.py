@@ -113,12 +113,13 @@ class Material:
                           "ViscousBranch(spring, tau)"]
                 )  # fmt: skip
         if is_compressible(self.elastic):
-            own = None if found else self.elastic.initial_bulk_modulus()  # type: ignore[attr-defined]
-            if not found and self.bulk_modulus != own:
-                found.append(
-                    f"bulk_modulus is {shown(self.bulk_modulus)}, but the energy states that of its "
-                    f"own, {own:g} Pa; leave it out"
-                )
+            if not found:
+                own = self.elastic.initial_bulk_modulus()  # type: ignore[attr-defined]
+                if self.bulk_modulus != own:
+                    found.append(
+                        f"bulk_modulus is {shown(self.bulk_modulus)}, but the energy states its "
+                        f"own, {own:g} Pa; leave it out"
+                    )
         elif self.bulk_modulus is not None and not found:
             kappa, mu = self.bulk_modulus, self.elastic.shear_modulus()
             if not is_finite(kappa) or kappa < 2 / 3 * mu:

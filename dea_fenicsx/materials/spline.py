@@ -70,8 +70,8 @@ class SplineEnergy:
         """
         if not curves or knots < 2:
             raise InputError(
-                f"A SplineEnergy is made of measured curves and at least 2 knots, but {len(curves)} "
-                f"curves and {knots} knots are given."
+                "A SplineEnergy is made of measured curves and at least 2 knots, but "
+                f"{len(curves)} curves and {knots} knots are given."
             )
         ends = [max(_largest(c)[k] for c in curves) for k in range(2)]
         places = [tuple(np.linspace(1.0, end, knots).tolist()) for end in ends]

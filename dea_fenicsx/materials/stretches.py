@@ -265,8 +265,8 @@ def nominal_stress(elastic: Elastic, test: str, stretch: Any) -> np.ndarray:
     e = log_stretches(test, stretch)
     if is_compressible(elastic):
         raise InputError(
-            f"{type(elastic).__name__} changes its volume, but the tests of an incompressible rubber "
-            "do not; take a Film with a dead load along one side."
+            f"{type(elastic).__name__} changes its volume, but the tests of an incompressible "
+            "rubber do not; take a Film with a dead load along one side."
         )
     _, R, _ = taylor(elastic, e)
     return (R[0] - R[2]) / np.exp(e[0])

@@ -27,8 +27,8 @@ def check_fibres(scene: Setting) -> None:
             any(d.axis[:2]) or any(d.through[:2]) for d in about
         ):
             raise InputError(
-                f"The fibres of region {name!r} have an axis of their own, but in {what} it must be "
-                "that of rotation: axis (0, 0, 1) through the origin."
+                f"The fibres of region {name!r} have an axis of their own, but in {what} it must "
+                "be that of rotation: axis (0, 0, 1) through the origin."
             )
         if kinematics.wrinkles:
             raise InputError(
