@@ -104,7 +104,7 @@ class Film:
         if faults:
             raise InputError(f"{type(self.material.elastic).__name__}: {faults[0]}.")
         if not is_isotropic(self.material.elastic):
-            self.material.elastic.check_axes()
+            self.material.elastic.check_axes()  # type: ignore[attr-defined]
         self.material.dielectric_of("film's material")
         positive(self.thickness, "The thickness", "a length > 0 in m")
         one_of(self.stress, STRESSES, "The stress", '"field" or "pressure"')

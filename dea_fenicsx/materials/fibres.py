@@ -254,7 +254,7 @@ class Reinforced:
 
     def is_mirrored(self, axis: int, place: Sequence[float] = (0.0, 0.0, 0.0)) -> bool:
         """Whether the reflection of one component leaves the fibres at a place as they are."""
-        left = [(replace(one, direction=None), _unit_at(one, place)) for one in self.fibres]
+        left = [(_law_of(one), _unit_at(one, place)) for one in self.fibres]
         mirror = np.ones(3)
         mirror[axis] = -1
         for law, a in list(left):
@@ -276,6 +276,11 @@ class Reinforced:
                 "A Film takes fibres along its axes, or pairs of alike families at plus and minus "
                 "an angle to one, since others shear it; take finite elements for them."
             )
+
+
+def _law_of(family: Any) -> Any:
+    """A family without its direction."""
+    return replace(family, direction=None)
 
 
 def _unit_at(family: Family, place: Sequence[float]) -> np.ndarray:

@@ -52,10 +52,10 @@ class Material:
             object.__setattr__(self, "viscous", tuple(self.viscous))
         elif isinstance(self.viscous, Branch):
             object.__setattr__(self, "viscous", (self.viscous,))
-        if is_compressible(self.elastic) and self.bulk_modulus is None:
-            if not self.elastic.faults():
-                bulk = self.elastic.initial_bulk_modulus()  # type: ignore[attr-defined]
-                object.__setattr__(self, "bulk_modulus", bulk)
+        foam = is_compressible(self.elastic) and not self.elastic.faults()
+        if foam and self.bulk_modulus is None:
+            bulk = self.elastic.initial_bulk_modulus()  # type: ignore[attr-defined]
+            object.__setattr__(self, "bulk_modulus", bulk)
 
     @property
     def is_viscous(self) -> bool:

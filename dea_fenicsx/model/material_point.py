@@ -80,10 +80,9 @@ class MaterialPoint:
         self.total = self._stretched(self.F)
         self.per_stress = self.constant(1 / stress)
         scale = 1 if kernel.is_incompressible or kernel.is_foam else self.J ** (-2 / 3)
-        self.strain = StrainOf(
-            self.total if kernel.is_incompressible else self.F, scale, place_of(kinematics, self._x),
-            self.constant(kernel.length),
-        )  # fmt: skip
+        place = place_of(kinematics, self._x)
+        undergone = self.total if kernel.is_incompressible else self.F
+        self.strain = StrainOf(undergone, scale, place, self.constant(kernel.length))
         self.p = fields["p"]
 
     def constant(self, value: float) -> Any:
