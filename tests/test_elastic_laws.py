@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import ufl
-from conftest import ROOT, on_demand
+from conftest import ROOT, block, on_demand
 from scipy.optimize import brentq
 from test_fibres import everything, taylor_order
 from test_homogeneous_all_models import KERNELS, run
@@ -71,6 +71,17 @@ def meets_the_exact_state(law, kinematics, cell):
 def test_foam_is_the_exact_film(kinematics, cell):
     exact = meets_the_exact_state(BlatzKo(5e4), kinematics, cell)
     assert np.prod(exact.stretches) > 1.1
+
+
+def test_a_foam_alone_rests_and_moves():
+    """Its residual is told relative to forces of its own, since it has no pressure."""
+    scene = dea.Scene(
+        block(), {"film": Material(BlatzKo(5e4))}, supports=[dea.Clamp("bottom")],
+        loads=[dea.DeadLoad("top", (0.0, 0.0, 1e3))],
+    )  # fmt: skip
+    stretch = {"stretch": dea.MeanStretch(("bottom", "top"), "z")}
+    run = dea.solve(scene, dea.Ramp(steps=1), stretch, quiet=True)
+    assert 1.004 < float(run["stretch"]) < 1 + 1e3 / 125e3  # clamped: stiffer than a free bar
 
 
 @on_demand
