@@ -219,7 +219,7 @@ BAD = {
     "length 0": lambda: scene_of(StandardReinforcing(1e4, (0, 0, 0))),
     "axis of the fibres has the length 0": lambda: scene_of(
         StandardReinforcing(1e4, Wound(3.0, (0, 0, 0)))),
-    "tuple of 3": lambda: scene_of(StandardReinforcing(1e4, (1, 0))),
+    "is \\(1, 0\\), but must be three numbers": lambda: scene_of(StandardReinforcing(1e4, (1, 0))),
     "must be three numbers, Along": lambda: scene_of(StandardReinforcing(1e4, "x")),
     "k is -1": lambda: scene_of(StandardReinforcing(-1.0, (1, 0, 0))),
     'must be "tension" or "both"': lambda: scene_of(StandardReinforcing(1.0, (1, 0, 0), "push")),

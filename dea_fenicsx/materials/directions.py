@@ -207,9 +207,9 @@ def _cos_and_sin(angle: Any) -> tuple[Any, Any]:
 
 
 def direction(given: Any) -> Any:
-    """A direction, or three numbers as `Along`; anything else is returned as it is."""
+    """A direction, or three finite numbers as `Along`; anything else is returned as it is."""
     if isinstance(given, np.ndarray) and given.ndim == 1:
         given = given.tolist()
-    if isinstance(given, list | tuple):
+    if isinstance(given, list | tuple) and len(given) == 3 and all(map(is_finite, given)):
         return Along(tuple(given))  # type: ignore[arg-type]
     return given
