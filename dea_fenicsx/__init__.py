@@ -34,12 +34,18 @@ if TYPE_CHECKING:
     from dea_fenicsx.gradients.adjoint import Gradient
     from dea_fenicsx.gradients.variables import ShapeChange
     from dea_fenicsx.materials import (
+        Along,
         ArrudaBoyce,
+        BlatzKo,
         Breakdown,
         CompositeDielectric,
         Conductor,
+        Cylindrical,
         Electrostriction,
+        ExtendedTube,
         Gent,
+        Helix,
+        HolzapfelFibres,
         IdealDielectric,
         KumarLopezPamies,
         LangevinDielectric,
@@ -49,11 +55,17 @@ if TYPE_CHECKING:
         MooneyRivlin,
         NeoHookean,
         Ogden,
+        OgdenHill,
         PolynomialPermittivity,
+        Reinforced,
         SaturatingDielectric,
+        SplineEnergy,
+        StandardReinforcing,
         TabulatedPermittivity,
+        TransverselyIsotropic,
         ViscousBranch,
         WeibullBreakdown,
+        Wound,
         Yeoh,
     )
     from dea_fenicsx.measure.axial import (
@@ -129,6 +141,7 @@ if TYPE_CHECKING:
         PlaneStrain,
         ThreeD,
     )
+    from dea_fenicsx.scene.law_check import LawCheck, check_law
     from dea_fenicsx.scene.loads import (
         AxialForce,
         DeadLoad,
@@ -201,6 +214,7 @@ _HOME = {
     "gradients.adjoint": ("Gradient",),
     "gradients.variables": ("ShapeChange",),
     "measure.failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
+    "scene.law_check": ("LawCheck", "check_law"),
     "scene.kinematics": (
         "Axisymmetric", "GeneralisedPlaneStrain", "Helical", "PlaneStrain", "ThreeD",
     ),
@@ -211,6 +225,11 @@ _HOME = {
         "LangevinDielectric", "LinearPermittivity", "Material", "Maxwell", "MooneyRivlin",
         "NeoHookean", "Ogden", "PolynomialPermittivity", "SaturatingDielectric",
         "TabulatedPermittivity", "ViscousBranch", "WeibullBreakdown", "Yeoh",
+        "Air", "Along", "ArrudaBoyce", "BlatzKo", "Breakdown", "Conductivity", "Conductor",
+        "Cylindrical", "Debye", "ExtendedTube", "Gent", "Helix", "HolzapfelFibres",
+        "IdealDielectric", "KumarLopezPamies", "Material", "Maxwell", "MooneyRivlin", "NeoHookean",
+        "Ogden", "OgdenHill", "Reinforced", "SplineEnergy", "StandardReinforcing",
+        "TransverselyIsotropic", "ViscousBranch", "Wound", "Yeoh",
     ),
     "mesh.device": ("Device", "device", "read_gmsh"),
     "mesh.from_dolfinx": ("from_dolfinx",),

@@ -112,6 +112,17 @@ def of_dielectric(kind):
     )
 
 
+def fibre(kind):
+    """Give a rubber a family of fibres of a class."""
+    return lambda **given: of_material(dea.Reinforced)(
+        matrix=dea.NeoHookean(5e4), fibres=kind(**given))  # fmt: skip
+
+
+def along(kind):
+    """Give fibres a direction of a class."""
+    return lambda **given: fibre(dea.StandardReinforcing)(k=1e4, direction=kind(**given))
+
+
 def recorded(kind):
     return lambda **given: solve(record={"it": kind(**given)})
 
@@ -153,6 +164,22 @@ FIELDS = {
     dea.Yeoh: (of_material(dea.Yeoh), dict(C10=2e4, C20=10.0, C30=1.0)),
     dea.Ogden: (of_material(dea.Ogden), dict(mu=(5e4,), alpha=(2.0,))),
     dea.ArrudaBoyce: (of_material(dea.ArrudaBoyce), dict(mu=5e4, lam_m=3.0)),
+    dea.ExtendedTube: (of_material(dea.ExtendedTube), dict(Gc=1e5, Ge=1e5, delta=0.1, beta=0.5)),
+    dea.SplineEnergy: (of_material(dea.SplineEnergy), dict(
+        slope_1=1e5, knots_1=(1.0, 2.0), curvature_1=(1e5, 1e5),
+        slope_2=1e4, knots_2=(1.0, 2.0), curvature_2=(1e4, 0.0))),
+    dea.OgdenHill: (of_material(dea.OgdenHill), dict(mu=(5e4,), alpha=(2.0,), beta=(0.5,))),
+    dea.BlatzKo: (of_material(dea.BlatzKo), dict(mu=5e4)),
+    dea.Reinforced: (of_material(dea.Reinforced), dict(
+        matrix=dea.NeoHookean(5e4), fibres=(dea.StandardReinforcing(1e4, (1, 0, 0)),))),
+    dea.StandardReinforcing: (fibre(dea.StandardReinforcing), dict(k=1e4, direction=(1, 0, 0))),
+    dea.HolzapfelFibres: (fibre(dea.HolzapfelFibres), dict(k1=1e4, k2=1.0, direction=(1, 0, 0))),
+    dea.TransverselyIsotropic: (
+        fibre(dea.TransverselyIsotropic), dict(k=1e4, c=1e3, direction=(1, 0, 0))),
+    dea.Along: (along(dea.Along), dict(vector=(1.0, 0.0, 0.0))),
+    dea.Cylindrical: (along(dea.Cylindrical), dict(vector=(1.0, 0.0, 0.0))),
+    dea.Wound: (along(dea.Wound), dict(degrees=0.0)),
+    dea.Helix: (along(dea.Helix), dict(pitch=1e-3)),
     dea.IdealDielectric: (
         lambda **g: scene(materials={"film": dea.Material(dea.Gent(5e4, 9.0), dea.IdealDielectric(
             **g))}), dict(eps_r=3.0)),

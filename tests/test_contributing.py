@@ -17,7 +17,9 @@ from test_structure import PACKAGE, ROOMS
 
 PAGE = ROOT / "CONTRIBUTING.md"
 MOST_LINES = 60
-SHOWN = ("material", "dielectric", "support", "load", "field", "observable", "device family")
+SHOWN = (
+    "material", "fibre", "dielectric", "support", "load", "field", "observable", "device family",
+)  # fmt: skip
 """Kinds of things whose addition is shown by a diff."""
 
 ADDED = tuple(

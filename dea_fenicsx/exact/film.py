@@ -22,6 +22,7 @@ import numpy as np
 from dea_fenicsx.exact.film_field import FilmField
 from dea_fenicsx.exact.states import STRESSES, Stress
 from dea_fenicsx.materials import Material
+from dea_fenicsx.materials.base import is_compressible, is_isotropic
 from dea_fenicsx.materials.stretches import margin, taylor
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
@@ -103,6 +104,8 @@ class Film:
         faults = self.material.faults()
         if faults:
             raise InputError(f"{type(self.material.elastic).__name__}: {faults[0]}.")
+        if not is_isotropic(self.material.elastic):
+            self.material.elastic.check_axes()  # type: ignore[attr-defined]
         FilmField(self.material.dielectric_of("film's material"))
         positive(self.thickness, "The thickness", "a length > 0 in m")
         one_of(self.stress, STRESSES, "The stress", '"field" or "pressure"')
@@ -158,7 +161,10 @@ class Film:
         return self.v.reshape(3, *[1] * (e.ndim - 1)) + g / 2
 
     def freedoms(self, symmetric: bool) -> tuple[np.ndarray, np.ndarray]:
-        """Offset e0 and basis B of e = e0 + B y; with `symmetric`, equal sides stay equal."""
+        """Offset e0 and basis B of e = e0 + B y; with `symmetric`, equal sides stay equal.
+
+        Not so with fibres, which may lie along one side alone.
+        """
         e0 = np.zeros(3)
         columns = []
         for k, side in enumerate(self.sides):
@@ -166,7 +172,8 @@ class Film:
                 e0[k] = math.log(side.stretch)
             else:
                 columns.append(np.eye(3)[k])
-        if len(columns) == 2 and symmetric and self.first == self.second:
+        alike = self.first == self.second and is_isotropic(self.material.elastic)
+        if len(columns) == 2 and symmetric and alike:
             columns = [columns[0] + columns[1]]
         if self.incompressible:
             e0[2] = -e0[0] - e0[1]
@@ -185,12 +192,12 @@ class Film:
 
     def elastic(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Energy, gradient and Hessian in e, the volumetric part included."""
-        kappa = self.material.bulk_modulus
-        if kappa is None:
-            return taylor(self.material.elastic, e)
+        kappa, elastic = self.material.bulk_modulus, self.material.elastic
+        if kappa is None or is_compressible(elastic):
+            return taylor(elastic, e, along_axes=True)
         volume = e.sum(axis=0)
         J = np.exp(volume)
-        W, R, H = taylor(self.material.elastic, e - volume / 3)
+        W, R, H = taylor(elastic, e - volume / 3, along_axes=True)
         P = np.eye(3) - 1 / 3
         R = np.tensordot(P, R, 1)
         H = np.einsum("ij,jk...,kl->il...", P, H, P)
@@ -278,7 +285,7 @@ class Film:
 
     def margin(self, e: np.ndarray) -> np.ndarray:
         """Distance to chain lock-up, inf where the model has no limit."""
-        if not self.incompressible:
+        if not self.incompressible and not is_compressible(self.material.elastic):
             e = e - e.sum(axis=0) / 3
         return margin(self.material.elastic, e)
 

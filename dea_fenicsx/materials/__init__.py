@@ -17,6 +17,7 @@ from dea_fenicsx.materials.dielectrics import (
     PolynomialPermittivity,
     TabulatedPermittivity,
 )
+from dea_fenicsx.materials.directions import Along, Cylindrical, Direction, Helix, Wound
 from dea_fenicsx.materials.electric import (
     Breakdown,
     Conductivity,
@@ -25,10 +26,19 @@ from dea_fenicsx.materials.electric import (
     Dielectric,
     IdealDielectric,
 )
+from dea_fenicsx.materials.fibres import (
+    Family,
+    HolzapfelFibres,
+    Reinforced,
+    StandardReinforcing,
+    TransverselyIsotropic,
+)
 from dea_fenicsx.materials.fitted import Fit
 from dea_fenicsx.materials.fitting import fit
 from dea_fenicsx.materials.flow_laws import FlowLaw, KumarLopezPamies
+from dea_fenicsx.materials.foams import BlatzKo, OgdenHill
 from dea_fenicsx.materials.material import Material, bulk_modulus_of
+from dea_fenicsx.materials.networks import ExtendedTube
 from dea_fenicsx.materials.ogden import Ogden
 from dea_fenicsx.materials.polarisation import (
     CompositeDielectric,
@@ -40,6 +50,7 @@ from dea_fenicsx.materials.polarisation import (
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.presets import Preset, get, names, preset
 from dea_fenicsx.materials.rate_data import RateData, rate_errors, rate_stress, read_cycles
+from dea_fenicsx.materials.spline import SplineEnergy
 from dea_fenicsx.materials.viscous import Maxwell, ViscousBranch
 from dea_fenicsx.materials.viscous_fitting import RateFit, fit_rates
 from dea_fenicsx.materials.weibull import WeibullBreakdown
@@ -56,6 +67,20 @@ __all__ = [
     "Ogden",
     "Gent",
     "ArrudaBoyce",
+    "ExtendedTube",
+    "SplineEnergy",
+    "OgdenHill",
+    "BlatzKo",
+    "Reinforced",
+    "Family",
+    "StandardReinforcing",
+    "HolzapfelFibres",
+    "TransverselyIsotropic",
+    "Direction",
+    "Along",
+    "Cylindrical",
+    "Wound",
+    "Helix",
     "IdealDielectric",
     "Breakdown",
     "Conductivity",

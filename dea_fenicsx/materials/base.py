@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
 
 from dea_fenicsx.support.validation import is_finite, is_positive
 
@@ -37,10 +39,39 @@ class Strain(Protocol):
         """Sum of powers of the principal stretches, lam1^alpha + lam2^alpha + lam3^alpha."""
         ...
 
+    @property
+    def J(self) -> Any:
+        """det F"""
+        ...
+
+    def exp(self, x: Any) -> Any:
+        """Exponential function."""
+        ...
+
+    def positive(self, x: Any) -> Any:
+        """x where it is positive, else 0."""
+        ...
+
+    def I4(self, direction: Any) -> Any:
+        """a . C a, the square of the stretch along a `Direction` with the unit vector a."""
+        ...
+
+    def I5(self, direction: Any) -> Any:
+        """a . C^2 a"""
+        ...
+
 
 @runtime_checkable
 class Elastic(Protocol):
     """An incompressible hyperelastic energy W in J/m^3, zero in the undeformed state.
+
+    A model whose constants are models themselves, such as `Reinforced`, holds them in its fields.
+
+    A model of a foam has the class attribute ``compressible = True`` and a method
+    ``initial_bulk_modulus()`` in Pa.  Its energy is of F itself, not of the volume-preserving part,
+    and its `spherical_slope` is 0.
+
+    A model of fibres has the class attribute ``isotropic = False``.
 
     A model may also have a method ``stress_size(s, lnJ)``: a stress in Pa that keeps in step with
     its own at any strain ``s``, is 0 in the undeformed state and negative for no F, with lnJ the
@@ -73,15 +104,64 @@ class Elastic(Protocol):
         ...
 
 
+def is_compressible(elastic: Any) -> bool:
+    """Whether an energy is one of F itself, so that it states how the volume changes."""
+    return bool(getattr(elastic, "compressible", False))
+
+
+def is_isotropic(elastic: Any) -> bool:
+    """Whether an energy has no directions of its own."""
+    return bool(getattr(elastic, "isotropic", True))
+
+
+def stress_size(elastic: Elastic, s: Strain, lnJ: Any) -> Any:
+    """A stress in Pa that grows with that of a model, never negative; see `Elastic`."""
+    if hasattr(elastic, "stress_size"):
+        return elastic.stress_size(s, lnJ)
+    stress = elastic.shear_modulus() * (s.I1 - 3 - 2 * lnJ)
+    margin = elastic.chain_margin(s)
+    return stress if margin is None else stress / margin
+
+
+def _is_part(value: Any) -> bool:
+    """Whether the value of a field is a model, or several."""
+    if isinstance(value, tuple):
+        return bool(value) and all(map(is_dataclass, value))
+    return is_dataclass(value)
+
+
+def parts(model: Any) -> list[str]:
+    """Names of the fields of a model that hold models, or tuples of models."""
+    return [f.name for f in fields(model) if _is_part(getattr(model, f.name))]
+
+
 def constants(model: Any) -> list[str]:
-    """Names of a model's constants: of its fields that are no choice of a form, which is text."""
-    return [f.name for f in fields(model) if not isinstance(getattr(model, f.name), str)]
+    """Names of a model's constants: of its fields that are no choice of a form, which is text.
+
+    Fields that hold models are not among them; see `parts`.
+    """
+    inner = parts(model)
+    return [
+        f.name for f in fields(model)
+        if f.name not in inner and not isinstance(getattr(model, f.name), str)
+    ]  # fmt: skip
 
 
 def choices(model: Any) -> tuple[str, ...]:
     """The choices of a model's form, which decide about its energy like another model's name."""
     values = (getattr(model, f.name) for f in fields(model))
     return tuple(value for value in values if isinstance(value, str))
+
+
+def shape(model: Any) -> tuple[Any, ...]:
+    """What shapes the form of an energy: numbers of constants, choices, and models inside."""
+    sizes = tuple(np.size(getattr(model, name)) for name in constants(model))
+    inner: list[Any] = []
+    for name in parts(model):
+        value = getattr(model, name)
+        several = value if isinstance(value, tuple) else (value,)
+        inner.append((name, *((type(one), shape(one)) for one in several)))
+    return (*sizes, *choices(model), *inner)
 
 
 def _positive(model: Any, *names: str) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dea_fenicsx.materials.base import Elastic, constants
+from dea_fenicsx.materials.base import Elastic, constants, is_compressible
 from dea_fenicsx.materials.electric import Dielectric, Electric
 from dea_fenicsx.materials.viscous import Branch, Maxwell, ViscousBranch
 from dea_fenicsx.support.errors import InputError
@@ -28,7 +28,8 @@ class Material:
     bulk_modulus
         Bulk modulus kappa in Pa.  None (the default) means exactly incompressible.  With a bulk
         modulus the elastic energy is taken of the volume-preserving part of F, and
-        kappa/2 (J - 1)^2 is added (in Abaqus's terms D1 = 2/kappa).
+        kappa/2 (J - 1)^2 is added (in Abaqus's terms D1 = 2/kappa).  Leave it out for a foam, whose
+        energy states its own; it is then that of small strain.
     name
         A name for reports.
     viscous
@@ -51,6 +52,10 @@ class Material:
             object.__setattr__(self, "viscous", tuple(self.viscous))
         elif isinstance(self.viscous, Branch):
             object.__setattr__(self, "viscous", (self.viscous,))
+        foam = is_compressible(self.elastic) and not self.elastic.faults()
+        if foam and self.bulk_modulus is None:
+            bulk = self.elastic.initial_bulk_modulus()  # type: ignore[attr-defined]
+            object.__setattr__(self, "bulk_modulus", bulk)
 
     @property
     def is_viscous(self) -> bool:
@@ -107,7 +112,15 @@ class Material:
                     else [f"viscous holds {shown(branch)}, but needs Maxwell(mu, tau) or "
                           "ViscousBranch(spring, tau)"]
                 )  # fmt: skip
-        if self.bulk_modulus is not None and not found:
+        if is_compressible(self.elastic):
+            if not found:
+                own = self.elastic.initial_bulk_modulus()  # type: ignore[attr-defined]
+                if self.bulk_modulus != own:
+                    found.append(
+                        f"bulk_modulus is {shown(self.bulk_modulus)}, but the energy states its "
+                        f"own, {own:g} Pa; leave it out"
+                    )
+        elif self.bulk_modulus is not None and not found:
             kappa, mu = self.bulk_modulus, self.elastic.shear_modulus()
             if not is_finite(kappa) or kappa < 2 / 3 * mu:
                 found.append(

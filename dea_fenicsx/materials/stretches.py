@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.materials.base import Elastic
+from dea_fenicsx.materials.base import Elastic, is_compressible
 from dea_fenicsx.support.errors import InputError
 
 # order of the six second derivatives: 11, 22, 33, 23, 13, 12
@@ -19,6 +19,8 @@ _I = np.array([0, 1, 2, 1, 0, 0])
 _J = np.array([0, 1, 2, 2, 2, 1])
 _BLOCK = 8192
 """Number of states that are evaluated together, so that they fit into the processor's cache."""
+LARGEST = 1e60
+"""Energies in Pa beyond this are taken as infinite."""
 
 
 class Series:
@@ -112,10 +114,13 @@ class PrincipalStrain:
     ----------
     e
         Logarithms of the principal stretches, shape (3, ...).
+    along_axes
+        Whether the first, second and third principal direction are those of the axes in which the
+        directions of fibres are given.
     """
 
-    def __init__(self, e: np.ndarray):
-        self.e = e
+    def __init__(self, e: np.ndarray, along_axes: bool = False):
+        self.e, self.along_axes = e, along_axes
 
     @property
     def I1(self) -> Series:
@@ -136,6 +141,43 @@ class PrincipalStrain:
             out[4 + 3 + k] += 4 * term  # mixed derivatives stand in the order 23, 13, 12
         return Series(out)
 
+    @property
+    def J(self) -> Series:
+        out = np.empty((10, *self.e.shape[1:]))
+        out[:] = np.exp(self.e.sum(axis=0))
+        return Series(out)
+
+    @staticmethod
+    def exp(x: Series) -> Series:
+        return x.exp()
+
+    @staticmethod
+    def positive(x: Series) -> Series:
+        return Series(np.where(x.c[0] > 0, x.c, 0.0))
+
+    def I4(self, direction: Any) -> Series:
+        """a . C a, the sum of a_k^2 lam_k^2."""
+        return self._weighted(2, direction)
+
+    def I5(self, direction: Any) -> Series:
+        """a . C^2 a, the sum of a_k^2 lam_k^4."""
+        return self._weighted(4, direction)
+
+    def _weighted(self, power: int, direction: Any) -> Series:
+        """Sum of powers of the principal stretches, times the squares of a unit vector's parts."""
+        if not self.along_axes:
+            raise InputError(
+                "This state is that of an isotropic rubber, but the material has fibres; a Film "
+                "takes fibres along its axes, and finite elements take any."
+            )
+        squares = direction.unit() ** 2
+        term = np.exp(power * self.e) * squares.reshape(3, *[1] * (self.e.ndim - 1))
+        out = np.zeros((10, *self.e.shape[1:]))
+        out[0] = term.sum(axis=0)
+        out[1:4] = power * term
+        out[4:7] = power * power * term
+        return Series(out)
+
     @staticmethod
     def ln(x: Series) -> Series:
         return x.log()
@@ -149,7 +191,9 @@ class PrincipalStrain:
         return Series(out)
 
 
-def taylor(elastic: Elastic, e: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def taylor(
+    elastic: Elastic, e: Any, along_axes: bool = False
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Energy, its gradient and its Hessian in the logarithms of the principal stretches.
 
     The gradient's differences are true stresses: sigma_i - sigma_3 = dW/de_i - dW/de_3.
@@ -160,6 +204,8 @@ def taylor(elastic: Elastic, e: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray
         The elastic model.
     e
         Logarithms of the three principal stretches, shape (3, ...).
+    along_axes
+        Whether the principal directions are the axes of the directions of fibres.
 
     Returns
     -------
@@ -172,9 +218,11 @@ def taylor(elastic: Elastic, e: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for k in range(0, flat.shape[1], _BLOCK):
             part = flat[:, k : k + _BLOCK]
-            value = elastic.energy(PrincipalStrain(part))
-            c[:, k : k + _BLOCK] = value.c
-            if (margin := elastic.chain_margin(PrincipalStrain(part))) is not None:
+            strain = PrincipalStrain(part, along_axes)
+            value = elastic.energy(strain)
+            # An exponential energy leaves the range of numbers, and is of no use long before that.
+            c[:, k : k + _BLOCK] = np.where(np.abs(value.c).max(axis=0) < LARGEST, value.c, np.nan)
+            if (margin := elastic.chain_margin(strain)) is not None:
                 c[:, k : k + _BLOCK][:, ~(margin.c[0] > 0)] = np.nan
     c = c.reshape(10, *e.shape[1:])
     hessian = np.empty((3, 3, *e.shape[1:]))
@@ -215,5 +263,10 @@ def nominal_stress(elastic: Elastic, test: str, stretch: Any) -> np.ndarray:
         Stretch along the first direction.
     """
     e = log_stretches(test, stretch)
+    if is_compressible(elastic):
+        raise InputError(
+            f"{type(elastic).__name__} changes its volume, but the tests of an incompressible "
+            "rubber do not; take a Film with a dead load along one side."
+        )
     _, R, _ = taylor(elastic, e)
     return (R[0] - R[2]) / np.exp(e[0])

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.materials.base import Elastic
+from dea_fenicsx.materials.base import Elastic, is_compressible, is_isotropic
 from dea_fenicsx.materials.flow_laws import FlowLaw
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
@@ -131,6 +131,11 @@ class ViscousBranch:
             found.append(
                 f"the initial shear modulus of a viscous branch's spring is {self.mu!r} Pa, but "
                 "must be > 0"
+            )
+        if not is_isotropic(self.spring) or is_compressible(self.spring):
+            found.append(
+                "the spring of a viscous branch has fibres or is a foam, but must be an isotropic "
+                "incompressible rubber"
             )
         if (self.tau is None) == (self.flow is None):
             given = "neither tau nor flow" if self.tau is None else "both tau and flow"

@@ -15,6 +15,7 @@ from typing import Any
 import basix.ufl
 
 from dea_fenicsx.materials import Material
+from dea_fenicsx.materials.base import is_compressible
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.scene.elements import Discretisation
 from dea_fenicsx.scene.kinematics_base import Kinematics
@@ -124,13 +125,14 @@ def declared_fields(scene: Scene) -> list[Field]:
     vector = basix.ufl.element("Lagrange", cell, 2, shape=(len(axes),))
     solids = tuple(scene.solids)
     has_air = len(solids) < len(scene.materials)
+    pressed = tuple(name for name in solids if not is_compressible(scene.solids[name].elastic))
     found = [
         # Where all is air, nothing moves.
         Field(
             "u", vector, Role.MOTION, axes, regions=None if solids else (),
             mass=_without_tension if kinematics.is_membrane else None,
         ),
-        _pressure(scene, cell, solids if has_air else None),
+        _pressure(scene, cell, None if len(pressed) == len(scene.materials) else pressed),
     ]  # fmt: skip
     if scene.has_potential:
         element = basix.ufl.element("Lagrange", cell, scene.elements.potential_degree)

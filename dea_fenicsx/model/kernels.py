@@ -17,7 +17,7 @@ import numpy as np
 import ufl
 
 from dea_fenicsx.materials import EPSILON_0, Dielectric, Elastic, Material, Maxwell
-from dea_fenicsx.materials.base import choices, constants
+from dea_fenicsx.materials.base import constants, is_compressible, parts, shape
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.air import BoundAir, bound_air
 from dea_fenicsx.model.fields import Field, Role
@@ -104,6 +104,8 @@ class Kernel:
         What shapes the cells of the air; None in a solid.
     is_membrane
         Whether the regions are films, whose pressure is eliminated.
+    length
+        The unit of length in m.
     """
 
     elastic: Elastic
@@ -121,6 +123,12 @@ class Kernel:
     relaxation: tuple[BoundDebye, ...] = ()
     air: BoundAir | None = None
     is_membrane: bool = False
+    length: float = 1.0
+
+    @property
+    def is_foam(self) -> bool:
+        """Whether the energy states how the volume changes, so that there is no pressure."""
+        return is_compressible(self.elastic)
 
     @property
     def is_viscous(self) -> bool:
@@ -195,7 +203,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 leak=leak if has_field else None,
                 relaxation=delayed_polarisations(scene, scales, cellwise, names[0], delayed),
                 air=bound_air(scene, scales, cellwise, names),
-                is_membrane=scene.kinematics.is_membrane,
+                is_membrane=scene.kinematics.is_membrane, length=scales.length,
             )
         )
     return made
@@ -240,13 +248,7 @@ def _branches(
 def _kind(material: Material) -> tuple:
     """The kinds of the models of a material: those of one kind may share a kernel."""
     closed = tuple(isinstance(branch, Maxwell) for branch in material.viscous)
-    return type(material.elastic), _shape(material.elastic), closed
-
-
-def _shape(elastic: Elastic) -> tuple:
-    """Sizes of the constants, and choices of a form: models with equal shapes share a kernel."""
-    sizes = tuple(np.size(getattr(elastic, name)) for name in constants(elastic))
-    return (*sizes, *choices(elastic))
+    return type(material.elastic), shape(material.elastic), closed
 
 
 def _bind(elastics: dict[str, Elastic], cellwise: Callable) -> Elastic:
@@ -262,6 +264,16 @@ def _bind(elastics: dict[str, Elastic], cellwise: Callable) -> Elastic:
         else:
             bound = cellwise(lambda n, k=name: getattr(elastics[n], k))
         object.__setattr__(model, name, bound)
+    for name in parts(model):
+        value = getattr(model, name)
+        if isinstance(value, tuple):
+            inner: Any = tuple(
+                _bind({n: getattr(e, name)[i] for n, e in elastics.items()}, cellwise)
+                for i in range(len(value))
+            )
+        else:
+            inner = _bind({n: getattr(e, name) for n, e in elastics.items()}, cellwise)
+        object.__setattr__(model, name, inner)
     return model
 
 

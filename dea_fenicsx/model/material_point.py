@@ -20,6 +20,7 @@ from dea_fenicsx.model.electric_point import ElectricPoint
 from dea_fenicsx.model.kernels import BoundDebye, Kernel
 from dea_fenicsx.model.tension_field import TensionField
 from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, StrainOf, cofactor
+from dea_fenicsx.scene.kinematics_base import place_of
 from dea_fenicsx.support.compat import dolfinx
 
 
@@ -79,10 +80,10 @@ class MaterialPoint:
         self.stretch_factors = {r: ufl.variable(t) for r, (t, _) in kernel.prestretch.items()}
         self.total = self._stretched(self.F)
         self.per_stress = self.constant(1 / stress)
-        self.strain = (
-            StrainOf(self.total) if kernel.is_incompressible
-            else StrainOf(self.F, scale=self.J ** (-2 / 3))
-        )  # fmt: skip
+        scale = 1 if kernel.is_incompressible or kernel.is_foam else self.J ** (-2 / 3)
+        place = place_of(kinematics, self._x)
+        undergone = self.total if kernel.is_incompressible else self.F
+        self.strain = StrainOf(undergone, scale, place, self.constant(kernel.length))
         self.p = fields["p"]
 
     def constant(self, value: float) -> Any:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.materials import Material
-from dea_fenicsx.materials.base import constants
+from dea_fenicsx.materials.base import constants, is_compressible, parts
 from dea_fenicsx.materials.viscous import Branch, Maxwell
 from dea_fenicsx.model.flowing_branches import spherical_slope
 from dea_fenicsx.model.kernels import Kernel
@@ -50,16 +50,22 @@ class _Handle:
         return str(self.parts[0]) if self.parts else ""
 
     def read(self, material: Material) -> float:
-        owner: Any = material
-        for part in self.parts:
-            owner = owner[part] if isinstance(part, int) else getattr(owner, part)
-        value = getattr(owner, self.name)
+        value = getattr(_end_of(self.parts, material), self.name)
         return float(value if self.place is None else value[self.place])
 
     def changed(self, material: Material, value: float) -> Material:
         """The material with another value of the constant."""
         found: Material = _changed(material, self.parts, self.name, self.place, value)
+        if is_compressible(found.elastic):  # its bulk modulus follows from the constants
+            found = replace(found, bulk_modulus=None)
         return found
+
+
+def _end_of(parts: tuple[str | int, ...], owner: Any) -> Any:
+    """What a way leads to from an owner."""
+    for part in parts:
+        owner = owner[part] if isinstance(part, int) else getattr(owner, part)
+    return owner
 
 
 def _changed(
@@ -86,14 +92,27 @@ def _of_model(
     region: str, part: str, model: Any, above: tuple[str | int, ...] = (), label: str = ""
 ) -> Iterator[tuple[str, _Handle]]:
     """The labels and handles of the constants of a model, which is a part of what is above it."""
+    return _of_part(region, model, (*above, part), f"{label or region}.{part}")
+
+
+def _of_part(
+    region: str, model: Any, way: tuple[str | int, ...], label: str
+) -> Iterator[tuple[str, _Handle]]:
+    """The labels and handles of the constants of a model at the end of a way, and inside of it."""
     for constant in constants(model):
-        value = getattr(model, constant)
-        name, parts = f"{label or region}.{part}.{constant}", (*above, part)
+        value, name = getattr(model, constant), f"{label}.{constant}"
         if isinstance(value, tuple):
             for k in range(len(value)):
-                yield f"{name}[{k}]", _Handle(region, parts, constant, k)
+                yield f"{name}[{k}]", _Handle(region, way, constant, k)
         else:
-            yield name, _Handle(region, parts, constant)
+            yield name, _Handle(region, way, constant)
+    for inner in parts(model):
+        value, name = getattr(model, inner), f"{label}.{inner}"
+        if isinstance(value, tuple):
+            for k, one in enumerate(value):
+                yield from _of_part(region, one, (*way, inner, k), f"{name}[{k}]")
+        else:
+            yield from _of_part(region, value, (*way, inner), name)
 
 
 def _of_branch(region: str, k: int, branch: Branch) -> Iterator[tuple[str, _Handle]]:
@@ -151,7 +170,7 @@ class Parameters(MutableMapping[str, float]):
                 own = {field.name for field in fields(material.dielectric)}  # type: ignore[arg-type]
                 for name in sorted(own & set(material.dielectric.constants)):
                     yield f"{region}.electric.{name}", _Handle(region, ("electric",), name)
-            if material.bulk_modulus is not None:
+            if material.bulk_modulus is not None and not is_compressible(material.elastic):
                 yield f"{region}.bulk_modulus", _Handle(region, (), "bulk_modulus")
 
     def __getitem__(self, name: str) -> float:
@@ -234,7 +253,7 @@ class Parameters(MutableMapping[str, float]):
             return getattr(kernel.electric, handle.name), value
         if handle.part == "":
             return kernel.kappa, handle.read(material) / scales.stress
-        coefficient = getattr(kernel.elastic, handle.name)
+        coefficient = getattr(_end_of(handle.parts[1:], kernel.elastic), handle.name)
         if handle.place is not None:
             coefficient = coefficient[handle.place]
         return coefficient, handle.read(material)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.materials import Material
-from dea_fenicsx.materials.base import choices, constants
+from dea_fenicsx.materials.base import shape
 from dea_fenicsx.materials.viscous import Branch, Maxwell
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.problem import Problem
@@ -149,7 +149,7 @@ def _kind(material: Material) -> tuple[Any, ...]:
     if material.is_air:
         return (material,)
     elastic, electric = material.elastic, material.electric
-    return type(elastic), _shape(elastic), type(electric), _shape_of_field(material), (
+    return type(elastic), shape(elastic), type(electric), _shape_of_field(material), (
         material.bulk_modulus is None
     ), tuple(map(_branch_kind, material.viscous)), material.density
 
@@ -163,9 +163,4 @@ def _branch_kind(branch: Branch) -> tuple[Any, ...]:
     """What of a viscous branch shapes the forms, and the names of its constants."""
     if isinstance(branch, Maxwell):
         return (Maxwell,)
-    return type(branch.spring), _shape(branch.spring), type(branch.flow)
-
-
-def _shape(model: Any) -> tuple[Any, ...]:
-    """The numbers of a model's constants, and its choices of a form."""
-    return (*(np.size(getattr(model, name)) for name in constants(model)), *choices(model))
+    return type(branch.spring), shape(branch.spring), type(branch.flow)

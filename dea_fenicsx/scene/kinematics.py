@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import ufl
@@ -63,6 +63,7 @@ class PlaneStrain(Kinematics):
     dim = 2
     axes = "xy"
     rotations = 1
+    mirrored = 2
 
     def check(self, device: Device) -> None:
         super().check(device)
@@ -127,6 +128,7 @@ class OfRevolution:
     cartesian = False
     rotations = 0
     axis_of_rotation = True
+    mirrored: ClassVar[int | None] = 1
 
     def check(self, device: Device) -> None:
         super().check(device)  # type: ignore[misc]  # that of the kinematics beside it

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from ufl import as_vector
 
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.mesh.neighbours import extent
@@ -56,6 +57,9 @@ class Kinematics(ABC):
     is_membrane
         Whether the mesh is the middle surface of a film, whose thickness stretch is part of F; see
         `scene.membranes`.
+    mirrored
+        Number of the component of F whose reflection must leave a material as it is, since the
+        displacement has no component along it; None in space.
     """
 
     dim: ClassVar[int] = 3
@@ -66,6 +70,7 @@ class Kinematics(ABC):
     rotations: ClassVar[int] = 3
     axis_of_rotation: ClassVar[bool] = False
     is_membrane: ClassVar[bool] = False
+    mirrored: ClassVar[int | None] = None
 
     @property
     def overall(self) -> tuple[str, ...]:
@@ -220,3 +225,8 @@ class Kinematics(ABC):
     def motion_in_words(self, motion: np.ndarray) -> str | None:
         """The name of a rigid motion, given by its coefficients; None in Cartesian kinematics."""
         return None
+
+
+def place_of(kinematics: Kinematics, x: Any) -> Any:
+    """The coordinates x of a mesh as a 3-vector in the components of F: (r, 0, z) in a section."""
+    return as_vector([x[0], 0, x[1]]) if kinematics.axis_of_rotation else kinematics.embed(x)

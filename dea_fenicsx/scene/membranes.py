@@ -144,6 +144,8 @@ class Membrane(_Film):
         area = (1 + g[0, 0]) * (1 + g[1, 1]) - g[0, 1] * g[1, 0]
         return as_matrix([[g[0, 0], g[0, 1], 0], [g[1, 0], g[1, 1], 0], [0, 0, 1 / area - 1]])
 
+    mirrored = 2
+
     def embed(self, v: Any) -> Any:
         return as_vector([v[0], v[1], 0])
 

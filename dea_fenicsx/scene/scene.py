@@ -15,6 +15,7 @@ from dea_fenicsx.scene.declared import Declared, gathered
 from dea_fenicsx.scene.electrode_checks import check_electrodes
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode
 from dea_fenicsx.scene.elements import SIMPLICES, Discretisation
+from dea_fenicsx.scene.fibre_checks import check_fibres
 from dea_fenicsx.scene.kinematics import Kinematics, ThreeD
 from dea_fenicsx.scene.membrane_checks import check_films, check_loads_of_membrane
 from dea_fenicsx.scene.sources import Source
@@ -83,6 +84,7 @@ class Scene:
         _check_names(self)
         self.kinematics.check(self.device)
         _check_materials(self)
+        check_fibres(self)
         check_films(self)
         check_electrodes(self)
         for condition in self.mechanics:

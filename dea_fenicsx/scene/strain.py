@@ -7,6 +7,8 @@ from typing import Any
 import ufl
 from ufl import as_matrix, as_vector, dot
 
+from dea_fenicsx.support.errors import InputError
+
 
 class StrainOf:
     """Invariants of F for the energies of `materials`, in symbolic form.
@@ -17,6 +19,9 @@ class StrainOf:
         Deformation gradient, 3 x 3.
     scale
         Factor on C, for the volume-preserving part: J^(-2/3).
+    place, length
+        Position in the undeformed body, in the components of F, and the unit of length in m.  None
+        where an energy with fibres cannot be taken.
 
     Notes
     -----
@@ -30,9 +35,10 @@ class StrainOf:
     arithmetic, stress and tangent are good to 1e-12 at and near equal stretches.
     """
 
-    def __init__(self, F: Any, scale: Any = 1):
+    def __init__(self, F: Any, scale: Any = 1, place: Any = None, length: Any = 1.0):
         self.C = scale * dot(F.T, F)
         self._F, self._scale = F, scale
+        self._place, self._length = place, length
         self._parts: Spectrum | None = None
 
     @property
@@ -43,9 +49,51 @@ class StrainOf:
     def I2(self) -> Any:
         return (self.I1**2 - ufl.inner(self.C, self.C)) / 2
 
+    @property
+    def F(self) -> Any:
+        """The deformation gradient of which C is taken."""
+        return ufl.sqrt(self._scale) * self._F if self._is_scaled else self._F
+
+    @property
+    def _is_scaled(self) -> bool:
+        return not (isinstance(self._scale, int) and self._scale == 1)
+
+    @property
+    def J(self) -> Any:
+        return 1.0 if self._is_scaled else cofactor(self._F)[1]
+
     @staticmethod
     def ln(x: Any) -> Any:
         return ufl.ln(x)
+
+    @staticmethod
+    def exp(x: Any) -> Any:
+        return ufl.exp(x)
+
+    @staticmethod
+    def positive(x: Any) -> Any:
+        return ufl.conditional(ufl.gt(x, 0), x, 0)
+
+    def I4(self, direction: Any) -> Any:
+        """a . C a with the unit vector a of a direction."""
+        a = self._along(direction)
+        return dot(a, dot(self.C, a)) / dot(a, a)
+
+    def I5(self, direction: Any) -> Any:
+        """a . C^2 a with the unit vector a of a direction."""
+        a = self._along(direction)
+        image = dot(self.C, a)
+        return dot(image, image) / dot(a, a)
+
+    def _along(self, direction: Any) -> Any:
+        """The vector of a direction at this place."""
+        if self._place is None:
+            raise InputError(
+                "A membrane that wrinkles takes an isotropic rubber, but this one has fibres; take "
+                "the membrane without wrinkles, or a mesh in space."
+            )
+        place = [self._length * self._place[i] for i in range(3)]
+        return as_vector(list(direction.at(place)))
 
     def power_sum(self, alpha: Any) -> Any:
         """lam1^alpha + lam2^alpha + lam3^alpha, exact at equal stretches too."""

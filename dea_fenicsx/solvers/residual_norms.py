@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.materials.base import is_compressible
 from dea_fenicsx.model.fields import Field, Role
 from dea_fenicsx.model.problem import Problem
 
@@ -15,6 +16,9 @@ STRESS_BY_SOFTEST_MODULUS = 1e-2
 
 A stress of this size gives the smallest force with which a displacement residual is compared.
 """
+
+SWELLING = 1e-3
+"""Strain of the swelling whose forces are the reference where there are foams."""
 
 STRESS_BY_OWN_MODULUS = 1e-3
 """Reference stress in each region, in units of its own shear modulus.
@@ -301,4 +305,19 @@ class References:
             with problem.at(here.with_values(values)):
                 problem.w.x.scatter_forward()
                 sizes.append(self._size_u(problem.residual()))
+        if any(is_compressible(m.elastic) for m in scene.solids.values()):
+            sizes.append(self._swollen())
         return max(sizes)
+
+    def _swollen(self) -> float:
+        """Norm of the forces of a small swelling; a foam has no pressure that would tell them."""
+        problem, kinematics = self.problem, self.problem.scene.kinematics
+        values = problem.rest.values.copy()
+        for name, part in zip(kinematics.axes, problem.displacement, strict=True):
+            column = kinematics.coordinates.find(name)
+            if column >= 0:
+                x = part.space.tabulate_dof_coordinates()
+                values[part.dofs] = SWELLING * x[:, column]
+        with problem.at(problem.state.with_values(values)):
+            problem.w.x.scatter_forward()
+            return self._size_u(problem.residual())

@@ -19,6 +19,7 @@ DIMENSIONS = {
     "": "a pure number",
     "V": "a voltage in V",
     "C": "a charge in C",
+    "C/m**2": "a charge per area in C/m^2",
     "m": "a length in m",
     "rad": "an angle in rad",
     "rad/m": "a twist in rad/m",

@@ -12,7 +12,7 @@ from dea_fenicsx.model.terms.base import EnergyTerm
 
 
 class Elasticity(EnergyTerm):
-    """W(F) - W'(1) ln J in incompressible regions, else W(J^(-1/3) F).
+    """W(F) - W'(1) ln J in incompressible regions, W(F) in foams, else W(J^(-1/3) F).
 
     The term with ln J makes the stress 0 in the undeformed state with p = 0.
     """
