@@ -32,7 +32,7 @@ def parse():
     parser.count("--fingers", 24, "fingers on each face")
     parser.number("--finger", 0.25e-3, "m", "width of a finger")
     parser.number("--gap", 0.25e-3, "m", "gap between two fingers")
-    parser.number("--voltage", 4e3, "V", "voltage between the fingers")
+    parser.number("--voltage", 4e3, "V", "voltage between the fingers; voltage_V is half of it")
     parser.count("--steps", 2, "steps of the voltage")
     parser.count("--mesh", 1, "refinement of the mesh")
     return parser, parser.parse_args()
@@ -93,7 +93,7 @@ def main():
         say = (lambda text: None) if args.quiet else print
         s = run.summary
         say(f"tip with the upper face driven {1e6 * s['tip_m']:.2f} um, with the lower one "
-            f"{1e6 * down['tip_m']:.2f} um, with both {1e6 * abs(both['tip_m']):.2f} um")  # fmt: skip
+            f"{1e6 * down['tip_m']:.2f} um, with both {1e6 * abs(both['tip_m']):.2f} um")
         say(f"capacitance of a face {1e12 * s['capacitance_at_rest_F']:.4f} pF, on a half space "
             f"{1e12 * known:.4f} pF")  # fmt: skip
         dea.pictures.curve(run.out, "voltage_V", "tip_m")

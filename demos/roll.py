@@ -1,8 +1,9 @@
 """Roll actuator: how far a voltage lengthens a film that is wound up in a spiral.
 
 The film has two layers with an electrode between them; the other electrode lies between the turns.
-The voltage makes all layers thinner, so that the roll grows longer and wider.  A section across it is
-computed.  It stays plane, and the stretch along the roll is one unknown (generalised plane strain).
+The voltage makes all layers thinner, so that the roll grows longer and wider.  A section across it
+is computed.  It stays plane, and the stretch along the roll is one unknown (generalised plane
+strain).
 
 Beside it stands a roll of very many thin layers, for which there is an exact state.  It is a tube
 in which a radius R becomes r with r^2 = a^2 + (R^2 - A^2)/l.  A layer of thickness t has the field
