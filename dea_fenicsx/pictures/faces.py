@@ -224,20 +224,20 @@ def _marked(
             found += np.bincount(corner(k), of, minlength=size)
         return found
 
-    marked = total(lambda k: corner(k + 1) - corner(k - 1)) != 0
+    marked: np.ndarray = np.asarray(total(lambda k: corner(k + 1) - corner(k - 1)) != 0)
     count = total(None)
     regions = faces.regions[seen]
     if regions.size and np.ptp(regions):
         # the variance of a few whole numbers is 0 to rounding, or at least 1/n
         mean, square = total(lambda k: regions), total(lambda k: regions.astype(float) ** 2)
-        marked |= count * square - mean**2 > 0.5
+        marked |= np.asarray(count * square - mean**2 > 0.5)
     least = 0.999 * (1 - np.cos(np.radians(SHARP)))
     for normal in shapes:
         short = count * (count - np.float32(least))
         for axis in range(3):
             along = normal[seen, axis]
             short -= total(lambda k, along=along: along) ** 2  # type: ignore[misc]
-        marked |= short >= 0
+        marked |= np.asarray(short >= 0)
     return numbers, marked
 
 

@@ -84,11 +84,14 @@ class Body:
 
     def outlines(self, shapes: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Ends of the lines at edges that are sharp, for each position of the nodes."""
-        turned = [] if self.flat else [normals(self.faces, points) for points in shapes]
+        if self.flat:
+            edges, pairs = edges_of(self.faces, [])
+            return [lines_of(edges[sharp(pairs, None)], points) for points in shapes]
+        turned = [normals(self.faces, points) for points in shapes]
         edges, pairs = edges_of(self.faces, turned)
         return [
             lines_of(edges[sharp(pairs, normal)], points)
-            for normal, points in zip(turned or [None] * len(shapes), shapes, strict=True)
+            for normal, points in zip(turned, shapes, strict=True)
         ]
 
     def facing(self, points: np.ndarray, towards: np.ndarray) -> np.ndarray:
