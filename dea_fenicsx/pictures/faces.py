@@ -221,10 +221,11 @@ def _marked(
         found = np.zeros(size, dtype=np.float32 if weights is None else np.float64)
         for k in range(n):
             of = None if weights is None else weights(k)
-            found += np.bincount(corner(k), of, minlength=size)
+            more = np.bincount(corner(k), of, minlength=size)
+            np.add(found, more, out=found, casting="unsafe")
         return found
 
-    marked: np.ndarray = np.asarray(total(lambda k: corner(k + 1) - corner(k - 1)) != 0)
+    marked = total(lambda k: corner(k + 1) - corner(k - 1)) != 0
     count = total(None)
     regions = faces.regions[seen]
     if regions.size and np.ptp(regions):
