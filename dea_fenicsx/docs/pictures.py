@@ -30,7 +30,8 @@ def small(source: Path, target: Path, width: int = 1200) -> None:
         picture = picture.resize((width, height), Image.Resampling.LANCZOS)
     # this method keeps colours that few pixels have, such as those of a scale
     method = Image.Quantize.MAXCOVERAGE
-    picture.quantize(COLOURS, method, kmeans=2, dither=Image.Dither.NONE).save(target, optimize=True)
+    picture = picture.quantize(COLOURS, method, kmeans=2, dither=Image.Dither.NONE)
+    picture.save(target, optimize=True)
     print(f"{target.relative_to(ROOT)}: {target.stat().st_size / 1e3:.0f} kB")
 
 
