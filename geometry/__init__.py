@@ -28,13 +28,16 @@ if TYPE_CHECKING:
     from .kresling_cell import KreslingCell
     from .membrane_disc import MembraneDisc
     from .meridian import Meridian
+    from .roll import Roll
     from .stiffened_film import StiffenedFilm, StiffenedSection
+    from .tabbed_stack import TabbedStack
     from .tube import Tube
 
 __all__ = [
     "AirBox", "AirCore", "Balloon", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack",
     "FingerStack", "Geometry", "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer",
-    "MembraneDisc", "Meridian", "StiffenedFilm", "StiffenedSection", "Tube", "graded",
+    "MembraneDisc", "Meridian", "Roll", "StiffenedFilm", "StiffenedSection", "TabbedStack",
+    "Tube", "graded",
 ]  # fmt: skip
 
 _HOME = {
@@ -52,8 +55,10 @@ _HOME = {
     "KreslingCell": "kresling_cell",
     "MembraneDisc": "membrane_disc",
     "Meridian": "meridian",
+    "Roll": "roll",
     "StiffenedFilm": "stiffened_film",
     "StiffenedSection": "stiffened_film",
+    "TabbedStack": "tabbed_stack",
     "Tube": "tube",
 }
 

@@ -376,6 +376,10 @@ FIELDS = {
     geometry.Balloon: (geometry.Balloon, dict(radius=1e-2)),
     geometry.HollowSphere: (geometry.HollowSphere, dict(inner=1e-2, outer=1.2e-2)),
     geometry.Tube: (geometry.Tube, dict(inner=1e-2, height=1e-2, layers=[Layer("film", 1e-3)])),
+    geometry.Roll: (
+        geometry.Roll, dict(inner=1e-3, turns=2, layers=[Layer("film", 1e-3)])),
+    geometry.TabbedStack: (
+        geometry.TabbedStack, dict(length=1e-2, layers=[Layer("film", 1e-3)] * 3, margin=1e-3)),
     geometry.FingerStack: (
         geometry.FingerStack,
         dict(layers=[Layer("film", 1e-3)], fingers=2, finger=1e-3, gap=1e-3)),

@@ -51,6 +51,7 @@ from demo_checks import (
     check_zipping,
     summary,
 )
+from device_demo_checks import DEVICE_CHECKS
 from motion_demo_checks import (
     check_balloon_branches,
     check_balloon_motion,
@@ -327,7 +328,7 @@ def check_read_results(out, printed):
     assert "hexahedron27" in printed
 
 
-CHECKS = {
+CHECKS = DEVICE_CHECKS | {
     "balloon_branches.py": (check_balloon_branches, []),
     "balloon_gas.py": (check_balloon, ["--outside-pressure", 0, "--voltage", 0.1]),
     "balloon_motion.py": (check_balloon_motion, ["--voltage", 0.05, "--steps", 120]),

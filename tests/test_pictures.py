@@ -412,3 +412,28 @@ def test_many_cells_take_little_time_and_memory(tmp_path: Path) -> None:
     assert seconds < 3 and megabytes < 500
     yellow = np.abs(colours(picture) - [0.993, 0.906, 0.144]).max(axis=-1) < 0.03
     assert 0.05 < yellow.mean() < 0.9
+
+
+@pytest.mark.parametrize("angle", [0.0, 30.0, 60.0])
+def test_edges_that_are_drawn(angle: float) -> None:
+    """A bent strip: its border, and the fold where it is sharp; two regions meet at a line."""
+    from dea_fenicsx.pictures.faces import Faces, edges_of, normals, sharp
+
+    n = 4
+    along = np.arange(2 * n + 1.0)
+    turn = np.radians(angle)
+    x = np.where(along < n, along, n + (along - n) * np.cos(turn))
+    z = np.where(along < n, 0, (along - n) * np.sin(turn))
+    points = np.array([(a, y, c) for a, c in zip(x, z, strict=True) for y in range(n + 1)])
+    i, j = (a.ravel() for a in np.meshgrid(range(2 * n), range(n), indexing="ij"))
+    corners = ((0, 0), (1, 0), (1, 1), (0, 1))
+    nodes = np.stack([(i + a) * (n + 1) + j + b for a, b in corners], axis=1).astype(np.int32)
+    count, inner = len(nodes), np.zeros(len(nodes), dtype=bool)
+    for regions, lines in ((np.ones(count, int), 0), ((i >= 1).astype(int), 2 * n)):
+        faces = Faces(nodes, 4, np.arange(count), regions, inner, np.arange(len(points)), points,
+                      0 * points, np.ones(len(points), dtype=bool))  # fmt: skip
+        normal = normals(faces, points)
+        edges, pairs = edges_of(faces, [normal])
+        drawn = np.sort(edges[sharp(pairs, normal)], axis=1)
+        assert len(drawn) == 6 * n + (n if angle > 40 else 0) + lines
+        assert len(np.unique(drawn, axis=0)) == 6 * n + (n if angle > 40 else 0) + lines // 2

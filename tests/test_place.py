@@ -273,8 +273,8 @@ def test_electrodes_and_surfaces_are_blocks_by_name(done):
 
 
 def test_the_script_for_paraview_reads_a_run_that_has_grown(done, tmp_path):
-    """Its functions are called here without ParaView."""
-    folder = tmp_path / "run"
+    """Its functions are called here without ParaView; the folder's name has quotes."""
+    folder = tmp_path / """it's a "run" & {more}"""
     shutil.copytree(done[1], folder)
     text = paraview.write(folder).read_text("utf-8")
     tree = ast.parse(text)
@@ -287,6 +287,7 @@ def test_the_script_for_paraview_reads_a_run_that_has_grown(done, tmp_path):
     ]  # fmt: skip
     space = {"csv": csv, "os": os}
     exec(compile(ast.Module(kept, []), "view.py", "exec"), space)
+    assert space["FOLDER"] == str(folder.resolve())
     assert space["told"]() == space["WRITTEN"]
     assert space["told"]()[-1] == "step 4, stretch 1, voltage 5 kV"
     assert space["REGIONS"] == [(1, "paste"), (2, "film")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,10 +91,12 @@ def faces_of(stored: Stored) -> Faces:
     numbers = np.cumsum(kept, dtype=np.int32) - 1
     parents = chosen // per_cell
     names = np.flatnonzero(kept) if origin is None else origin[kept]
+    # pixels of a picture need no more than single precision
+    kind = np.float32 if len(chosen) > MANY_FACES else np.float64
+    points, moves = stored.points(kept).astype(kind), stored.displacements(kept).astype(kind)
     return Faces(
-        numbers[nodes], corners, parents, regions[parents], inner, names, stored.points(kept),
-        stored.displacements(kept), kept,
-    )  # fmt: skip
+        numbers[nodes], corners, parents, regions[parents], inner, names, points, moves, kept
+    )
 
 
 def _local(stored: Stored) -> tuple[int, np.ndarray]:
@@ -148,8 +151,15 @@ def key_of(numbers: np.ndarray) -> np.ndarray:
     return np.asarray((key ^ (key >> np.uint64(32))) * _MIX[0])
 
 
-def edges_of(faces: Faces) -> tuple[np.ndarray, np.ndarray]:
-    """Edges of the faces that are seen.
+def edges_of(faces: Faces, shapes: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Edges of the faces that are seen, without most of those that no picture draws.
+
+    Parameters
+    ----------
+    faces
+        The faces.
+    shapes
+        Unit normals of all faces, for each position of the nodes that is drawn.
 
     Returns
     -------
@@ -158,45 +168,92 @@ def edges_of(faces: Faces) -> tuple[np.ndarray, np.ndarray]:
         faces that have it, of which the second is -1 for an edge of one face alone.  Edges between
         faces of two regions belong to one face alone.
     """
-    rows = np.flatnonzero(faces.seen)
-    n, table = faces.corners, faces.nodes[rows]
-    ends = np.array([(k, (k + 1) % n) for k in range(n)])
-    keys = np.empty(len(rows) * n, dtype=np.uint64)
-    for begin in range(0, len(rows), MANY_FACES):
-        block = faces.names[table[begin : begin + MANY_FACES][:, ends]]
-        keys[begin * n : (begin + len(block)) * n] = key_of(block).ravel()
+    n, seen = faces.corners, np.flatnonzero(faces.seen)
+    numbers, marked = _marked(faces, seen, shapes)
+    both = np.zeros((len(seen), n), dtype=bool)
+    for k in range(n):
+        both[:, k] = marked[numbers(faces.nodes[seen, k])]
+    both &= np.roll(both, -1, axis=1)
+    row, side = np.nonzero(both)
+    rows = seen[row]
+    table = faces.nodes[rows]
+    place = np.arange(len(rows))
+    found = [table[place, side], table[place, (side + 1) % n]]
+    keys = key_of(faces.names[np.column_stack(found)])
     order, same = _sorted(keys)
-    del keys
-    regions = faces.regions[rows]
-    for begin in range(0, len(same), MANY_FACES):
-        here = regions[order[begin : begin + MANY_FACES + 1] // n]
-        same[begin : begin + MANY_FACES] &= here[1:] == here[:-1]
-    joined, later = np.append(same, False), np.append(False, same)
+    regions = faces.regions[rows[order]]
+    same &= regions[1:] == regions[:-1]
+    joined, later = np.append(same, False)[: len(order)], np.append(False, same)[: len(order)]
     first = np.flatnonzero(~later)
     last = np.minimum(first + 1, len(order) - 1)
-    second = np.where(joined[first], rows[order[last] // n], -1).astype(np.int32)
-    place, side = np.divmod(order[first].astype(np.int32), np.int32(n))
-    del order, last, first
-    columns = [ends[side, 0], ends[side, 1]]
-    if faces.nodes.shape[1] > n:
-        columns.append(n + side)
-    edges = np.column_stack([table[place, column] for column in columns])
-    return edges, np.column_stack([rows[place].astype(np.int32), second])
+    second = np.where(joined[first], rows[order[last]], -1)
+    if table.shape[1] > n:
+        found.append(table[place, n + side])
+    edges = np.column_stack(found)[order[first]]
+    return edges, np.column_stack([rows[order[first]], second]).astype(np.int32)
 
 
-def sharp(faces: Faces, pairs: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _marked(
+    faces: Faces, seen: np.ndarray, shapes: Sequence[np.ndarray]
+) -> tuple[Callable[[np.ndarray], np.ndarray], np.ndarray]:
+    """Numbers of nodes, with doubled ones joined, and which of them an edge may be drawn at.
+
+    An edge of one face alone ends where the neighbours before and after, in the faces around a
+    node, are not the same ones.  Of n unit normals of which two have the angle t, the square of
+    the sum is at most n^2 - n (1 - cos t).
+    """
+    n = faces.corners
+    if np.all(faces.names[1:] > faces.names[:-1]):
+        def numbers(nodes: np.ndarray) -> np.ndarray:
+            return nodes
+        size = len(faces.names)
+    else:
+        joined = np.unique(faces.names, return_inverse=True)[1].astype(np.int32)
+        size = int(joined.max(initial=-1)) + 1
+
+        def numbers(nodes: np.ndarray) -> np.ndarray:
+            return np.asarray(joined[nodes])
+
+    def corner(k: int) -> np.ndarray:
+        return numbers(faces.nodes[seen, k % n])
+
+    def total(weights: Callable[[int], np.ndarray] | None) -> np.ndarray:
+        found = np.zeros(size, dtype=np.float32 if weights is None else np.float64)
+        for k in range(n):
+            of = None if weights is None else weights(k)
+            more = np.bincount(corner(k), of, minlength=size)
+            np.add(found, more, out=found, casting="unsafe")
+        return found
+
+    marked = total(lambda k: corner(k + 1) - corner(k - 1)) != 0
+    count = total(None)
+    regions = faces.regions[seen]
+    if regions.size and np.ptp(regions):
+        # the variance of a few whole numbers is 0 to rounding, or at least 1/n
+        mean, square = total(lambda k: regions), total(lambda k: regions.astype(float) ** 2)
+        marked |= np.asarray(count * square - mean**2 > 0.5)
+    least = 0.999 * (1 - np.cos(np.radians(SHARP)))
+    for normal in shapes:
+        short = count * (count - np.float32(least))
+        for axis in range(3):
+            along = normal[seen, axis]
+            short -= total(lambda k, along=along: along) ** 2  # type: ignore[misc]
+        marked |= np.asarray(short >= 0)
+    return numbers, marked
+
+
+def sharp(pairs: np.ndarray, normal: np.ndarray | None) -> np.ndarray:
     """Whether each edge is drawn: one face alone has it, or two at an angle.
 
     Parameters
     ----------
-    faces, pairs
-        The faces, and the two of each edge as told by `edges_of`.
-    points
-        Positions of the nodes, deformed or not.
+    pairs
+        The two faces of each edge as told by `edges_of`.
+    normal
+        Unit normals of all faces; None if they lie in a plane.
     """
     drawn = pairs[:, 1] < 0
-    if not drawn.all() and np.ptp(points[:, 2]) > 0:
-        normal = normals(faces, points)
+    if normal is not None and not drawn.all():
         both = pairs[~drawn]
         cosine = np.einsum("ni,ni->n", normal[both[:, 0]], normal[both[:, 1]])
         drawn[~drawn] = cosine < np.cos(np.radians(SHARP))
@@ -205,10 +262,15 @@ def sharp(faces: Faces, pairs: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 def normals(faces: Faces, points: np.ndarray) -> np.ndarray:
     """Unit normal of each face by its corners, outwards, in single precision."""
-    a, b, c = (points[faces.nodes[:, k]].astype(np.float32) for k in range(3))
-    if faces.corners == 4:
-        d = points[faces.nodes[:, 3]].astype(np.float32)
-        found = np.cross(c - a, d - b)
-    else:
-        found = np.cross(b - a, c - a)
-    return found / np.maximum(np.linalg.norm(found, axis=1), 1e-30)[:, None]
+    found = np.empty((len(faces.nodes), 3), dtype=np.float32)
+    for begin in range(0, len(found), MANY_FACES):
+        nodes = faces.nodes[begin : begin + MANY_FACES]
+        a, b, c = (points[nodes[:, k]].astype(np.float32) for k in range(3))
+        if faces.corners == 4:
+            d = points[nodes[:, 3]].astype(np.float32)
+            cross = np.cross(c - a, d - b)
+        else:
+            cross = np.cross(b - a, c - a)
+        size = np.maximum(np.linalg.norm(cross, axis=1), 1e-30)
+        found[begin : begin + len(nodes)] = cross / size[:, None]
+    return found

@@ -6,14 +6,14 @@ afterwards.  The images are drawn by `raster`; axes, scales and text are matplot
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from dea_fenicsx.pictures.faces import Faces, edges_of, faces_of, sharp
+from dea_fenicsx.pictures.faces import Faces, edges_of, faces_of, normals, sharp
 from dea_fenicsx.pictures.pieces import lines_of, triangles_of
 from dea_fenicsx.pictures.raster import Canvas
 from dea_fenicsx.pictures.section import Section, section_of
@@ -76,21 +76,34 @@ class Body:
         return faces_of(self._stored)
 
     @cached_property
-    def edges(self) -> tuple[np.ndarray, np.ndarray]:
-        """Edges of faces, and the faces of each, see `edges_of`."""
-        return edges_of(self.faces)
-
-    @cached_property
     def section(self) -> Section | None:
         """The section of a device in space, if its plane meets a cell."""
         if self._stored.cell.flat:
             return None
         return section_of(self._stored, self.faces, self.values, self.nodal)
 
-    def outlines(self, points: np.ndarray) -> np.ndarray:
-        """Ends of the lines at edges that are sharp where the nodes have these positions."""
-        edges, pairs = self.edges
-        return lines_of(edges[sharp(self.faces, pairs, points)], points)
+    def outlines(self, shapes: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Ends of the lines at edges that are sharp, for each position of the nodes."""
+        if self.flat:
+            edges, pairs = edges_of(self.faces, [])
+            return [lines_of(edges[sharp(pairs, None)], points) for points in shapes]
+        turned = [normals(self.faces, points) for points in shapes]
+        edges, pairs = edges_of(self.faces, turned)
+        return [
+            lines_of(edges[sharp(pairs, normal)], points)
+            for normal, points in zip(turned, shapes, strict=True)
+        ]
+
+    def facing(self, points: np.ndarray, towards: np.ndarray) -> np.ndarray:
+        """Numbers of the faces that are drawn.
+
+        Of a solid that has many plane ones these are those that look towards the viewer.
+        """
+        seen = self.faces.seen
+        if not self._stored.cell.flat and self.faces.nodes.shape[1] == self.faces.corners:
+            # the halves of a face with four corners may be turned to each other
+            seen = seen & (normals(self.faces, points) @ towards.astype(np.float32) > -0.1)
+        return np.flatnonzero(seen)
 
     def seen(self, warp: float) -> tuple[np.ndarray, np.ndarray]:
         """Outermost points of the device and of its section, deformed and not, shapes (n, 3)."""
@@ -148,9 +161,10 @@ class _Camera:
 
     def at(self, points: np.ndarray) -> np.ndarray:
         """Places of points in pixels, shape (..., 3)."""
-        across = points @ self.axes.T
+        across = points @ self.axes.T.astype(points.dtype)
         for k in (0, 1):
-            across[..., k] = (across[..., k] - self.low[k]) * self.scale[k]
+            across[..., k] -= self.low[k]
+            across[..., k] *= self.scale[k]
         across[..., 2] *= max(self.scale)
         return np.asarray(across)
 
@@ -247,14 +261,9 @@ def render(
     low, high = view.limits
     text, divisor = words.label(body.name, max(abs(low), abs(high)))
     grey = "" if np.isfinite(body.values).all() else ", no field in grey"
-    _compose(
-        _panels(body, warp, view, words.axes),
-        (low / divisor, high / divisor),
-        text,
-        words.title(body.time) + grey,
-        path,
-        view.dpi,
-    )
+    title, panels = words.title(body.time) + grey, _panels(body, warp, view, words.axes)
+    del body  # matplotlib needs the memory
+    _compose(panels, (low / divisor, high / divisor), text, title, path, view.dpi)
 
 
 @dataclass(frozen=True)
@@ -297,9 +306,20 @@ def _draw_device(
     camera: _Camera, body: Body, warp: float, limits: tuple[float, float]
 ) -> None:
     """Draw the deformed device, its edges, and those of the undeformed one in red."""
+    points = body.faces.points
+    moved = points + points.dtype.type(warp) * body.faces.moves
+    _fill_device(camera, body, moved, limits)
+    shapes = [moved, points] if warp else [moved]
+    for lines, colour in zip(body.outlines(shapes), (_LINE, _RED), strict=False):
+        camera.canvas.lines(camera.at(lines), colour, _LINE_WIDTH, not body.flat)
+
+
+def _fill_device(
+    camera: _Camera, body: Body, moved: np.ndarray, limits: tuple[float, float]
+) -> None:
+    """Draw the faces of the device in the colours of the field."""
     faces = body.faces
-    moved = faces.points + warp * faces.moves
-    fine = triangles_of(faces, np.flatnonzero(faces.seen))
+    fine = triangles_of(faces, body.facing(moved, camera.axes[2]))
     at = fine.at(camera.at(moved))
     shade = None if body.flat else _brightness(at, fine.corners)
     values = fine.at(body.values[faces.kept]) if body.nodal else body.values[
@@ -308,11 +328,6 @@ def _draw_device(
     camera.canvas.fill(
         at, fine.corners, values, body.nodal, _colours(), np.array(_GREY), limits, shade
     )
-    camera.canvas.lines(camera.at(body.outlines(moved)), _LINE, _LINE_WIDTH, not body.flat)
-    if warp:
-        camera.canvas.lines(
-            camera.at(body.outlines(faces.points)), _RED, _LINE_WIDTH, not body.flat
-        )
 
 
 def _brightness(at: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -291,4 +291,5 @@ def write(folder: str | os.PathLike) -> Path:
         folder=str(place), field=field, displacement=DISPLACEMENT, label=LABELS.get(field, "J (-)"),
         written=written(place), loads=loads(place), regions=regions(place), nodal=is_small(place),
     )  # fmt: skip
-    return write_whole(place / "view.py", lambda file: file.write_text(text, "utf-8"))
+    target = Path(folder) / "view.py"
+    return write_whole(target, lambda file: file.write_text(text, "utf-8"))
