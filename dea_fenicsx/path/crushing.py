@@ -22,7 +22,7 @@ from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.stability import path_slope
 from dea_fenicsx.support import compat
 
-THIN = 0.05
+LARGEST_CRUSHED_STRETCH = 0.05
 """Largest principal stretch of a point that is about to be crushed."""
 
 LEAST_RATE_OVER_MEAN = 0.25
@@ -99,7 +99,7 @@ def find_crush(predictor: Predictor, origin: State, failed: Mapping[str, float])
     stretches = _Stretches(problem)
     here = stretches.of(last)
     lowest = float(np.min(comm.allgather(here.min(initial=np.inf))))
-    if not lowest <= THIN or step == 0 or now == origin.factors[name]:
+    if not lowest <= LARGEST_CRUSHED_STRETCH or step == 0 or now == origin.factors[name]:
         return None
     rates = {n: (failed[n] - factor) / step for n, factor in last.factors.items()}
     slope = path_slope(predictor.solver, last, rates)
@@ -110,7 +110,7 @@ def find_crush(predictor: Predictor, origin: State, failed: Mapping[str, float])
     state = problem.imposed(problem.under(problem.moved(last, back * slope), before))
     loss = (stretches.of(state) - here) / abs(back)
     mean = (stretches.of(origin) - here) / abs(now - origin.factors[name])
-    found = (here <= THIN) & (loss > 0) & (loss >= LEAST_RATE_OVER_MEAN * mean)
+    found = (here <= LARGEST_CRUSHED_STRETCH) & (loss > 0) & (loss >= LEAST_RATE_OVER_MEAN * mean)
     for earlier in predictor.known[:-1]:
         way = abs(now - earlier.factors[name])
         most = MOST_RATE_OVER_NEARBY if way <= NEARBY_IN_STEPS * abs(step) else MOST_RATE_OVER_FAR

@@ -32,7 +32,7 @@ from dea_fenicsx.support.errors import SolverError
 MOVING = "motion"
 """The event of a step on the way from a limit point to the state of rest."""
 
-LONGEST = 1e4
+LONGEST_MOTION = 1e4
 """Longest time of a motion, in units of its time scale 1/omega + drag/omega^2."""
 
 LONGEST_CREEP = 1e5
@@ -153,7 +153,7 @@ class Fall:
     def _limit(self, omega: float) -> float:
         """Longest time in s that the body has to come to rest."""
         fall = 1 / omega + self.how.inertia.drag / omega**2
-        return LONGEST * fall + LONGEST_CREEP * self.creeping
+        return LONGEST_MOTION * fall + LONGEST_CREEP * self.creeping
 
     def _at_rest(self) -> State | None:
         """The equilibrium in which the body is at rest now; None while it moves.  Collective."""

@@ -11,7 +11,7 @@ from dea_fenicsx.materials import Air
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_motions import joined_parts
 
-CLOSED = 0.01
+LARGEST_CLOSED_VOLUME_RATIO = 0.01
 """Air that is squeezed to this share of its volume counts as closed."""
 
 CLOSED_BY_STIFFNESS = 3.0
@@ -57,7 +57,8 @@ def _closed(problem: Problem) -> np.ndarray:
     found = np.zeros(imap.size_local + imap.num_ghosts, dtype=bool)
     for name, material in problem.scene.materials.items():
         if isinstance(material, Air):
-            limit = max(CLOSED, CLOSED_BY_STIFFNESS * material.stiffness ** (1 / 3))
+            by_stiffness = CLOSED_BY_STIFFNESS * material.stiffness ** (1 / 3)
+            limit = max(LARGEST_CLOSED_VOLUME_RATIO, by_stiffness)
             cells = device.cells_of(name)
             cells = cells[cells < imap.size_local]
             found[cells] = prober.smallest_J(cells) < limit

@@ -44,7 +44,7 @@ NO_PAIR = 1e-3
 Vectors that the constraints exclude have 1/m = 0, which rounding turns into some large m.
 """
 
-ALIGNED = 0.9
+LEAST_COSINE_OF_ITERATES = 0.9
 """Cosine between an eigenvector and its inverse iterate, below which it is no eigenvector."""
 
 INDEPENDENT = 1e-10
@@ -348,7 +348,7 @@ class _Search:
             squares = self._sum(
                 np.array([motion @ force, vector[self.motion] @ force, vector[self.motion] @ back])
             )
-            if abs(squares[1]) > ALIGNED * np.sqrt(squares[0] * squares[2]):
+            if abs(squares[1]) > LEAST_COSINE_OF_ITERATES * np.sqrt(squares[0] * squares[2]):
                 vectors.append(vector / np.sqrt(squares[2]))
                 weighed.append(back / np.sqrt(squares[2]))
         if not vectors:

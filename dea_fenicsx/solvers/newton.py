@@ -77,7 +77,7 @@ class NewtonSolver(LinearSolver):
         # Python's max would pass over a NaN that is not the first
         return max(norms) if np.all(np.isfinite(norms)) else np.inf
 
-    def without_rounding(self, residual: np.ndarray, norm: float) -> float:
+    def without_rounding(self, residual: np.ndarray, norm: float, wanted: float) -> float:
         """The scaled residual once more, if rounding may explain why it does not fall.  Collective.
 
         Where rounding of the displacements leaves more than Newton's tolerance, the forces that the
@@ -89,9 +89,12 @@ class NewtonSolver(LinearSolver):
             The residual of the present state.
         norm
             Its scaled size.
+        wanted
+            The size that it is to come to.  If this is below the usual tolerance, nothing is
+            allowed for: who asks for more digits is told that rounding errors forbid them.
         """
         tolerance = self.options.tolerance
-        if not norm <= MOST_ROUNDING_OVER_TOLERANCE * tolerance:
+        if wanted < NewtonOptions.tolerance or not norm <= MOST_ROUNDING_OVER_TOLERANCE * tolerance:
             return norm
         self.references.allow_for_rounding(residual, tolerance)
         return self.residual_of(residual)
@@ -186,9 +189,8 @@ class NewtonSolver(LinearSolver):
         while lifted is not None or norm > tolerance:
             if iteration == self.options.max_iterations and increment is not None:
                 outcome = self._slowness(history, increment)
-                # Who asks for more than the usual digits is told that rounding errors forbid them.
-                if outcome is Outcome.ROUNDING and tolerance >= NewtonOptions.tolerance:
-                    norm = self.without_rounding(residual, norm)
+                if outcome is Outcome.ROUNDING:
+                    norm = self.without_rounding(residual, norm, tolerance)
                     if norm <= tolerance:
                         break
                 return Attempt(outcome, iteration, norm)

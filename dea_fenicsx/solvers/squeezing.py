@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.model.problem import Problem
 
-LEAST_SHARE = 0.25
+LEAST_KEPT_SHARE_OF_J = 0.25
 """Share of its J that each point of the air keeps in one Newton step."""
 
 TOLERATED_SHARE = 0.1
@@ -53,4 +53,4 @@ class Squeezing:
 
 def shortened(share: float) -> float:
     """What a step is multiplied by if it leaves too small a share of J, which is linear in it."""
-    return float(np.clip((1 - LEAST_SHARE) / (1 - share), 0.05, 0.9))
+    return float(np.clip((1 - LEAST_KEPT_SHARE_OF_J) / (1 - share), 0.05, 0.9))
