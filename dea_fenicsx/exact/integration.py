@@ -25,12 +25,15 @@ from dea_fenicsx.exact.viscous_film import ViscousFilm, adjugate
 from dea_fenicsx.support.errors import InputError
 
 ARC_BEGINS_AT, ARC_ENDS_AT = 0.1, 0.2
-"""Stiffness, relative to the sum of all moduli, at which the arc length is begun and ended."""
+"""Below the first stiffness the film is followed by arc length; above the second, by time again.
+
+Both are relative to the sum of all moduli.
+"""
 
 LONGEST_EXPLICIT_PIECE = 3000.0
 """Length of a piece over the shortest relaxation time, above which an implicit method is taken."""
 
-RUNAWAY = 3.0
+LOG_STRETCH_OF_RUNAWAY = 3.0
 """Logarithmic stretch at which a film counts as running away without losing equilibrium.
 
 The chains of a branch's spring may hold it at each instant while the branch flows ever faster.
@@ -175,7 +178,7 @@ class Integrator:
 
     def _check_runaway(self, y: np.ndarray, t: float) -> None:
         """Refuse to follow stretches that grow without bound."""
-        if np.abs(self.film.B @ y).max(initial=0.0) > RUNAWAY:
+        if np.abs(self.film.B @ y).max(initial=0.0) > LOG_STRETCH_OF_RUNAWAY:
             raise InputError(
                 f"The film runs away at about {t:g} s: its stretches grow without bound, although "
                 "the springs of its branches hold it in equilibrium at each instant."

@@ -17,7 +17,10 @@ from dea_fenicsx.scene.springs import FoundationWork, SpringForce
 from dea_fenicsx.scene.torsion import TorsionMoment
 
 COARSE_STEP, FINE_STEP = 1e-6, 1e-9
-"""Elongations over the size of the device at which the stiffness of a force law is taken."""
+"""Elongations, over the size of the device, from which we take the stiffness of a force law.
+
+A law that has a stiffness at 0 has about the same one at both.
+"""
 
 
 def on_foundations(

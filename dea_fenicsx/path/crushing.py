@@ -1,11 +1,11 @@
 """Whether a ramp presses a part of the device to zero thickness.
 
-As a part is pressed, its smallest principal stretch falls, and where it is 0 there is no material
-state any more.  Newton's method fails a little before, because the other stretches grow without
-bound, and with them the rounding errors.  How it fails depends on where the last steps lie.  So the
-last accepted state decides and not the last trial: at some point little of the thickness is left,
-and it goes to zero with the load as steadily as before.  Before a limit point stretches do not go
-to zero, and they change the faster the nearer it is.
+As a part is pressed, its smallest principal stretch falls.  At 0 no material state exists.
+Newton's method fails a little earlier, because the other stretches and their rounding errors grow
+without bound.  How it fails depends on where the last steps lie, so the last accepted state
+decides.  A part is being crushed if two things hold at some point: little of the thickness is left,
+and it falls towards zero at the rate at which it has fallen before.  Before a limit point this is
+different: no stretch falls to zero, and all change faster the nearer the limit point is.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ Vectors that the constraints exclude have 1/m = 0, which rounding turns into som
 """
 
 LEAST_COSINE_OF_ITERATES = 0.9
-"""Cosine between an eigenvector and its inverse iterate, below which it is no eigenvector."""
+"""Least cosine between an eigenvector and its inverse iterate; below it, it is no eigenvector."""
 
 INDEPENDENT = 1e-10
 """Least eigenvalue of the products of unit vectors that are taken as linearly independent."""

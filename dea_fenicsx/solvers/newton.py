@@ -37,8 +37,8 @@ MOST_ROUNDING_OVER_TOLERANCE = 1e3
 CONTACT_SOFTENING = (0.1, 0.01)
 """Factors on the stiffness r of contacts that are tried one after another when Newton fails."""
 
-SOFT_TOLERANCE = 1e-8
-"""Newton's tolerance for the state of softer contacts, which only is a start."""
+SOFTENED_CONTACT_TOLERANCE = 1e-8
+"""Newton's tolerance where contacts are softened: this state only starts a further solve."""
 
 NEGLIGIBLE_MOTION = 1e-6
 """Displacements below this share of the device's size are rounding errors."""
@@ -149,7 +149,7 @@ class NewtonSolver(LinearSolver):
             state, iterations = start, 0
             for step, softer in enumerate(ladder):
                 with contacts.softened(softer):
-                    goal = max(tolerance, SOFT_TOLERANCE)
+                    goal = max(tolerance, SOFTENED_CONTACT_TOLERANCE)
                     soft = self._attempt(state, goal, lifting and step == 0, False)
                 iterations += soft.iterations
                 if not soft.converged:
