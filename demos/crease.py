@@ -59,28 +59,35 @@ def towards(end, finest, n):
 
 @dataclass(frozen=True)
 class Notched(BoxStack):
-    """A layer whose cells are graded towards its top left corner, where a notch is cut off.
+    """A stack whose top layer is graded towards its top left corner, where a notch is cut off.
 
     Parameters (besides those of a `BoxStack`)
     ----------
+    wide, deep
+        Length along the top, and depth, of the notch in m.
     notch
         Number of cells along the notch.
     """
 
+    wide: float = WIDE
+    deep: float = DEEP
     notch: int = 2
 
     def mesh(self):
-        mesh, n, m = super().mesh(), self.divisions[0], self.layers[0].divisions
-        cell = WIDE / self.notch
-        first = np.linspace(0, WIDE, self.notch + 1)
-        x = np.concatenate([first, WIDE + towards(LENGTH - WIDE, cell, n - self.notch)[1:]])
-        y = HEIGHT - towards(HEIGHT, cell, m)[::-1]
-        at = mesh.points
-        at[:, 0] = np.interp(at[:, 0], np.linspace(0, LENGTH, n + 1), x)
-        at[:, 1] = np.interp(at[:, 1], np.linspace(0, HEIGHT, m + 1), y)
-        # the nodes below the notch go down with it, the less, the deeper they lie
-        share = np.clip(1 - at[:, 0] / WIDE, 0, 1)
-        at[:, 1] -= DEEP * share * np.exp((at[:, 1] - HEIGHT) / (20 * DEEP)) * (at[:, 1] / HEIGHT)
+        mesh, n, top = super().mesh(), self.divisions[0], self.layers[-1]
+        at, low = mesh.points, sum(layer.thickness for layer in self.layers[:-1])
+        high, cell = low + top.thickness, self.wide / self.notch
+        first = np.linspace(0, self.wide, self.notch + 1)
+        rest = self.wide + towards(self.length - self.wide, cell, n - self.notch)[1:]
+        x = np.concatenate([first, rest])
+        at[:, 0] = np.interp(at[:, 0], np.linspace(0, self.length, n + 1), x)
+        y = high - towards(top.thickness, cell, top.divisions)[::-1]
+        above = at[:, 1] > low
+        at[above, 1] = np.interp(at[above, 1], np.linspace(low, high, top.divisions + 1), y)
+        # The nodes below the notch go down with it, the less, the deeper they lie.
+        share = np.clip(1 - at[above, 0] / self.wide, 0, 1)
+        share *= np.exp((at[above, 1] - high) / (20 * self.deep))
+        at[above, 1] -= self.deep * share * (at[above, 1] - low) / top.thickness
         return mesh
 
 

@@ -30,12 +30,11 @@ width; from there on it sinks very fast.  The two sides of a notch may overlap, 
 no contact (see crease.py).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
+from crease import Notched
 from mpi4py import MPI
 from scipy.linalg import eig
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
@@ -157,48 +156,13 @@ def buckled(parser, args, value, k):
     return run, onset
 
 
-@dataclass(frozen=True)
-class Notched(BoxStack):
-    """Base and film whose cells are graded towards the top left corner, where a notch is cut.
-
-    Parameters (besides those of a `BoxStack`)
-    ----------
-    notch
-        Number of cells along the notch.
-    """
-
-    notch: int = 2
-
-    def mesh(self):
-        mesh, n = super().mesh(), self.divisions[0]
-        (base, film), at = self.layers, mesh.points
-        h, low = film.thickness, base.thickness
-        first = np.linspace(0, WIDE * h, self.notch + 1)
-        rest = WIDE * h + towards(self.length - WIDE * h, first[1], n - self.notch)[1:]
-        at[:, 0] = np.interp(
-            at[:, 0], np.linspace(0, self.length, n + 1), np.concatenate([first, rest])
-        )
-        y = low + h - towards(h, first[1], film.divisions)[::-1]
-        above = at[:, 1] > low
-        at[above, 1] = np.interp(at[above, 1], np.linspace(low, low + h, film.divisions + 1), y)
-        # the nodes below the notch go down with it, the less, the deeper they lie
-        share = np.clip(1 - at[above, 0] / (WIDE * h), 0, 1)
-        depth = (at[above, 1] - low - h) / h
-        at[above, 1] -= DEEP * h * share * np.exp(depth / (20 * DEEP)) * (1 + depth)
-        return mesh
-
-
-def towards(end, finest, n):
-    """Ends of n cells from 0, with a first cell of a given size, which grow geometrically."""
-    ratio = brentq(lambda q: finest * (np.exp(q * n) - 1) / np.expm1(q) - end, 1e-9, 5)
-    return end * np.expm1(ratio * np.arange(n + 1)) / np.expm1(ratio * n)
-
-
 def folded(parser, args):
     """The film with a notch, until its corner has sunk by half the width of the notch."""
     h, k = args.thickness, args.mesh
     layers = [Layer("base", args.depth * h, 8 * k), Layer("film", h, 14 * k)]
-    mesh = Notched(4 * h, None, layers, divisions=20 * k, notch=2 * k)
+    mesh = Notched(
+        4 * h, None, layers, divisions=20 * k, wide=WIDE * h, deep=DEEP * h, notch=2 * k
+    )
     path = dea.Trace("voltage", first=0.2, until=("corner_m", -WIDE * h), steps=60, longest=0.5)
     return dea.solve(
         scene(args, mesh, volts(args, 1.0)), path,

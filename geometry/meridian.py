@@ -16,7 +16,7 @@ from ._structured import Floats, StructuredMesh, block, lattice_points
 from .base import Geometry
 from .grading import graded
 
-ROUNDING = 1e-9
+RADIUS_TOLERANCE = 1e-9
 """Largest difference of the radii of an arc's two ends, as a share of them."""
 
 
@@ -69,7 +69,7 @@ class Meridian(Geometry):
         if self.centre is None:
             return
         one, two = math.dist(self.start, self.centre), math.dist(self.end, self.centre)
-        if abs(one - two) > ROUNDING * max(one, two):
+        if abs(one - two) > RADIUS_TOLERANCE * max(one, two):
             raise InputError(
                 f"{owner}: the ends are {one:g} m and {two:g} m away from the centre, but must be "
                 "equally far from it."

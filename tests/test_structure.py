@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import os
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -59,7 +60,14 @@ def module_of(file: Path, root: Path = PACKAGE) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def imports_of(file: Path, root: Path = PACKAGE) -> set[str]:
+@cache
+def known_modules(root: Path) -> frozenset[str]:
+    """All modules below a folder.  A folder must not change after the first call."""
+    return frozenset(module_of(file, root) for file in sources(root))
+
+
+@cache
+def imports_of(file: Path, root: Path = PACKAGE) -> frozenset[str]:
     """Modules of this package that a file imports anywhere in it, relative imports included."""
     module = module_of(file, root).split(".")
     package = module if file.name == "__init__.py" else module[:-1]
@@ -74,10 +82,9 @@ def imports_of(file: Path, root: Path = PACKAGE) -> set[str]:
                 base = ".".join(["dea_fenicsx", *above, *([base] if base else [])])
             # what is imported may be a module itself
             found |= {base} | {f"{base}.{a.name}" for a in node.names}
-    known = {module_of(f, root) for f in sources(root)}
     prefix = "dea_fenicsx."
     inside = {name.removeprefix(prefix) for name in found if name.startswith(prefix)}
-    return inside & known
+    return known_modules(root) & inside
 
 
 def room_of(module: str) -> str:

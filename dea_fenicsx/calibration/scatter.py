@@ -18,10 +18,10 @@ from dea_fenicsx.support.errors import DeaError, InputError, Interrupted, Machin
 from dea_fenicsx.support.type_checks import check_declared, plain_numbers, shown
 from dea_fenicsx.support.validation import finite, keywords, known, one_of, positive, whole
 
-STEP = 1e-2
+DEVIATION_STEP = 1e-2
 """Step of a difference, over the standard deviation."""
 
-LEAST_SHARE = 1e-12
+LEAST_PROBABILITY = 1e-12
 """Distance of a sample from the ends of a distribution, as a probability."""
 
 
@@ -219,9 +219,10 @@ def _changes(
         return {q: {n: found[q][n] * one.deviation for n, one in scatter.items()} for q in value}
     changes: dict[str, dict[str, float]] = {q: {} for q in value}
     for name, one in scatter.items():
-        ends = [_quantities(model, means | {name: one.at(sign * STEP)}) for sign in (1, -1)]
+        moved = [means | {name: one.at(sign * DEVIATION_STEP)} for sign in (1, -1)]
+        ends = [_quantities(model, constants) for constants in moved]
         for q in value:
-            changes[q][name] = (ends[0][q] - ends[1][q]) / (2 * STEP)
+            changes[q][name] = (ends[0][q] - ends[1][q]) / (2 * DEVIATION_STEP)
     return changes
 
 
@@ -234,7 +235,7 @@ def _sampled(
 
     if not count:
         return {}
-    ends = (LEAST_SHARE, 1 - LEAST_SHARE)
+    ends = (LEAST_PROBABILITY, 1 - LEAST_PROBABILITY)
     found: dict[str, np.ndarray] = {name: np.full(count, np.nan) for name in names}
     for k, share in enumerate(points(LatinHypercube(dict.fromkeys(scatter, ends), count, seed))):
         at = {name: one.at(float(norm.ppf(share[name]))) for name, one in scatter.items()}

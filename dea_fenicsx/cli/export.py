@@ -6,10 +6,9 @@ import argparse
 from pathlib import Path
 
 from dea_fenicsx.support.errors import InputError
-from dea_fenicsx.support.files import clean
+from dea_fenicsx.support.files import LONGEST_PATH, clean
 
 HELP = "a run or a mesh as VTU, VTKHDF, Abaqus' input file or CSV"
-LONGEST_PATH = 1000
 
 
 def add(parser: argparse.ArgumentParser) -> None:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from dea_fenicsx.support.files import clean
+from dea_fenicsx.support.files import LONGEST_PATH, clean
 
 HELP = "a run as one HTML file for the browser"
-LONGEST_PATH = 1000
 
 
 def add(parser: argparse.ArgumentParser) -> None:

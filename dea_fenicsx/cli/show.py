@@ -15,10 +15,9 @@ import numpy as np
 from dea_fenicsx.results.first_columns import load_column, ordinate, recorded
 from dea_fenicsx.results.reading import field_names, load_columns, read_history, read_summary
 from dea_fenicsx.support.errors import InputError
-from dea_fenicsx.support.files import clean, listed
+from dea_fenicsx.support.files import LONGEST_PATH, clean, listed
 
 HELP = "summary, curves and pictures of a run"
-LONGEST_PATH = 1000
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("results", nargs="+", type=Path, metavar="RESULTS",

@@ -20,7 +20,7 @@ from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, positive
 
-ROUNDING = 1e-12
+TIME_TOLERANCE = 1e-12
 """Largest relative error of a time, by which two times count as one."""
 
 
@@ -131,10 +131,10 @@ class Step(Wave):
     low: float = 0.0
 
     def __call__(self, t: float) -> float:
-        return self.to if t >= self.at - ROUNDING * abs(self.at) else self.low
+        return self.to if t >= self.at - TIME_TOLERANCE * abs(self.at) else self.low
 
     def before(self, t: float) -> float:
-        return self.to if t > self.at + ROUNDING * abs(self.at) else self.low
+        return self.to if t > self.at + TIME_TOLERANCE * abs(self.at) else self.low
 
     def corners(self, start: float, end: float) -> tuple[float, ...]:
         return _inside((self.at,), start, end)
@@ -212,10 +212,10 @@ class Square(_Periodic):
     corner_phases: ClassVar[tuple[float, ...]] = (0.0, 0.5)
 
     def __call__(self, t: float) -> float:
-        return self._value(self.turns(t) + ROUNDING * max(1.0, abs(self.turns(t))))
+        return self._value(self.turns(t) + TIME_TOLERANCE * max(1.0, abs(self.turns(t))))
 
     def before(self, t: float) -> float:
-        return self._value(self.turns(t) - ROUNDING * max(1.0, abs(self.turns(t))))
+        return self._value(self.turns(t) - TIME_TOLERANCE * max(1.0, abs(self.turns(t))))
 
     def _value(self, turns: float) -> float:
         return self.mean + (self.amplitude if turns % 1.0 < 0.5 else -self.amplitude)
@@ -367,5 +367,5 @@ class Function(Wave):
 
 def _inside(times: Sequence[float], start: float, end: float) -> tuple[float, ...]:
     """Those of some times that lie strictly between two others, sorted, each once."""
-    room = ROUNDING * max(abs(start), abs(end))
+    room = TIME_TOLERANCE * max(abs(start), abs(end))
     return tuple(sorted({t for t in times if start + room < t < end - room}))

@@ -22,7 +22,7 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite, is_positive
 
-FARTHEST = 20.0
+LARGEST_RADIUS_RATIO = 20.0
 """Radii up to this many times the undeformed one are looked at."""
 
 
@@ -80,7 +80,7 @@ class Balloon:
 
     def equilibrium(self, pascal: float = 0.0, volts: float = 0.0) -> float | None:
         """Smallest inner radius in m at which it rests, stably; None beyond the limit point."""
-        stretches = np.geomspace(0.2, FARTHEST, 4001)
+        stretches = np.geomspace(0.2, LARGEST_RADIUS_RATIO, 4001)
         values = [self.push(s * self.inner, pascal, volts) for s in stretches]
         for k in range(len(stretches) - 1):
             if values[k] > 0 >= values[k + 1]:
@@ -105,7 +105,7 @@ class Balloon:
     def largest(self, pascal: float = 0.0, volts: float = 0.0) -> tuple[float, float] | None:
         """Largest inner radius in m, and its time in s, after loads are switched on at rest.
 
-        None if it grows beyond `FARTHEST` times its undeformed radius.
+        None if it grows beyond `LARGEST_RADIUS_RATIO` times its undeformed radius.
         """
         if not is_positive(self.push(self.inner, pascal, volts)):
             return self.inner, 0.0
@@ -121,7 +121,7 @@ class Balloon:
             return float(y[1])
 
         def leaves(_: float, y: np.ndarray) -> float:
-            return float(y[0] - FARTHEST * self.inner)
+            return float(y[0] - LARGEST_RADIUS_RATIO * self.inner)
 
         turns.terminal, turns.direction = True, -1.0  # type: ignore[attr-defined]
         leaves.terminal = True  # type: ignore[attr-defined]

@@ -14,7 +14,7 @@ from dea_fenicsx.exact.marching import Drive, Drives
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import si
 
-CLOSED = 1e-11
+CYCLE_TOLERANCE = 1e-11
 """Largest change of a branch's logarithm over a cycle that counts as none."""
 
 MOST_CYCLES = 200
@@ -70,7 +70,7 @@ def steady_cycle(
             )
         place, loads = cycle.end_for(state)
         change = (place.a.ravel() - a)[moves]
-        if np.abs(change).max(initial=0.0) < CLOSED:
+        if np.abs(change).max(initial=0.0) < CYCLE_TOLERANCE:
             return cycle
         if number:
             moved = inverse @ (last - change)

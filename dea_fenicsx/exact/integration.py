@@ -24,13 +24,16 @@ from dea_fenicsx.exact.film_drive import Jump, Loads, Window
 from dea_fenicsx.exact.viscous_film import ViscousFilm, adjugate
 from dea_fenicsx.support.errors import InputError
 
-SOFT, FIRM = 0.1, 0.2
-"""Stiffness, relative to the sum of all moduli, at which the arc length is begun and ended."""
+ARC_BEGINS_AT, ARC_ENDS_AT = 0.1, 0.2
+"""Below the first stiffness the film is followed by arc length; above the second, by time again.
 
-STIFF = 3000.0
+Both are relative to the sum of all moduli.
+"""
+
+LONGEST_EXPLICIT_PIECE = 3000.0
 """Length of a piece over the shortest relaxation time, above which an implicit method is taken."""
 
-RUNAWAY = 3.0
+LOG_STRETCH_OF_RUNAWAY = 3.0
 """Logarithmic stretch at which a film counts as running away without losing equilibrium.
 
 The chains of a branch's spring may hold it at each instant while the branch flows ever faster.
@@ -93,7 +96,7 @@ class Integrator:
     def piece(self, place: Place, low: float, high: float) -> tuple[Place, bool]:
         """Integrate up to `high`; returns where the film is, and whether equilibrium is lost."""
         f = self._forces(place, self.loads.inside(place.t, low, high))
-        by_time = bool(self.film.softness(f)[0] > SOFT)
+        by_time = bool(self.film.softness(f)[0] > ARC_BEGINS_AT)
         for _ in range(100000):
             if place.t >= high:
                 return place, False
@@ -156,7 +159,7 @@ class Integrator:
             last = [solver.t, y, (y - last[1]) / (solver.t - last[0])]
             ys.append(y[:, 0])
             self._check_runaway(y, solver.t)
-            if not film.softness(f)[0] > SOFT:
+            if not film.softness(f)[0] > ARC_BEGINS_AT:
                 break
         if not dense:
             return place
@@ -175,7 +178,7 @@ class Integrator:
 
     def _check_runaway(self, y: np.ndarray, t: float) -> None:
         """Refuse to follow stretches that grow without bound."""
-        if np.abs(self.film.B @ y).max(initial=0.0) > RUNAWAY:
+        if np.abs(self.film.B @ y).max(initial=0.0) > LOG_STRETCH_OF_RUNAWAY:
             raise InputError(
                 f"The film runs away at about {t:g} s: its stretches grow without bound, although "
                 "the springs of its branches hold it in equilibrium at each instant."
@@ -186,7 +189,7 @@ class Integrator:
         jacobian: Any = None,
     ) -> OdeSolver:  # fmt: skip
         """A method for one part; `stiffness` is its length over the shortest relaxation time."""
-        if stiffness > STIFF:
+        if stiffness > LONGEST_EXPLICIT_PIECE:
             error = IMPLICIT_TOLERANCE * self.tighten
             return Radau(rate, p, u, end, max_step=step, rtol=error, atol=error / 10, jac=jacobian)
         error = TOLERANCE * self.tighten
@@ -271,7 +274,7 @@ class Integrator:
             nodes.append(b)
             times.append(drive.end if over else float(sol(b)[-1]))
             self._check_runaway(solver.y[2 * K + 1 : -1, None], times[-1])
-            firm = not frozen and bool(film.softness(stiffness(solver.y))[0] > FIRM)
+            firm = not frozen and bool(film.softness(stiffness(solver.y))[0] > ARC_ENDS_AT)
             if lost or over or firm:
                 break
         p = np.array(nodes)

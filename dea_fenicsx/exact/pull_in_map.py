@@ -30,7 +30,7 @@ from dea_fenicsx.support.units import si
 COLUMNS = 6
 """Columns of the extrapolation, which is its order."""
 
-TOLERANCE = 1e-10
+MAP_TOLERANCE = 1e-10
 """Error of a step: absolute in logarithms of stretches, relative in time."""
 
 LANDED = 1e-11
@@ -291,8 +291,9 @@ class _Walk:
             for k in range(j):
                 row.append(row[k] + (row[k] - table[k]) / ((j + 2) / (j + 1 - k) - 1))
             table = row
-        scale = np.full_like(u, TOLERANCE)
-        scale[:, -1] = TOLERANCE * (np.maximum(np.abs(u[:, -1]), np.abs(table[-1][:, -1])) + 1e-300)
+        scale = np.full_like(u, MAP_TOLERANCE)
+        times = np.maximum(np.abs(u[:, -1]), np.abs(table[-1][:, -1]))
+        scale[:, -1] = MAP_TOLERANCE * (times + 1e-300)
         error = np.abs(table[-1] - table[-2]) / scale
         worst = np.where(good, np.max(error, axis=1), np.inf)
         return table[-1], np.where(np.isfinite(worst), worst, np.inf)

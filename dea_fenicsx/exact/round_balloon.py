@@ -39,13 +39,13 @@ DEGREE = 8
 """Degree of the polynomials in the radius."""
 
 DEGREE_IN_THIN_WALLS = 5
-"""The same in a wall thinner than `THIN` inner radii.
+"""The same in a wall thinner than `LARGEST_THIN_WALL` inner radii.
 
 There it is exact enough, and second derivatives of higher polynomials would let rounding decide on
 the sign of a stiffness that is the difference of much larger ones.
 """
 
-THIN = 0.03
+LARGEST_THIN_WALL = 0.03
 """Thickness, in inner radii, below which a deformed wall is thin."""
 
 POINTS = 16
@@ -218,7 +218,7 @@ class _Wall:
         mu = material.elastic.shear_modulus()
         self.a, a = radius / A, radius / A
         self.b = b = float(np.cbrt(a**3 + (balloon.outer / A) ** 3 - 1))
-        self.count = 1 + (DEGREE if b - a > THIN * a else DEGREE_IN_THIN_WALLS)
+        self.count = 1 + (DEGREE if b - a > LARGEST_THIN_WALL * a else DEGREE_IN_THIN_WALLS)
         self.x, weights = legendre.leggauss(POINTS)
         self.r = r = a + (b - a) * (self.x + 1) / 2
         self.weights = weights * (b - a) / 2

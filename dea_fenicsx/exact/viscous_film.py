@@ -19,7 +19,7 @@ from dea_fenicsx.exact.film import CONTROLS, Dead, Film, Held
 
 DEVIATOR = np.eye(3) - 1 / 3
 
-FARTHEST = 0.2
+LARGEST_LOG_STRETCH_CHANGE = 0.2
 """Largest change of a logarithmic stretch in one search of equilibrium."""
 
 
@@ -245,7 +245,8 @@ class ViscousFilm:
             if not np.isfinite(size) or size < 3e-9:
                 break
         f = self.forces(y, a, loads)
-        lost = (self.softness(f) <= 0) | (np.abs(y - start).max(axis=0) > FARTHEST)
+        moved = np.abs(y - start).max(axis=0)
+        lost = (self.softness(f) <= 0) | (moved > LARGEST_LOG_STRETCH_CHANGE)
         lost |= ~(np.abs(f.residual).max(axis=0) < 1e-9)
         return (np.where(lost, np.nan, y), f) if lost.any() else (y, f)
 

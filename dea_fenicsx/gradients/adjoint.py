@@ -40,10 +40,10 @@ from dea_fenicsx.support.agreement import bind_alike
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError, SolverError
 
-TOLERANCE = 1e-10
+ADJOINT_TOLERANCE = 1e-10
 """Residual of a linear solve, relative to its right-hand side."""
 
-DIFFERENCE = 1e-3
+OBSERVABLE_STEP = 1e-3
 """Step of the differences of an observable, relative to the state and to the variable.
 
 The formula is of fourth order, so that its error is about 1e-12.
@@ -225,7 +225,7 @@ class Gradients:
             value = problem.factors[one.ramp] * one.unit
         if value:
             steps.append(abs(value))
-        return DIFFERENCE * min(steps, default=1.0)
+        return OBSERVABLE_STEP * min(steps, default=1.0)
 
     def _measured(
         self, state: State, changed: np.ndarray, one: Variable, step: float, measure: Any
@@ -284,11 +284,11 @@ class Gradients:
             return np.zeros(len(rhs)), 0.0
         solver = self.solver
         if transposed:
-            found = solver.solve_transposed(rhs, TOLERANCE)
+            found = solver.solve_transposed(rhs, ADJOINT_TOLERANCE)
         else:
             times = solver.tangent.times
-            found = solve_to(rhs, TOLERANCE, solver.linear_solve, times, self.problem.comm)
-        if found is None or not found.residual < 10 * TOLERANCE:
+            found = solve_to(rhs, ADJOINT_TOLERANCE, solver.linear_solve, times, self.problem.comm)
+        if found is None or not found.residual < 10 * ADJOINT_TOLERANCE:
             reached = "none" if found is None else f"{found.residual:.1e}"
             raise SolverError(
                 "The derivative was not found: the linear system is singular or nearly so "

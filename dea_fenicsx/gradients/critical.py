@@ -23,7 +23,7 @@ from dea_fenicsx.path.arclength import Branch, Point
 from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.support.errors import InputError, SolverError
 
-STATIONARY = 1e-11
+SLOPE_AT_LIMIT = 1e-11
 """Slope of the load along the branch, in units of the first one, that counts as zero."""
 
 FIRST_ARC = 1e-3
@@ -104,7 +104,7 @@ def _located(gradients: Gradients, state: State, ramp: str) -> Point:
     there, arc, slopes = start, 0.0, [(0.0, start.slope)]
     step = FIRST_ARC
     for _ in range(MOST_STEPS):
-        if abs(there.slope) * branch.load_unit < STATIONARY:
+        if abs(there.slope) * branch.load_unit < SLOPE_AT_LIMIT:
             break
         if len(slopes) > 1:
             (a, one), (b, two) = slopes[-2:]

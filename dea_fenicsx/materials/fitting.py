@@ -18,7 +18,7 @@ from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.stretches import log_stretches, nominal_stress, taylor
 from dea_fenicsx.support.errors import InputError
 
-SOFT, STIFF = 1e3, 1e8
+SOFTEST_PA, STIFFEST_PA = 1e3, 1e8
 """Initial shear moduli in Pa outside which the stress unit is doubted."""
 
 PENALTY_RESIDUAL = 1e3
@@ -291,8 +291,8 @@ def _moduli(curves: list[TestData]) -> list[float]:
 
 def _doubt_units(curves: list[TestData]) -> None:
     for c, mu in zip(curves, _moduli(curves), strict=True):
-        if not SOFT <= mu <= STIFF:
-            size = "soft" if mu < SOFT else "stiff"
+        if not SOFTEST_PA <= mu <= STIFFEST_PA:
+            size = "soft" if mu < SOFTEST_PA else "stiff"
             warnings.warn(
                 f"The {c.test} data give a shear modulus of {mu:.3g} Pa, too {size} for an "
                 "elastomer or a film; stresses must be in Pa (1 kPa = 1e3 Pa, 1 MPa = 1e6 Pa).",

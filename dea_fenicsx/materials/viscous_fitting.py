@@ -48,7 +48,7 @@ SLOWEST = 100.0
 FASTEST = 0.02
 """Shortest one, relative to the shortest time between two points."""
 
-SMALLEST = 1e-9
+LEAST_BRANCH_MODULUS = 1e-9
 """Smallest modulus of a branch, relative to the size of the stresses."""
 
 
@@ -261,7 +261,7 @@ class _Problem:
 
         low = np.full(self.own + 2 * branches, -np.inf)
         high = -low
-        low[self.own : self.own + branches] = np.log(SMALLEST)
+        low[self.own : self.own + branches] = np.log(LEAST_BRANCH_MODULUS)
         low[self.own + branches :], high[self.own + branches :] = np.log(self.range)
         best, cost = None, np.inf
         for x in self.starts(branches, fewer):

@@ -31,10 +31,10 @@ from dea_fenicsx.solvers.complex_systems import ComplexSystem
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import InputError
 
-COMPRESSIBILITY = 1e-10
+HARMONIC_COMPRESSIBILITY = 1e-10
 """Compressibility mu/kappa that determines a pressure which nothing else does."""
 
-STEP = 1e-5
+UNKNOWN_STEP = 1e-5
 """Largest change of an unknown by which an observable is differentiated, dimensionless."""
 
 
@@ -90,7 +90,7 @@ class Harmonic:
         self.pushes: list[np.ndarray] = []
         for k in range(1 + len(self.times)):
             with self.configured(k):
-                self.stiff.append(solver.tangent.matrix(COMPRESSIBILITY).copy())
+                self.stiff.append(solver.tangent.matrix(HARMONIC_COMPRESSIBILITY).copy())
                 self.pushes.append(solver.tangent.by_load(ramp))
         with self.configured(0):
             self.mass.stiffness = 1.0
@@ -212,7 +212,7 @@ class Harmonic:
         largest = max(problem.comm.allgather(largest)) or 1.0
         for part, unit, moves in ((answer.values.real, 1.0, True), (answer.values.imag, 1j, False)):
             ends = []
-            for step in (STEP / largest, -STEP / largest):
+            for step in (UNKNOWN_STEP / largest, -UNKNOWN_STEP / largest):
                 factors = self.state.factors
                 if moves:
                     factors = factors | {self.ramp: factors[self.ramp] + step}
@@ -222,7 +222,7 @@ class Harmonic:
                 with self.configured(number, near):
                     self.mass.stiffness = -(answer.omega**2)
                     ends.append(measure())
-            total += unit * (ends[0] - ends[1]) * largest / (2 * STEP)
+            total += unit * (ends[0] - ends[1]) * largest / (2 * UNKNOWN_STEP)
         return total
 
 

@@ -17,6 +17,7 @@ from dea_fenicsx.measure.quantity import (
     check_field,
     needs_field,
 )
+from dea_fenicsx.mesh.places import PLACE_TOLERANCE
 from dea_fenicsx.mesh.point_search import Place, place_of
 from dea_fenicsx.model.cell_values import evaluated_at
 from dea_fenicsx.model.components import Component
@@ -26,9 +27,6 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite, known, one_of
-
-NEARLY = 1e-6
-"""Distance from the cells that counts as rounding, as a share of the device's largest extent."""
 
 
 @dataclass(frozen=True)
@@ -187,13 +185,13 @@ def place_with(
     place = place_of(problem.scene.device, point, cells)
     if place is None:
         raise InputError(f"{told} has no value: the scene has no {where}.")
-    if place.distance > NEARLY * problem.scene.device.length:
+    if place.distance > PLACE_TOLERANCE * problem.scene.device.length:
         raise InputError(
             f"{told} is at a point {place.distance:.3g} m outside of the {where}; give an "
             "undeformed position in metres inside of it."
         )
     kinematics = problem.scene.kinematics
-    on_axis = abs(point[0]) < NEARLY * problem.scene.device.length
+    on_axis = abs(point[0]) < PLACE_TOLERANCE * problem.scene.device.length
     return _off_axis(place) if kinematics.axis_of_rotation and on_axis else place
 
 

@@ -17,7 +17,7 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, is_finite, one_of, positive
 
-NEARLY = 1e-6
+PLACE_TOLERANCE = 1e-6
 """Distance that counts as rounding, as a share of the device's largest extent."""
 
 
@@ -68,7 +68,8 @@ class _Near(Place):
         """Distance of points from it in m, shape (n,)."""
 
     def holds(self, x: np.ndarray, size: float) -> np.ndarray:
-        return self.distance(x) <= (NEARLY * size if self.tolerance is None else self.tolerance)
+        tolerance = PLACE_TOLERANCE * size if self.tolerance is None else self.tolerance
+        return self.distance(x) <= tolerance
 
     def check(self, dim: int) -> None:
         if self.tolerance is not None:
@@ -155,7 +156,7 @@ class InCylinder(Place):
         _check_cylinder(self, dim)
 
     def holds(self, x: np.ndarray, size: float) -> np.ndarray:
-        return _from_axis(self, x) <= self.radius + NEARLY * size
+        return _from_axis(self, x) <= self.radius + PLACE_TOLERANCE * size
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,7 @@ class InBox(Place):
             )
 
     def holds(self, x: np.ndarray, size: float) -> np.ndarray:
-        dim, margin = len(self.low), NEARLY * size
+        dim, margin = len(self.low), PLACE_TOLERANCE * size
         above = x[:dim] >= np.array(self.low)[:, None] - margin
         below = x[:dim] <= np.array(self.high)[:, None] + margin
         return np.asarray(np.all(above & below, axis=0))

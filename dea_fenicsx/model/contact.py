@@ -16,28 +16,23 @@ of the pressure gives one, whether the surface touches there or not.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import basix.ufl
 import numpy as np
 import ufl
 
 from dea_fenicsx.materials import Material
-from dea_fenicsx.mesh.device import Device, one_sided
 from dea_fenicsx.model.carriers import seen_from
 from dea_fenicsx.model.contact_points import QUADRATURE_DEGREE, ContactPoints
-from dea_fenicsx.model.fields import Field, Role, softness
 from dea_fenicsx.model.friction import Friction, Frictions
-from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.rigid_parts import RigidPart
 from dea_fenicsx.model.scales import Scales
+from dea_fenicsx.model.touching_surfaces import TouchingSurface, traction_of
 from dea_fenicsx.model.unknowns import Unknowns
-from dea_fenicsx.scene.contact_declarations import UnilateralContact
 from dea_fenicsx.scene.kinematics import Kinematics, cofactor
 from dea_fenicsx.scene.scene import Scene
-from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 
 TOLERANCE_BY_WIDTH = 0.1
@@ -49,67 +44,6 @@ MODULI_AT_TOLERANCE = 2.0
 Such a deviation only belongs to a pressure that the mesh does not resolve.  A larger value would
 leave larger rounding errors in the forces, which are those of the places times r.
 """
-
-
-def contact_fields(scene: Scene) -> Iterator[Field]:
-    """The pressures on the surfaces that may touch an obstacle.  Collective."""
-    device = scene.device
-    cell = device.mesh.topology.cell_name()
-    for name, told in zip(names(scene), contacts(scene), strict=True):
-        facets = one_sided(device, told.surface)
-        widths, areas = facet_sizes(device, facets)
-        # A row of p is a gap times the area of a vertex.  The median is that of the small facets
-        # near a contact where the mesh is graded towards it.
-        mine = widths[facets[:, 0]] * areas[facets[:, 0]]
-        every = np.concatenate(device.comm.allgather(mine))
-        scale = float(np.median(every) * np.sqrt(len(every)))
-        yield Field(
-            name, basix.ufl.element("Lagrange", cell, 1), Role.INTERNAL, negative=True,
-            residual_scale=scale, mass=softness, surface=told.surface,
-        )  # fmt: skip
-        if told.friction:
-            axes = tuple(scene.kinematics.axes)
-            yield Field(
-                traction_of(name), basix.ufl.element("Lagrange", cell, 1, shape=(len(axes),)),
-                Role.INTERNAL, axes, negative=True, residual_scale=scale, mass=softness,
-                surface=told.surface,
-            )  # fmt: skip
-
-
-def contacts(scene: Scene) -> list[UnilateralContact]:
-    """What the obstacles of a scene declare."""
-    return [told for _, told in scene.declared.contacts]
-
-
-def names(scene: Scene) -> list[str]:
-    """The name of the pressure's field of each contact."""
-    found: list[str] = []
-    for told in contacts(scene):
-        name, number = f"contact {told.surface}", 2
-        while name in found:
-            name, number = f"contact {told.surface} {number}", number + 1
-        found.append(name)
-    return found
-
-
-def traction_of(name: str) -> str:
-    """The name of the field of tangential tractions that belongs to a contact."""
-    return f"friction{name.removeprefix('contact')}"
-
-
-def facet_sizes(device: Device, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The mean width and area of the facets of each owned cell.  Collective.
-
-    Both are 0 for a cell without facets.
-    """
-    mesh, dim = device.mesh, device.dim
-    each = ufl.TestFunction(dolfinx.fem.functionspace(mesh, ("DG", 0)))
-    ds = measure(device, [facets], 2, "ds")(0)
-    owned = device.owned_cells()
-    areas = dolfinx.fem.assemble_vector(compat.compile_form(each * ds)).array[:owned].copy()
-    cells, counts = np.unique(facets[:, 0], return_counts=True)
-    areas[cells] /= counts
-    return areas ** (1 / (dim - 1)), areas
 
 
 def _place(kinematics: Kinematics, u: Any, x: Any) -> Any:
@@ -129,19 +63,15 @@ class Contact:
     ----------
     scene, scales, space
         The scene, its units, and its unknowns.
-    name
-        Name of the pressure's field.
-    told
-        What the obstacle declares.
+    surface
+        The surface, and what the obstacle declares.
     parts
         The rigid parts.
 
     Attributes
     ----------
-    told, name
-        As given.
-    facets
-        Its facets, each with the cell from which it is seen, see `one_sided`.
+    told, name, facets
+        Those of the surface.
     place, place_at_rest
         The place of a point as seen from the obstacle, and the same in the undeformed device,
         dimensionless 3-vectors.
@@ -170,13 +100,13 @@ class Contact:
     """
 
     def __init__(
-        self, scene: Scene, scales: Scales, space: Unknowns, name: str, told: UnilateralContact,
+        self, scene: Scene, scales: Scales, space: Unknowns, surface: TouchingSurface,
         parts: Sequence[RigidPart] = (),
     ) -> None:  # fmt: skip
         self._scene, self._scales = scene, scales
         mesh = self._mesh = scene.device.mesh
-        self.told, self.name = told, name
-        self.facets = one_sided(scene.device, told.surface)
+        told, name = self.told, self.name = surface.told, surface.name
+        self.facets = surface.facets
         x, u = ufl.SpatialCoordinate(mesh), space.present["u"]
         self.factor = dolfinx.fem.Constant(mesh, 0.0)
         self.offset = dolfinx.fem.Constant(mesh, 0.0)
@@ -196,7 +126,7 @@ class Contact:
         self.gap = metres / unit + self.offset
         self.pressure = space.present[name]
         self.softening = dolfinx.fem.Constant(mesh, 1.0)
-        self.stiffness = self.softening * self._stiffness()
+        self.stiffness = self.softening * self._stiffness(surface.widths)
         self.pushed = self.pressure - self.stiffness * self.gap
         self.touches = ufl.gt(self.pushed, 0)
         self.force = ufl.conditional(self.touches, self.pushed, 0)
@@ -224,9 +154,8 @@ class Contact:
         """A number as a constant of the form, so that another value needs no compilation."""
         return dolfinx.fem.Constant(self._mesh, float(value))
 
-    def _stiffness(self) -> Any:
+    def _stiffness(self, widths: np.ndarray) -> Any:
         """r: moduli over the tolerance of the gap, constant in each cell.  Collective."""
-        widths, _ = facet_sizes(self._scene.device, self.facets)
         self._tolerances = np.zeros(len(widths))
         given, cells = self.told.tolerance, self.facets[:, 0]
         self._tolerances[cells] = (
@@ -312,17 +241,19 @@ class Contacts(list[Contact]):
 
     Parameters
     ----------
-    scene, scales, space, parts
-        The scene, its units, its unknowns, and the rigid parts.
+    scene, scales, space
+        The scene, its units, and its unknowns.
+    surfaces
+        The surfaces, each with what its obstacle declares.
+    parts
+        The rigid parts.
     """
 
     def __init__(
-        self, scene: Scene, scales: Scales, space: Unknowns, parts: Sequence[RigidPart] = ()
-    ) -> None:
-        super().__init__(
-            Contact(scene, scales, space, name, told, parts)
-            for name, told in zip(names(scene), contacts(scene), strict=True)
-        )
+        self, scene: Scene, scales: Scales, space: Unknowns,
+        surfaces: Iterable[TouchingSurface] = (), parts: Sequence[RigidPart] = (),
+    ) -> None:  # fmt: skip
+        super().__init__(Contact(scene, scales, space, surface, parts) for surface in surfaces)
         self.frictions = Frictions(c.friction for c in self if c.friction is not None)
 
     def touching(self) -> np.ndarray:

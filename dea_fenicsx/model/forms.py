@@ -27,6 +27,7 @@ from dea_fenicsx.model.sheets import Sheets
 from dea_fenicsx.model.terms import EnergyTerm, Term, terms_of
 from dea_fenicsx.model.terms.base import Variation
 from dea_fenicsx.model.terms.springs import SpringWork
+from dea_fenicsx.model.touching_surfaces import TouchingSurface
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
@@ -42,6 +43,8 @@ class Forms:
         The scene, its units, and its unknowns.
     cavities
         Its cavities.
+    touching
+        The surfaces that may touch an obstacle.
     springs, parts
         Terms of springs on rigid parts, and the rigid parts.
 
@@ -78,7 +81,8 @@ class Forms:
 
     def __init__(
         self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities,
-        springs: Sequence[SpringWork] = (), parts: Sequence[RigidPart] = (),
+        touching: Sequence[TouchingSurface] = (), springs: Sequence[SpringWork] = (),
+        parts: Sequence[RigidPart] = (),
     ) -> None:  # fmt: skip
         device, kinematics, elements = scene.device, scene.kinematics, scene.elements
         mesh, degree, works = device.mesh, elements.quadrature_degree, scene.declared.surface_works
@@ -101,10 +105,10 @@ class Forms:
         along = [
             np.concatenate([one_sided(device, n) for n in names]) for names in self.sheets.names
         ]
-        self.contacts = Contacts(scene, scales, space, parts)
-        touching = [contact.facets for contact in self.contacts]
+        self.contacts = Contacts(scene, scales, space, touching, parts)
         # A form may hold one list of subdomains for all of its surfaces.
-        ds = measure(device, [*sides, *along, *cavities.facets, *touching], degree, "ds")
+        pressed = [surface.facets for surface in touching]
+        ds = measure(device, [*sides, *along, *cavities.facets, *pressed], degree, "ds")
         after = len(sides) + len(along) + len(cavities.facets)
         for number, contact in enumerate(self.contacts, after):
             contact.integrate_by(ds, number)

@@ -16,8 +16,11 @@ from dea_fenicsx.scene.declared import Declared
 from dea_fenicsx.scene.springs import FoundationWork, SpringForce
 from dea_fenicsx.scene.torsion import TorsionMoment
 
-TRIAL, FINE = 1e-6, 1e-9
-"""Elongations over the size of the device at which the stiffness of a force law is taken."""
+COARSE_STEP, FINE_STEP = 1e-6, 1e-9
+"""Elongations, over the size of the device, from which we take the stiffness of a force law.
+
+A law that has a stiffness at 0 has about the same one at both.
+"""
 
 
 def on_foundations(
@@ -98,7 +101,6 @@ def _is_stiff(told: SpringForce, length: float) -> bool:
 
     A force that grows as a higher power than the first falls faster than its elongation.
     """
-    coarse, fine = (
-        float(told.law(step)) - float(told.law(-step)) for step in (TRIAL * length, FINE * length)
-    )
-    return bool(np.isfinite(fine) and abs(fine) > 0.1 * FINE / TRIAL * abs(coarse))
+    steps = (COARSE_STEP * length, FINE_STEP * length)
+    coarse, fine = (float(told.law(step)) - float(told.law(-step)) for step in steps)
+    return bool(np.isfinite(fine) and abs(fine) > 0.1 * FINE_STEP / COARSE_STEP * abs(coarse))

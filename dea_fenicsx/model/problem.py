@@ -19,7 +19,6 @@ from dea_fenicsx.model.cavities import Cavities
 from dea_fenicsx.model.charge_memory import ChargeMemory
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.conditions import Conditions
-from dea_fenicsx.model.contact import contact_fields
 from dea_fenicsx.model.contact_start import depths
 from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.forms import Forms, assembled
@@ -33,6 +32,7 @@ from dea_fenicsx.model.probe import Probe
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.model.terms.springs import spring_terms
+from dea_fenicsx.model.touching_surfaces import contact_fields, touching_surfaces
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.model.viscous_history import ViscousHistory
 from dea_fenicsx.scene.scene import Scene
@@ -103,14 +103,15 @@ class Problem:
         self.scene, self.mesh = scene, scene.device.mesh
         self.comm: MPI.Comm = scene.device.comm
         self.scales = Scales.of(scene)
-        fields = [*declared_fields(scene), *contact_fields(scene)]
+        touching, axes = touching_surfaces(scene), scene.kinematics.axes
+        fields = [*declared_fields(scene), *contact_fields(touching, scene.device, axes)]
         self.space = Unknowns(self.mesh, fields, scene.kinematics.global_unknowns)
         self.cavities = Cavities(scene, self.scales)
         self.conditions = Conditions(scene, self.scales, self.space, self.cavities, released)
         self.released = released
         told, parts = scene.declared.springs, self.conditions.rigid.parts
-        springs = spring_terms(told, parts, scene.kinematics.axes, self.scales, self.mesh)
-        self.forms = Forms(scene, self.scales, self.space, self.cavities, springs, parts)
+        springs = spring_terms(told, parts, axes, self.scales, self.mesh)
+        self.forms = Forms(scene, self.scales, self.space, self.cavities, touching, springs, parts)
         self.parameters = Parameters(scene, self.scales, self.forms.kernels)
         self._name_parts()
         check_balance(self.conditions, self.forms, self.displacement, self.scales, released)
@@ -118,9 +119,7 @@ class Problem:
         self.charges = ChargeMemory(self)
         self._weigh()
         self.handed_out = False
-        self._unstrained: dict[str, Any] = {
-            memory.NAME: memory.at_rest() for memory in self.memories
-        }
+        self._unstrained: dict[str, Any] = {m.NAME: m.at_rest() for m in self.memories}
         at_rest = np.where(self.conditions.fixed_values.fixed, 0.0, self.space.at_rest)
         unloaded = Factors(dict.fromkeys(scene.ramps, 0.0), scene.unit_volts)
         self.frictions = self.forms.contacts.frictions

@@ -30,13 +30,13 @@ from dea_fenicsx.scene.kinematics import StrainOf
 LARGEST_SLACK_FIELD = (27 / 256) ** (1 / 3)
 """Largest e^2 at which a slack film has a natural width: the pull-in of a free film."""
 
-ROUNDING = 1e-9
+TAUT_TOLERANCE = 1e-9
 """Share by which a film may be narrower than its natural width, and still count as taut.
 
 An undeformed film is taut, slack and wrinkled at once; so it is taut.
 """
 
-SMALLEST = 1e-24
+LEAST_SQUARED_DIFFERENCE = 1e-24
 """Smallest square of a difference, so that derivatives stay finite where they are multiplied by 0.
 """
 
@@ -67,7 +67,7 @@ class TensionField:
         thin = ufl.dot(through, through)
         area = 1 / thin  # a^2 b^2
         total = ufl.tr(ufl.dot(ufl.transpose(at.total), at.total)) - thin  # a^2 + b^2
-        apart = ufl.sqrt(ufl.max_value(total**2 - 4 * area, SMALLEST))
+        apart = ufl.sqrt(ufl.max_value(total**2 - 4 * area, LEAST_SQUARED_DIFFERENCE))
         self.ahead = (total + apart) / 2
         across = area / self.ahead
         self._one: Any = ufl.as_ufl(1.0)
@@ -78,7 +78,7 @@ class TensionField:
             self._pull = at.kernel.eps * square / at.per_stress
         self._elastic = elastic
         self.margin = self._margin(self.ahead)
-        self.taut = ufl.ge(area * across * self.margin, 1 - ROUNDING)
+        self.taut = ufl.ge(area * across * self.margin, 1 - TAUT_TOLERANCE)
 
     def _margin(self, ahead: Any) -> Any:
         """1 - e^2 a^2, positive where there is a natural width."""
@@ -89,7 +89,7 @@ class TensionField:
     @cached_property
     def _width(self) -> Any:
         """The square of the natural width, n(a)^2."""
-        return 1 / ufl.sqrt(self.ahead * ufl.max_value(self.margin, SMALLEST))
+        return 1 / ufl.sqrt(self.ahead * ufl.max_value(self.margin, LEAST_SQUARED_DIFFERENCE))
 
     @cached_property
     def slack(self) -> Any:

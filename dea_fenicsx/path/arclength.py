@@ -211,7 +211,7 @@ class Branch:
             if norm <= solver.options.tolerance and iterations >= at_least:
                 return Attempt(Outcome.CONVERGED, iterations, norm, state)
             if iterations == solver.options.max_iterations:
-                norm = solver.without_rounding(checked, norm)
+                norm = solver.without_rounding(checked, norm, solver.options.tolerance)
                 if norm <= solver.options.tolerance:
                     return Attempt(Outcome.CONVERGED, iterations, norm, state)
                 return Attempt(Outcome.SLOW, iterations, norm)

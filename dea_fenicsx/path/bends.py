@@ -30,7 +30,7 @@ SLOPE_TOLERANCE = 1e-3
 SHORT = 0.05
 """Motion along a straight part, as a share of the whole motion, that needs no state half-way."""
 
-TOLERANCE = 1e-8
+BEND_TOLERANCE = 1e-8
 """Newton's tolerance for the states between."""
 
 
@@ -156,7 +156,7 @@ class Bend:
         if way <= SHORT * predictor.moved(self.first, self.last):
             return True
         guess = self.at(share)
-        attempt = solver.solve(guess, None, TOLERANCE, patient=True)
+        attempt = solver.solve(guess, None, BEND_TOLERANCE, patient=True)
         if not attempt.converged:
             return False
         return predictor.moved(guess, attempt.found) <= MOST_DISTANCE * way

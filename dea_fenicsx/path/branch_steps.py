@@ -72,3 +72,23 @@ class BranchSteps:
             arc = min(arc * (ARC_GROWTH if few else 1.0), self.longest_arc)
             before, here = here, there
             done += 1
+
+    def rise(self, wanted: float) -> tuple[list[Point], BranchStep | None]:
+        """Go along the branch while its load f grows, until it reaches a load.  Collective.
+
+        Returns
+        -------
+        points : list of Point
+            The points with a growing load, `begin` first.  The load of the last one is at least
+            `wanted`, unless the load falls before, or the steps end.
+        fall : BranchStep or None
+            The step after the last point, at whose end the load falls; None if there is none.
+        """
+        points = [] if self.begin is None else [self.begin]
+        for step in self:
+            if step.there.slope < 0:
+                return points, step
+            points.append(step.there)
+            if step.there.factor >= wanted:
+                break
+        return points, None

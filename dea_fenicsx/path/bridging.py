@@ -121,17 +121,11 @@ def follow(branch: Branch, sentinel: Sentinel, wanted: float) -> Bridge:
     steps = BranchSteps(
         branch, FIRST_ARC, LONGEST_ARC, MOST_STEPS, lambda there: _is_same_branch(sentinel, there)
     )
-    points = [steps.begin] if steps.begin is not None else []
-    for here, there, arc in steps:
-        if there.slope < 0:
-            found = branch.limit_point(here, there, arc)
-            if found is None:
-                break
-            return Bridge(branch, [*points, found[0]], limit=found[0].factor)
-        points.append(there)
-        if there.factor >= wanted:
-            break
-    return Bridge(branch, points)
+    points, fall = steps.rise(wanted)
+    found = None if fall is None else branch.limit_point(*fall)
+    if found is None:
+        return Bridge(branch, points)
+    return Bridge(branch, [*points, found[0]], limit=found[0].factor)
 
 
 def _is_same_branch(sentinel: Sentinel, there: Point) -> bool:

@@ -1,11 +1,11 @@
 """Whether a ramp presses a part of the device to zero thickness.
 
-As a part is pressed, its smallest principal stretch falls, and where it is 0 there is no material
-state any more.  Newton's method fails a little before, because the other stretches grow without
-bound, and with them the rounding errors.  How it fails depends on where the last steps lie.  So the
-last accepted state decides and not the last trial: at some point little of the thickness is left,
-and it goes to zero with the load as steadily as before.  Before a limit point stretches do not go
-to zero, and they change the faster the nearer it is.
+As a part is pressed, its smallest principal stretch falls.  At 0 no material state exists.
+Newton's method fails a little earlier, because the other stretches and their rounding errors grow
+without bound.  How it fails depends on where the last steps lie, so the last accepted state
+decides.  A part is being crushed if two things hold at some point: little of the thickness is left,
+and it falls towards zero at the rate at which it has fallen before.  Before a limit point this is
+different: no stretch falls to zero, and all change faster the nearer the limit point is.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.stability import path_slope
 from dea_fenicsx.support import compat
 
-THIN = 0.05
+LARGEST_CRUSHED_STRETCH = 0.05
 """Largest principal stretch of a point that is about to be crushed."""
 
 LEAST_RATE_OVER_MEAN = 0.25
@@ -99,7 +99,7 @@ def find_crush(predictor: Predictor, origin: State, failed: Mapping[str, float])
     stretches = _Stretches(problem)
     here = stretches.of(last)
     lowest = float(np.min(comm.allgather(here.min(initial=np.inf))))
-    if not lowest <= THIN or step == 0 or now == origin.factors[name]:
+    if not lowest <= LARGEST_CRUSHED_STRETCH or step == 0 or now == origin.factors[name]:
         return None
     rates = {n: (failed[n] - factor) / step for n, factor in last.factors.items()}
     slope = path_slope(predictor.solver, last, rates)
@@ -110,7 +110,7 @@ def find_crush(predictor: Predictor, origin: State, failed: Mapping[str, float])
     state = problem.imposed(problem.under(problem.moved(last, back * slope), before))
     loss = (stretches.of(state) - here) / abs(back)
     mean = (stretches.of(origin) - here) / abs(now - origin.factors[name])
-    found = (here <= THIN) & (loss > 0) & (loss >= LEAST_RATE_OVER_MEAN * mean)
+    found = (here <= LARGEST_CRUSHED_STRETCH) & (loss > 0) & (loss >= LEAST_RATE_OVER_MEAN * mean)
     for earlier in predictor.known[:-1]:
         way = abs(now - earlier.factors[name])
         most = MOST_RATE_OVER_NEARBY if way <= NEARBY_IN_STEPS * abs(step) else MOST_RATE_OVER_FAR

@@ -29,10 +29,10 @@ from dea_fenicsx.path.relaxing import settle
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import SolverError
 
-MOVING = "motion"
+MOTION_EVENT = "motion"
 """The event of a step on the way from a limit point to the state of rest."""
 
-LONGEST = 1e4
+LONGEST_MOTION = 1e4
 """Longest time of a motion, in units of its time scale 1/omega + drag/omega^2."""
 
 LONGEST_CREEP = 1e5
@@ -47,8 +47,8 @@ SHARE_OF_REST = 0.1
 SMALLEST_REST = 1e-12
 """Smallest share of the largest speed at which it is asked whether a body is in equilibrium."""
 
-DIFFERENT = 1e-6
-"""Displacement between two states that counts as a difference, over the device's extent."""
+LEAST_DIFFERENCE = 1e-6
+"""Two states differ if some displacement differs by more than this share of the device's extent."""
 
 
 class Fall:
@@ -117,7 +117,7 @@ class Fall:
         try:
             for step in walk.follow():
                 here = step.cursor
-                yield replace(step, event=step.event or MOVING, last=False)
+                yield replace(step, event=step.event or MOTION_EVENT, last=False)
                 if not step.event and (at_rest := self._at_rest()):
                     break
         except SolverError as error:
@@ -153,7 +153,7 @@ class Fall:
     def _limit(self, omega: float) -> float:
         """Longest time in s that the body has to come to rest."""
         fall = 1 / omega + self.how.inertia.drag / omega**2
-        return LONGEST * fall + LONGEST_CREEP * self.creeping
+        return LONGEST_MOTION * fall + LONGEST_CREEP * self.creeping
 
     def _at_rest(self) -> State | None:
         """The equilibrium in which the body is at rest now; None while it moves.  Collective."""
@@ -209,7 +209,7 @@ class Fall:
         dofs = problem.roles.owned(Role.MOTION)
         off = np.abs(problem.state.values[dofs] - landing.values[dofs])
         largest = problem.comm.allreduce(float(np.max(off, initial=0.0)), op=MPI.MAX)
-        if largest > DIFFERENT:
+        if largest > LEAST_DIFFERENCE:
             self.log(
                 "the body rests elsewhere than where it snaps statically: displacements differ by "
                 f"up to {largest * problem.scales.length:.3g} m"

@@ -47,14 +47,12 @@ def limit_ahead(
     """
     branch = Branch(solver, LoadCourse(solver, rates, position), first)
     steps = BranchSteps(branch, FIRST_ARC, LONGEST_ARC, MOST_STEPS)
+    _, fall = steps.rise(failed)
+    if fall is None:
+        return None
     before = sentinel.excess
-    for here, there, arc in steps:
-        if there.slope < 0:
-            now = None if before is None else sentinel.count(there.state)
-            if before is not None and now is not None and now != before + 1:
-                return None  # a state of another branch, or a crossing before the limit point
-            found = branch.limit_point(here, there, arc)
-            return None if found is None else found[0].factor
-        if there.factor >= failed:
-            return None
-    return None
+    now = None if before is None else sentinel.count(fall.there.state)
+    if before is not None and now is not None and now != before + 1:
+        return None  # a state of another branch, or a crossing before the limit point
+    found = branch.limit_point(*fall)
+    return None if found is None else found[0].factor

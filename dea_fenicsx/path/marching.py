@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from dea_fenicsx.drives.waves import ROUNDING, Wave
+from dea_fenicsx.drives.waves import TIME_TOLERANCE, Wave
 from dea_fenicsx.model.state import State
 from dea_fenicsx.model.viscous_history import Rule
 from dea_fenicsx.path.cursor import Cursor, Step
@@ -116,7 +116,7 @@ class MarchWalk:
         self.march, self.cursor, self.is_last = march, cursor, is_last
         self.sentinel, self.log = sentinel, log
         self.drive: dict[str, Wave] = march.waves
-        self.room = ROUNDING * march.seconds
+        self.room = TIME_TOLERANCE * march.seconds
         self.stepper = TimeStepper(solver, self.drive, cursor.began, march.order)
         self.adaptive = march.steps is None and bool(self.stepper.memories)
         end = march.seconds
@@ -309,7 +309,7 @@ class MarchWalk:
         }
         return {
             name: goal for name, goal in goals.items()
-            if abs(goal - factors[name]) > ROUNDING * max(1.0, abs(goal))
+            if abs(goal - factors[name]) > TIME_TOLERANCE * max(1.0, abs(goal))
         }  # fmt: skip
 
     def _jump(self) -> Iterator[Step]:

@@ -35,7 +35,7 @@ from dea_fenicsx.solvers.consistent import Start
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt
 
-DIFFERENCE = 1e-4
+DRIVE_STEP = 1e-4
 """Step by which a drive is differentiated at a start, as a share of the longest step."""
 
 
@@ -176,7 +176,7 @@ class MotionStepper(TimeStepper):
         """Start from a displacement, a velocity and the present load.  Collective."""
         velocity, driven = velocity.copy(), np.zeros(self.problem.size)
         fixed = self.problem.conditions.fixed_values
-        local, h = state.time - self.began, DIFFERENCE * self.finest
+        local, h = state.time - self.began, DRIVE_STEP * self.finest
         on = fixed.fixed & self.mask
         velocity[on] = 0.0
         if parts := self.problem.rigid:  # their unknowns are no displacements, and may be given

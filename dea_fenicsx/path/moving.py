@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.drives.waves import ROUNDING
+from dea_fenicsx.drives.waves import TIME_TOLERANCE
 from dea_fenicsx.model.motion import MOTION
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
@@ -60,7 +60,7 @@ class MotionWalk:
         self.sentinel, self.log, self.drive = sentinel, log, march.waves
         assert march.moving is not None
         self.inertia: Inertia = march.moving
-        self.room = ROUNDING * march.seconds
+        self.room = TIME_TOLERANCE * march.seconds
         self.adaptive = march.steps is None
         end = march.seconds
         corners = {t for wave in self.drive.values() for t in wave.corners(0.0, end)}
@@ -142,7 +142,7 @@ class MotionWalk:
         goals = {name: wave(now) for name, wave in self.drive.items()}
         return {
             name: goal for name, goal in goals.items()
-            if abs(goal - factors[name]) > ROUNDING * max(1.0, abs(goal))
+            if abs(goal - factors[name]) > TIME_TOLERANCE * max(1.0, abs(goal))
         }  # fmt: skip
 
     def _under_drive(self, state: State) -> State:

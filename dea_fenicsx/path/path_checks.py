@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from dea_fenicsx.drives.waves import ROUNDING, Wave
+from dea_fenicsx.drives.waves import TIME_TOLERANCE, Wave
 from dea_fenicsx.model.mass import check_mass
 from dea_fenicsx.model.mean_forces import check_conserving
 from dea_fenicsx.path.cavity_amounts import check_amounts
@@ -119,7 +119,7 @@ def _check_switch(item: Switch, scene: Scene) -> None:
     _check_response(item, scene)
     others = [
         one for one in (*scene.electrodes, *scene.prescribed, *scene.loads)
-        if one.ramp == source.ramp and one is not source and getattr(one, "is_driven", True)
+        if one.moved_by == source.ramp and one is not source
     ]  # fmt: skip
     if others:
         raise InputError(
@@ -133,7 +133,7 @@ def _check_passes(item: Ramp | Trace, scene: Scene) -> None:
     for name in item.names(scene):
         driven = [
             one for one in (*scene.electrodes, *scene.prescribed, *scene.loads)
-            if one.ramp == name and getattr(one, "is_driven", True)
+            if one.moved_by == name
         ]  # fmt: skip
         if driven and all(_is_resisted(one) for one in driven):
             raise InputError(
@@ -183,7 +183,7 @@ def _check_march(march: March) -> None:
         what = f"the drive of {name!r}"
         check_declared(wave)
         wave.check(what)
-        if wave.end < march.seconds * (1 - ROUNDING):
+        if wave.end < march.seconds * (1 - TIME_TOLERANCE):
             raise InputError(
                 f"The drive of {name!r} ends at {wave.end:g} s, but the march lasts "
                 f"{march.seconds:g} s; add a row to the table, or shorten the march."

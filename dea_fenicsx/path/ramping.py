@@ -18,6 +18,7 @@ from dea_fenicsx.path.limit_ahead import limit_ahead
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.snapping import over_the_limit
 from dea_fenicsx.path.stability import Place
+from dea_fenicsx.path.step_lengths import LONGEST_LAST_STEP
 from dea_fenicsx.path.verdicts import (
     INCONCLUSIVE_OUTCOMES,
     is_near_limit,
@@ -53,9 +54,6 @@ MOST_NEWTON_FOR_GROWTH = 5
 
 STEP_GROWTH = 1.5
 """Length of the next step over that of the last one, if the last one needed few iterations."""
-
-LONGEST_LAST_STEP = 1.25
-"""Largest remainder before a landing, in units of the present step, that is gone in one step."""
 
 
 class RampWalk:

@@ -21,15 +21,14 @@ LONGEST_ARC = 4.0
 MOST_STEPS = 400
 """Largest number of steps along the branch that are made to find the landing."""
 
-BEHIND = (0.25, 0.5, 1.0)
-"""How far behind the limit point a motion begins, in units of arc; the first that can be reached.
+MOTION_STARTS = (0.25, 0.5, 1.0)
+"""Distances behind the limit point at which a motion may begin, in units of arc.
 
-At the limit point itself the body is in equilibrium, and would stay there.
+They are tried in turn.  At the limit point itself the body is in equilibrium, and would stay there.
 """
 
-
-SHORTER = (0.5, 0.25, 0.125)
-"""Shares of a step at which a point is put in between, if no limit point was found in the step."""
+SHARES_OF_STEP = (0.5, 0.25, 0.125)
+"""If no limit point was found in a step, we look again in its first part: these shares of it."""
 
 
 class Passage(NamedTuple):
@@ -119,7 +118,7 @@ def _limit_point(branch: Branch, here: Point, there: Point, arc: float) -> Point
     branch is searched, on which another way leads there.
     """
     found = branch.limit_point(here, there, arc)
-    for share in SHORTER:
+    for share in SHARES_OF_STEP:
         if found is not None:
             break
         _, between = branch.advance(here, share * arc)
@@ -134,7 +133,7 @@ def _limit_point(branch: Branch, here: Point, there: Point, arc: float) -> Point
 
 def _behind(branch: Branch, limit: Point) -> State | None:
     """An equilibrium a little way behind a limit point.  Collective."""
-    for arc in BEHIND:
+    for arc in MOTION_STARTS:
         attempt = branch.step(limit, arc)
         if attempt.converged and branch.factor_of(attempt.found) < limit.factor:
             return attempt.found

@@ -18,7 +18,7 @@ from dea_fenicsx.path.bridging import follow
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.time_stepping import TimeStepper
 
-DIFFERENCE = 1e-5
+STEP_LENGTH_DIFFERENCE = 1e-5
 """Step of the difference that gives the derivative by the length of the step, in the latter's unit.
 
 The derivative only aims Newton's corrections; their end does not depend on it.
@@ -61,14 +61,15 @@ class TimeCourse:
         """Derivative of the residual in the free rows by the length, at the present state."""
         here = self.problem.state
         share = self.factor_of(here)
-        first = max(share - DIFFERENCE, 0.0)
+        first = max(share - STEP_LENGTH_DIFFERENCE, 0.0)
         rows = []
-        for place in (first, first + DIFFERENCE, first + 2 * DIFFERENCE):
+        for place in (first, first + STEP_LENGTH_DIFFERENCE, first + 2 * STEP_LENGTH_DIFFERENCE):
             with self.problem.at(self.loaded(here, place)):
                 rows.append(self.problem.unbalanced(self.problem.residual()))
-        at = (share - first) / DIFFERENCE
+        at = (share - first) / STEP_LENGTH_DIFFERENCE
         weights = (at - 1.5, 2 - 2 * at, at - 0.5)
-        return np.asarray(sum(w * r for w, r in zip(weights, rows, strict=True)) / DIFFERENCE)
+        total = sum(w * r for w, r in zip(weights, rows, strict=True))
+        return np.asarray(total / STEP_LENGTH_DIFFERENCE)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import Factors, State
-from dea_fenicsx.path.crushing import Crush
+from dea_fenicsx.path.crushing import NEARBY_IN_STEPS, Crush
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.stability import path_slope
 from dea_fenicsx.scene.scene import Scene
@@ -30,9 +30,6 @@ LIMIT_SPEED_RATIO_NEARBY = 1.1
 Over such a short way the speed of a smooth path changes by a thousandth.  If a limit point lies
 ahead at the same distance, the ratio is 1.2.
 """
-
-NEARBY_IN_STEPS = 8.0
-"""Largest distance of a nearby state along the load, in units of the last trial's step."""
 
 INCONCLUSIVE_OUTCOMES = (Outcome.SLOW, Outcome.DIVERGED, Outcome.JUMPED)
 """Outcomes of the last trial that may mean a lost equilibrium or a failure of Newton's method.

@@ -17,7 +17,7 @@ from dea_fenicsx.support.cell_types import CORNERS, HEX, QUAD, TET, TRIANGLE
 from dea_fenicsx.support.files import clean
 
 SOLIDS = {HEX: ("C3D8", "C3D20"), TET: ("C3D4", "C3D10")}
-FLAT = {QUAD: ("4", "8"), TRIANGLE: ("3", "6")}
+PLANE_CELL_NODES = {QUAD: ("4", "8"), TRIANGLE: ("3", "6")}
 FAMILIES = {"Axisymmetric": "CAX", "PlaneStress": "CPS"}
 """Beginning of the name of a flat element; CPE, plane strain, for all other kinematics."""
 
@@ -28,7 +28,7 @@ FACES = {
 }  # fmt: skip
 """Corners of the faces of each cell, in Abaqus' order."""
 
-LONGEST = 80
+MOST_SIGNS_OF_NAME = 80
 """Most signs of a name in Abaqus."""
 
 
@@ -49,7 +49,7 @@ def element(kind: str, nodes: int, kinematics: str, hybrid: bool) -> str:
         return SOLIDS[kind][second] + "H" * hybrid
     family = FAMILIES.get(kinematics, "CPE")
     # in plane stress the thickness takes up the change of volume
-    return family + FLAT[kind][second] + "H" * (hybrid and family != "CPS")
+    return family + PLANE_CELL_NODES[kind][second] + "H" * (hybrid and family != "CPS")
 
 
 def input_file(
@@ -102,7 +102,7 @@ def names_for(names: Iterable[str]) -> dict[str, str]:
     taken: set[str] = set()
     for name in dict.fromkeys(names):
         base = re.sub(r"[^A-Za-z0-9_-]", "_", name)
-        base = (base if base[:1].isalpha() else f"N{base}")[: LONGEST - 6]
+        base = (base if base[:1].isalpha() else f"N{base}")[: MOST_SIGNS_OF_NAME - 6]
         made, number = base, 1
         while made.upper() in taken:
             number += 1

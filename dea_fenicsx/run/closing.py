@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from dea_fenicsx.measure.failures import pull_in
-from dea_fenicsx.path.falling import MOVING
+from dea_fenicsx.path.falling import MOTION_EVENT
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.results.summary import count_changes, settings, versions, work
 from dea_fenicsx.run.journal import Journal
@@ -57,7 +57,7 @@ class Closing:
             "events": [
                 {**journal.notes.get(str(row["step"]), {}), "event": row["event"],
                  "step": row["step"], **journal.loads(row)}
-                for row in history if row["event"] not in ("", MOVING)
+                for row in history if row["event"] not in ("", MOTION_EVENT)
             ],
             "failures": journal.found + self._lost_by_pull_in(lost),
             "count_changes": count_changes(history),

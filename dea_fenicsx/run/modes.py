@@ -32,7 +32,7 @@ from dea_fenicsx.support.files import replace_file
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.validation import is_whole, one_of
 
-STEP = 1e-5
+SHAPE_STEP = 1e-5
 """Largest displacement by which an observable is differentiated along a shape, over L."""
 
 
@@ -119,10 +119,10 @@ class Modes:
         self._check(number)
         problem = self._problem
         measure, state, found = observable.bind(problem), problem.state, []
-        for step in (STEP, -STEP):
+        for step in (SHAPE_STEP, -SHAPE_STEP):
             with problem.at(state.with_values(state.values + step * self.shapes[number])):
                 found.append(measure())
-        return (found[0] - found[1]) / (2 * STEP * problem.scales.length)
+        return (found[0] - found[1]) / (2 * SHAPE_STEP * problem.scales.length)
 
     def share(self, axis: str, number: int) -> float:
         """Share of a mode's kinetic energy that is due to the motion along an axis.  Collective.

@@ -1,4 +1,4 @@
-"""Bare electrodes of different potentials that meet: the air between them has been closed."""
+"""Short circuits: bare electrodes meet where the air between them closes."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from dea_fenicsx.materials import Air
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_motions import joined_parts
 
-CLOSED = 0.01
-"""Air that is squeezed to this share of its volume counts as closed."""
+LARGEST_CLOSED_VOLUME_RATIO = 0.01
+"""A gap counts as closed if its air has this share of its undeformed volume, or less."""
 
 CLOSED_BY_STIFFNESS = 3.0
-"""Stiff air counts as closed from this multiple of the cube root of its stiffness on."""
+"""The same share over the cube root of the stiffness of the air; the larger of the two counts."""
 
 SAME_POTENTIAL = 1e-9
 """Potentials that differ by less than this share of the largest one are the same."""
@@ -57,7 +57,8 @@ def _closed(problem: Problem) -> np.ndarray:
     found = np.zeros(imap.size_local + imap.num_ghosts, dtype=bool)
     for name, material in problem.scene.materials.items():
         if isinstance(material, Air):
-            limit = max(CLOSED, CLOSED_BY_STIFFNESS * material.stiffness ** (1 / 3))
+            by_stiffness = CLOSED_BY_STIFFNESS * material.stiffness ** (1 / 3)
+            limit = max(LARGEST_CLOSED_VOLUME_RATIO, by_stiffness)
             cells = device.cells_of(name)
             cells = cells[cells < imap.size_local]
             found[cells] = prober.smallest_J(cells) < limit

@@ -10,7 +10,6 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from dea_fenicsx.scene.condition import Driven
 from dea_fenicsx.support.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 Amounts = Mapping[str, Sequence[float]]
 """For each quantity (``"volts"``, say) the amounts at factor 1, in the order of the scene."""
 
-SAME = 1e-9
+RATIO_TOLERANCE = 1e-9
 """Relative difference of two ratios that is rounding."""
 
 
@@ -37,7 +36,7 @@ def amounts_of(scene: Scene) -> dict[str, dict[str, list[float]]]:
         elif electrode.given_volts:
             add(electrode.ramp, "volts", [electrode.given_volts])
     for item, told in scene.declared.told:
-        ramp = item.ramp if isinstance(item, Driven) else getattr(item, "moved_by", None)
+        ramp = item.moved_by
         for quantity, values in told.amounts().items() if ramp else ():
             add(ramp, quantity, values)
     return found
@@ -70,7 +69,7 @@ def carried(name: str, factor: float, old: Amounts, new: Amounts) -> float:
             f"from, but drives {_words(new)} here; give it another name here, or start from a "
             "state in which it is at 0."
         )
-    if any(abs(r - usable[0]) > SAME * abs(usable[0]) for r in usable):
+    if any(abs(r - usable[0]) > RATIO_TOLERANCE * abs(usable[0]) for r in usable):
         raise InputError(
             f"The ramp {name!r} drives {_words(new)}, of which some have changed against the run "
             "to start from and others have not; give each a ramp of its own."

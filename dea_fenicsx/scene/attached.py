@@ -10,7 +10,7 @@ from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import finite
 
-ROUNDING = 1e-9
+INERTIA_TOLERANCE = 1e-9
 """Relative error of moments of inertia of a flat body, whose largest is the sum of the others."""
 
 
@@ -68,7 +68,7 @@ def check_attached(
             raise InputError(
                 f"A moment of inertia of {what} is {value:g} kg m^2, but must be at least 0."
             )
-    if turns == 3 and 2 * max(given) > np.sum(given) * (1 + ROUNDING):
+    if turns == 3 and 2 * max(given) > np.sum(given) * (1 + INERTIA_TOLERANCE):
         raise InputError(
             f"The moments of inertia of {what} are {', '.join(f'{v:g}' for v in given)} kg m^2, "
             "which no body has: none may be larger than the sum of the two others."

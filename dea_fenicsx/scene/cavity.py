@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from dea_fenicsx.scene.condition import Load, Setting, Told, of_kind
+from dea_fenicsx.scene.condition import Load, OnGroups, Setting, Told, of_kind
 from dea_fenicsx.scene.declarations import Declaration
 from dea_fenicsx.scene.enclosure import Enclosed, enclosed
 from dea_fenicsx.scene.kinematics_base import Kinematics
@@ -102,7 +102,7 @@ class Filling(Declaration):
     gas="Pa*m**3", liquid="m**3", pressure="Pa", outside="Pa", exponent="",
     reference_volume="m**3", reservoir="m**3",
 )  # fmt: skip
-class Cavity(Load):
+class Cavity(OnGroups, Load):
     """A closed space that holds gas, liquid or a given pressure.
 
     Exactly one of `gas`, `liquid` and `pressure` is given.  The ramp's factor f multiplies it, so
@@ -182,12 +182,7 @@ class Cavity(Load):
     @property
     def names(self) -> tuple[str, ...]:
         """The walls, each once."""
-        return (self.where,) if isinstance(self.where, str) else tuple(dict.fromkeys(self.where))
-
-    @property
-    def label(self) -> str:
-        """The walls in one name."""
-        return "+".join(self.names)
+        return tuple(dict.fromkeys(super().names))
 
     @property
     def surface_names(self) -> tuple[str, ...]:

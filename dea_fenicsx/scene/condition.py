@@ -86,6 +86,11 @@ class Condition(ABC):
         The scene asks for them once, after `check` of all conditions.
         """
 
+    @property
+    def moved_by(self) -> str | None:
+        """The ramp that changes what it does; None for one that stays as it is."""
+        return None
+
     def check_beside(self, told: Told) -> None:  # noqa: B027  (most have nothing to check)
         """Raise InputError unless it agrees with what all conditions of a scene declare."""
 
@@ -93,19 +98,8 @@ class Condition(ABC):
 class Support(Condition):
     """What holds a device at every load.
 
-    One that a ramp brings to its state, such as a strained spring, has a field ``ramp`` and is
-    `is_driven`.
+    One that a ramp brings to its state, such as a strained spring, names this ramp in `moved_by`.
     """
-
-    @property
-    def is_driven(self) -> bool:
-        """Whether a ramp brings it to its state."""
-        return False
-
-    @property
-    def moved_by(self) -> str | None:
-        """The ramp that moves or strains it; None for a support that stays as it is."""
-        return str(getattr(self, "ramp", None)) if self.is_driven else None
 
 
 class Extension(Support):
@@ -119,6 +113,10 @@ class Driven(Condition):
     """A condition that is driven by a ramp, whose name is a field of its class."""
 
     ramp: str
+
+    @property
+    def moved_by(self) -> str | None:
+        return self.ramp
 
 
 class Prescribed(Driven):
@@ -139,14 +137,24 @@ class OnSurface:
         return (self.where,)
 
 
-class InRegions:
-    """A condition in the region `where`, or in several regions."""
+class OnGroups:
+    """A condition on the group `where` of the mesh, or on several groups."""
 
     where: str | tuple[str, ...]
 
     @property
     def names(self) -> tuple[str, ...]:
+        """The names of its groups."""
         return (self.where,) if isinstance(self.where, str) else tuple(self.where)
+
+    @property
+    def label(self) -> str:
+        """The names in one."""
+        return "+".join(self.names)
+
+
+class InRegions(OnGroups):
+    """A condition in the region `where`, or in several regions."""
 
     @property
     def region_names(self) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from dea_fenicsx.mesh.device import group_size
 from dea_fenicsx.mesh.neighbours import extent, places, region_extent, share_off_planes
-from dea_fenicsx.scene.condition import Driven, Setting
+from dea_fenicsx.scene.condition import Driven, OnGroups, Setting
 from dea_fenicsx.scene.declarations import (
     Declaration,
     FixedPotential,
@@ -38,7 +38,7 @@ A mesh of triangles on a round rim leaves a little.
 
 
 @dataclass(frozen=True)
-class Conducting(Driven):
+class Conducting(OnGroups, Driven):
     """What electrodes of given potential and of given charge share: where they are.
 
     Attributes
@@ -54,14 +54,6 @@ class Conducting(Driven):
     fills_region: ClassVar[bool] = False
 
     @property
-    def names(self) -> tuple[str, ...]:
-        return (self.where,) if isinstance(self.where, str) else tuple(self.where)
-
-    @property
-    def label(self) -> str:
-        return "+".join(self.names)
-
-    @property
     def given_volts(self) -> float:
         """The voltage at ramp factor 1; 0 of an electrode whose potential floats."""
         return 0.0
@@ -72,9 +64,8 @@ class Conducting(Driven):
         return 0.0
 
     @property
-    def is_driven(self) -> bool:
-        """Whether its ramp changes anything."""
-        return self.given_volts != 0
+    def moved_by(self) -> str | None:
+        return self.ramp if self.given_volts else None
 
     @property
     def all_tapers(self) -> tuple[Taper, ...]:
@@ -369,8 +360,8 @@ class ChargedElectrode(Conducting):
         return self.coulombs
 
     @property
-    def is_driven(self) -> bool:
-        return True
+    def moved_by(self) -> str | None:
+        return self.ramp
 
     def _check_values(self, scene: Setting) -> None:
         finite(self.coulombs, f"The charge of electrode {self.label!r}")

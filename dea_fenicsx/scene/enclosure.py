@@ -41,7 +41,7 @@ from dea_fenicsx.support.errors import InputError
 DEGREE = 6
 """Degree of a quadrature that is exact for the volume behind quadratic facets."""
 
-FLAT = 1e-9
+COPLANAR_TOLERANCE = 1e-9
 """Two coordinates lie on one plane if they differ by less than this share of the device's size."""
 
 OPEN = 1e-7
@@ -162,7 +162,7 @@ def _planes(
     # The axis of rotation itself closes a section.
     left = np.ones(len(rim), dtype=bool)
     if kinematics.axis_of_rotation:
-        left &= np.abs(rim.ends[:, :, 0]).max(axis=1, initial=0) > FLAT
+        left &= np.abs(rim.ends[:, :, 0]).max(axis=1, initial=0) > COPLANAR_TOLERANCE
     stays = {
         name: name in symmetry or _held(scene, rim, name) for name in kinematics.coordinates
     }
@@ -171,9 +171,9 @@ def _planes(
         best: tuple[int, str, float, np.ndarray] | None = None
         for a, name in reversed(list(enumerate(kinematics.coordinates))):
             at = rim.ends[:, :, a]
-            usable = left & stays[name] & (np.ptp(at, axis=1) < FLAT)
+            usable = left & stays[name] & (np.ptp(at, axis=1) < COPLANAR_TOLERANCE)
             for value in np.unique(np.round(at[usable, 0], 9)):
-                chosen = usable & (np.abs(at[:, 0] - value) < 2 * FLAT)
+                chosen = usable & (np.abs(at[:, 0] - value) < 2 * COPLANAR_TOLERANCE)
                 if best is None or chosen.sum() > best[0]:
                     best = int(chosen.sum()), name, float(value), chosen
         if best is None or not best[0]:

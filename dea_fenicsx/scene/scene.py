@@ -10,7 +10,7 @@ from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.cell_quality import check_cells
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.scene.air_checks import check_air
-from dea_fenicsx.scene.condition import Condition, Driven, Load, Prescribed, Support
+from dea_fenicsx.scene.condition import Condition, Load, Prescribed, Support
 from dea_fenicsx.scene.declared import Declared, gathered
 from dea_fenicsx.scene.electrode_checks import check_electrodes
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode
@@ -116,14 +116,8 @@ class Scene:
     @property
     def ramps(self) -> tuple[str, ...]:
         """Names of everything that can be ramped, in the order of appearance."""
-        live = [e for e in self.electrodes if e.is_driven]
-        driven: list[Driven] = [*self.prescribed, *self.loads, *live]
-        return tuple(dict.fromkeys([*(item.ramp for item in driven), *self._moving]))
-
-    @property
-    def _moving(self) -> list[str]:
-        """The ramps that move supports."""
-        return [item.moved_by for item in self.supports if item.moved_by is not None]
+        items = (*self.prescribed, *self.loads, *self.electrodes, *self.supports)
+        return tuple(dict.fromkeys(ramp for item in items if (ramp := item.moved_by) is not None))
 
     @property
     def period(self) -> float:
@@ -173,7 +167,7 @@ class Scene:
 
     def is_electric(self, ramp: str) -> bool:
         """Whether a ramp drives potentials or charges and nothing else."""
-        others = {*(item.ramp for item in (*self.prescribed, *self.loads)), *self._moving}
+        others = {item.moved_by for item in (*self.prescribed, *self.loads, *self.supports)}
         return ramp not in others and ramp in {e.ramp for e in self.electrodes}
 
 

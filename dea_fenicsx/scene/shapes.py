@@ -13,7 +13,7 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, positive
 
-ALIGNED = 1e-9
+AXIS_TOLERANCE = 1e-9
 """Largest sine of the angle, or relative offset, at which a shape still fits the kinematics."""
 
 
@@ -52,7 +52,7 @@ class Plane:
 
     def misfit(self, rotational: bool) -> str:
         """Why it does not fit a plane section, an axisymmetric one if so; empty where it does."""
-        if rotational and abs(self.normal[0]) > ALIGNED * np.linalg.norm(self.normal):
+        if rotational and abs(self.normal[0]) > AXIS_TOLERANCE * np.linalg.norm(self.normal):
             return "a plane of an axisymmetric section has its normal along z"
         return ""
 
@@ -102,7 +102,7 @@ class Sphere:
         """Why it does not fit a plane section, an axisymmetric one if so; empty where it does."""
         if not rotational:
             return "a sphere is no obstacle of a plane section; take a Cylinder"
-        if abs(self.centre[0]) > ALIGNED * self.radius:
+        if abs(self.centre[0]) > AXIS_TOLERANCE * self.radius:
             return "the centre of a sphere lies on the axis r = 0 of an axisymmetric section"
         return ""
 
@@ -169,11 +169,12 @@ class Cylinder:
 
     def misfit(self, rotational: bool) -> str:
         """Why it does not fit a plane section, an axisymmetric one if so; empty where it does."""
-        if self.axis is not None and np.linalg.norm(self.axis[:2]) > ALIGNED * np.linalg.norm(
-            self.axis
+        axis = self.axis
+        if axis is not None and (
+            np.linalg.norm(axis[:2]) > AXIS_TOLERANCE * np.linalg.norm(axis)
         ):
             return "the axis of a cylinder is that of the third direction there; give None"
-        if rotational and abs(self.point[0]) > ALIGNED * self.radius:
+        if rotational and abs(self.point[0]) > AXIS_TOLERANCE * self.radius:
             return "the axis of a cylinder is r = 0 there"
         return ""
 

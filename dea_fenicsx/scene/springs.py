@@ -162,9 +162,8 @@ class Spring(Support):
     ramp: str = "spring"
 
     @property
-    def is_driven(self) -> bool:
-        """Whether a ramp strains it."""
-        return bool(self.rest) or self.length is not None
+    def moved_by(self) -> str | None:
+        return self.ramp if self.rest or self.length is not None else None
 
     def check(self, scene: Setting) -> None:
         names = [*scene.device.surfaces, *scene.device.regions]
@@ -173,7 +172,7 @@ class Spring(Support):
         self._check_law()
         what, kinematics = f"The spring on {self.where!r}", scene.kinematics
         others = [item.ramp for item in (*scene.loads, *scene.prescribed)]
-        if self.is_driven and (self.ramp in others or not self.ramp):
+        if self.moved_by is not None and (self.ramp in others or not self.ramp):
             raise InputError(
                 f"{what} and a load or a prescribed motion share the ramp {self.ramp!r}; give the "
                 "spring a ramp of its own, and move both in one Ramp((..., ...))."
@@ -243,7 +242,7 @@ class Spring(Support):
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
         law = self.law if callable(self.law) else CubicLaw(float(self.law))
         length = self.length if self.axis is None else self.rest
-        ramp = self.ramp if self.is_driven else None
+        ramp = self.moved_by
         return [SpringForce(self.where, law, self.axis, self.to, self.anchor, length, ramp)]
 
 

@@ -67,9 +67,8 @@ class TorsionSpring(Support):
     ramp: str = "spring"
 
     @property
-    def is_driven(self) -> bool:
-        """Whether a ramp strains it."""
-        return bool(self.rest)
+    def moved_by(self) -> str | None:
+        return self.ramp if self.rest else None
 
     @property
     def _ends(self) -> tuple[str, ...]:
@@ -92,7 +91,7 @@ class TorsionSpring(Support):
         if self.to == self.where:
             raise InputError(f"{what} ends there, too; leave to= out.")
         others = [item.ramp for item in (*scene.loads, *scene.prescribed)]
-        if self.is_driven and (self.ramp in others or not self.ramp):
+        if self.moved_by is not None and (self.ramp in others or not self.ramp):
             raise InputError(
                 f"{what} and a load or a prescribed motion share the ramp {self.ramp!r}; give the "
                 "spring a ramp of its own, and move both in one Ramp((..., ...))."
@@ -133,10 +132,6 @@ class TorsionSpring(Support):
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
         law = self.law if callable(self.law) else CubicLaw(float(self.law))
-        driven = self.is_driven
-        return [
-            TorsionMoment(
-                self.where, law, self.about, self.to, None, self.rest if driven else None,
-                self.ramp if driven else None,
-            )
-        ]  # fmt: skip
+        ramp = self.moved_by
+        angle = None if ramp is None else self.rest
+        return [TorsionMoment(self.where, law, self.about, self.to, None, angle, ramp)]

@@ -19,7 +19,7 @@ from dea_fenicsx.solvers.unsymmetric import by_lu
 from dea_fenicsx.support.compat import PETSc
 from dea_fenicsx.support.errors import SolverError
 
-TOLERANCE = 1e-10
+COMPLEX_TOLERANCE = 1e-10
 """Largest residual of a solution, relative to the right-hand side."""
 
 REFINEMENTS = 5
@@ -65,7 +65,7 @@ class ComplexSystem:
             found = found + self._apply(rest)
             rest = force - self._times(found)
             left = self._norm(rest)
-            if left <= TOLERANCE * size:
+            if left <= COMPLEX_TOLERANCE * size:
                 return found
             if not np.isfinite(left):
                 break

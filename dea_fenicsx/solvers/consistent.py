@@ -26,10 +26,10 @@ from dea_fenicsx.solvers.unsymmetric import by_lu
 from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import SolverError
 
-COMPRESSIBILITY = 1e-12
+START_COMPRESSIBILITY = 1e-12
 """Compressibility mu/kappa that determines a pressure which nothing else does."""
 
-TRIAL = 0.05
+VOLUME_DIFFERENCE = 0.05
 """Largest displacement by which the second derivative of the volume is taken, over L."""
 
 NEGLIGIBLE = 1e-12
@@ -146,7 +146,7 @@ class Start:
         """The matrix of the equations, and the rows of the volume's second derivative."""
         problem = self.problem
         self.mass.rest()
-        stiff = self.solver.tangent.matrix(COMPRESSIBILITY)
+        stiff = self.solver.tangent.matrix(START_COMPRESSIBILITY)
         start, _ = stiff.getOwnershipRange()
         offsets, columns, values = stiff.getValuesCSR()
         values = values.copy()
@@ -190,7 +190,7 @@ class Start:
         problem = self.problem
         # J is a cubic polynomial of the displacement, so that the difference is exact.
         largest = problem.comm.allreduce(float(np.max(np.abs(velocity), initial=0.0)), op=MPI.MAX)
-        step = TRIAL / largest
+        step = VOLUME_DIFFERENCE / largest
         total = np.zeros(len(problem.free))
         for place, weight in ((1.0, 1.0), (0.0, -2.0), (-1.0, 1.0)):
             with problem.at(state):

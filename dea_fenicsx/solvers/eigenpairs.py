@@ -50,8 +50,8 @@ NO_PAIR = 1e-3
 Vectors that the constraints exclude have 1/m = 0, which rounding turns into some large m.
 """
 
-ALIGNED = 0.9
-"""Cosine between an eigenvector and its inverse iterate, below which it is no eigenvector."""
+LEAST_COSINE_OF_ITERATES = 0.9
+"""Least cosine between an eigenvector and its inverse iterate; below it, it is no eigenvector."""
 
 INDEPENDENT = 1e-10
 """Least eigenvalue of the products of unit vectors that are taken as linearly independent."""
@@ -369,7 +369,7 @@ class _Search:
             squares = self._sum(
                 np.array([motion @ force, vector[self.motion] @ force, vector[self.motion] @ back])
             )
-            if abs(squares[1]) > ALIGNED * np.sqrt(squares[0] * squares[2]):
+            if abs(squares[1]) > LEAST_COSINE_OF_ITERATES * np.sqrt(squares[0] * squares[2]):
                 vectors.append(vector / np.sqrt(squares[2]))
                 weighed.append(back / np.sqrt(squares[2]))
         if not vectors:

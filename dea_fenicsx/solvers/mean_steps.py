@@ -21,15 +21,15 @@ import numpy as np
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.mean_forces import MeanForces
 from dea_fenicsx.model.state import State
-from dea_fenicsx.solvers.consistent import COMPRESSIBILITY, factor
+from dea_fenicsx.solvers.consistent import START_COMPRESSIBILITY, factor
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome, fault_of
 from dea_fenicsx.support.compat import PETSc
 
-TOLERANCE = 1e-12
+MEAN_STEP_TOLERANCE = 1e-12
 """Scaled residual at which a step ends."""
 
-ROUNDING = 1e-10
+RESIDUAL_OF_ROUNDING = 1e-10
 """Scaled residual that rounding may leave, where a further iteration does not halve it."""
 
 MOST_ITERATIONS = 15
@@ -73,8 +73,8 @@ class MeanSteps:
                 return Attempt(fault, iteration, np.inf)
             residual = self._residual()
             size = self.solver.residual_of(residual)
-            stays = size <= ROUNDING and size > before / 2
-            if size <= TOLERANCE or stays:
+            stays = size <= RESIDUAL_OF_ROUNDING and size > before / 2
+            if size <= MEAN_STEP_TOLERANCE or stays:
                 return Attempt(Outcome.CONVERGED, iteration, size, problem.state)
             if not np.isfinite(size):
                 return Attempt(Outcome.DIVERGED, iteration, size)
@@ -110,7 +110,7 @@ class MeanSteps:
     def _matrix(self) -> Any:
         """The tangent in the free unknowns, which the caller destroys.  Collective."""
         problem, mass = self.problem, self.problem.massive()
-        kept = self.solver.tangent.matrix(COMPRESSIBILITY)
+        kept = self.solver.tangent.matrix(START_COMPRESSIBILITY)
         self.solver.forget_factor()
         found = kept.copy()
         whole = self.mean.slope()

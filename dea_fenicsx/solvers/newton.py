@@ -37,8 +37,8 @@ MOST_ROUNDING_OVER_TOLERANCE = 1e3
 CONTACT_SOFTENING = (0.1, 0.01)
 """Factors on the stiffness r of contacts that are tried one after another when Newton fails."""
 
-SOFT_TOLERANCE = 1e-8
-"""Newton's tolerance for the state of softer contacts, which only is a start."""
+SOFTENED_CONTACT_TOLERANCE = 1e-8
+"""Newton's tolerance where contacts are softened: this state only starts a further solve."""
 
 NEGLIGIBLE_MOTION = 1e-6
 """Displacements below this share of the device's size are rounding errors."""
@@ -77,7 +77,7 @@ class NewtonSolver(LinearSolver):
         # Python's max would pass over a NaN that is not the first
         return max(norms) if np.all(np.isfinite(norms)) else np.inf
 
-    def without_rounding(self, residual: np.ndarray, norm: float) -> float:
+    def without_rounding(self, residual: np.ndarray, norm: float, wanted: float) -> float:
         """The scaled residual once more, if rounding may explain why it does not fall.  Collective.
 
         Where rounding of the displacements leaves more than Newton's tolerance, the forces that the
@@ -89,9 +89,12 @@ class NewtonSolver(LinearSolver):
             The residual of the present state.
         norm
             Its scaled size.
+        wanted
+            The size that it is to come to.  If this is below the usual tolerance, nothing is
+            allowed for: who asks for more digits is told that rounding errors forbid them.
         """
         tolerance = self.options.tolerance
-        if not norm <= MOST_ROUNDING_OVER_TOLERANCE * tolerance:
+        if wanted < NewtonOptions.tolerance or not norm <= MOST_ROUNDING_OVER_TOLERANCE * tolerance:
             return norm
         self.references.allow_for_rounding(residual, tolerance)
         return self.residual_of(residual)
@@ -146,7 +149,7 @@ class NewtonSolver(LinearSolver):
             state, iterations = start, 0
             for step, softer in enumerate(ladder):
                 with contacts.softened(softer):
-                    goal = max(tolerance, SOFT_TOLERANCE)
+                    goal = max(tolerance, SOFTENED_CONTACT_TOLERANCE)
                     soft = self._attempt(state, goal, lifting and step == 0, False)
                 iterations += soft.iterations
                 if not soft.converged:
@@ -186,9 +189,8 @@ class NewtonSolver(LinearSolver):
         while lifted is not None or norm > tolerance:
             if iteration == self.options.max_iterations and increment is not None:
                 outcome = self._slowness(history, increment)
-                # Who asks for more than the usual digits is told that rounding errors forbid them.
-                if outcome is Outcome.ROUNDING and tolerance >= NewtonOptions.tolerance:
-                    norm = self.without_rounding(residual, norm)
+                if outcome is Outcome.ROUNDING:
+                    norm = self.without_rounding(residual, norm, tolerance)
                     if norm <= tolerance:
                         break
                 return Attempt(outcome, iteration, norm)

@@ -1,8 +1,9 @@
 """How much one Newton step squeezes the air.
 
-The energy of air grows as J^-2, so that Newton's method overshoots where a gap closes: from a state
-with too small a J it comes back by a factor of 4/3 each time.  As in interior-point methods a step
-is therefore not longer than such that each J in the air keeps a share of its value.
+The energy of the air grows as J^-2, with the volume ratio J.  Where a gap closes, Newton's method
+overshoots: it arrives at a J that is too small, and each further iteration enlarges this J by a
+factor of 4/3 only.  So we shorten a step until each J in the air keeps a share of its value, as
+interior-point methods do with their distance from a bound.
 """
 
 from __future__ import annotations
@@ -12,11 +13,11 @@ from mpi4py import MPI
 
 from dea_fenicsx.model.problem import Problem
 
-LEAST_SHARE = 0.25
-"""Share of its J that each point of the air keeps in one Newton step."""
+LEAST_KEPT_SHARE_OF_J = 0.25
+"""Least share of its volume ratio J that each point of the air keeps in a shortened step."""
 
 TOLERATED_SHARE = 0.1
-"""Share from which on a step is taken as it is, since another trial would cost more."""
+"""If each J keeps at least this share, we take the step as it is: another trial would cost more."""
 
 
 class Squeezing:
@@ -53,4 +54,4 @@ class Squeezing:
 
 def shortened(share: float) -> float:
     """What a step is multiplied by if it leaves too small a share of J, which is linear in it."""
-    return float(np.clip((1 - LEAST_SHARE) / (1 - share), 0.05, 0.9))
+    return float(np.clip((1 - LEAST_KEPT_SHARE_OF_J) / (1 - share), 0.05, 0.9))

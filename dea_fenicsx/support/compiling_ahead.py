@@ -23,7 +23,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.support import form_cache
 
-LONGEST = 600.0
+LONGEST_COMPILATION_S = 600.0
 """Seconds that one form may take; a copy that takes longer is ended, and its form compiled here."""
 
 
@@ -152,7 +152,7 @@ def _await_one(running: dict[int, tuple[_Found, float]]) -> None:
     """Wait until one of some processes has ended."""
     while True:
         for process, (found, begin) in list(running.items()):
-            if time.monotonic() - begin > LONGEST:
+            if time.monotonic() - begin > LONGEST_COMPILATION_S:
                 os.kill(process, signal.SIGKILL)
             ended, status = os.waitpid(process, os.WNOHANG)
             if ended:

@@ -18,6 +18,9 @@ LONGEST_NAME = 80
 LONGEST_TEXT = 300
 """Letters of a text from a file that are shown."""
 
+LONGEST_PATH = 1000
+"""Letters of a path that a command shows."""
+
 
 def clean(text: object, longest: int = LONGEST_TEXT) -> str:
     """A text on one line, without control characters, and not too long.
