@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.gradients.adjoint import DIFFERENCE, LEAST_MOTION
+from dea_fenicsx.gradients.adjoint import LEAST_MOTION, OBSERVABLE_STEP
 from dea_fenicsx.gradients.motion_changes import moved
 from dea_fenicsx.gradients.shapes import most
 from dea_fenicsx.gradients.variables import Coefficients, Load, Variable
@@ -95,7 +95,7 @@ def step_of(problem: Problem, state: State, change: Change, one: Variable) -> fl
         value = one.unit
     if value:
         steps.append(abs(value))
-    return DIFFERENCE * min(steps, default=1.0)
+    return OBSERVABLE_STEP * min(steps, default=1.0)
 
 
 @contextmanager
