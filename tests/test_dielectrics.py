@@ -13,6 +13,7 @@ from test_homogeneous_all_models import device
 
 import dea_fenicsx as dea
 from dea_fenicsx import exact, materials
+from dea_fenicsx.design.helical import HelicalModel
 from dea_fenicsx.materials.base import EPSILON_0
 from dea_fenicsx.materials.dielectric_series import FilmPoint
 from dea_fenicsx.materials.electric import Dielectric
@@ -331,3 +332,12 @@ def test_what_knows_one_permittivity_alone_says_so():
         exact.march(film(law), 1.0, voltage=1e3)
     with pytest.raises(dea.InputError, match=r"trace exact\.Film"):
         exact.failure_map(dea.Material(dea.NeoHookean(MU), SATURATING["ln cosh"]), H, 1.2)
+    with pytest.raises(dea.InputError, match="one permittivity"):
+        HelicalModel(dea.Material(dea.NeoHookean(MU), law))
+
+
+def test_the_helical_model_refuses_fibres():
+    fibres = dea.StandardReinforcing(1e5, (1, 0, 0))
+    rubber = dea.Material(dea.Reinforced(dea.NeoHookean(MU), fibres), dea.IdealDielectric(4.7))
+    with pytest.raises(dea.InputError, match="isotropic"):
+        HelicalModel(rubber)

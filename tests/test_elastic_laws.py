@@ -13,6 +13,7 @@ from test_fibres import everything, taylor_order
 from test_homogeneous_all_models import KERNELS, run
 
 import dea_fenicsx as dea
+from dea_fenicsx import exact
 from dea_fenicsx.exact import Dead, Film, Held, trace
 from dea_fenicsx.materials import (
     BlatzKo,
@@ -223,3 +224,16 @@ def test_bad_constants(words):
     assert any(word in faults[0] for word in words.split("|"))
     with pytest.raises(dea.InputError):
         nominal_stress(BlatzKo(5e4), "uniaxial", 1.1)
+
+
+def test_states_of_kept_volume_refuse_foams():
+    foam = Material(BlatzKo(5e4), dea.IdealDielectric(4.7))
+    for state in (
+        lambda: exact.nominal_stress(foam, 1e-3, 1.3, 1.2, voltage=1e3),
+        lambda: exact.second_variation(foam, 1.3, 1.2, 100.0),
+        lambda: exact.failure_map(foam, 1e-3, 1.2),
+        lambda: exact.harvesting_cycle(foam, 1.5, 3.0, 0.05),
+        lambda: exact.RoundBalloon(1e-2, 1.2e-2, foam),
+    ):
+        with pytest.raises(dea.InputError, match="keeps its volume"):
+            state()

@@ -17,6 +17,7 @@ import numpy as np
 from dea_fenicsx.design.variables import Limit, Range, one_of
 from dea_fenicsx.exact import Helicoid, stable_limit
 from dea_fenicsx.materials import Breakdown, IdealDielectric, Material, get
+from dea_fenicsx.materials.base import is_isotropic
 from dea_fenicsx.materials.stretches import taylor
 from dea_fenicsx.support.errors import InputError
 
@@ -105,6 +106,13 @@ class HelicalModel:
                 "The analytic model takes incompressible materials only, but this one has a bulk "
                 "modulus; use Material(elastic, electric) without it."
             )
+        if not is_isotropic(self.material.elastic):
+            raise InputError(
+                "The analytic model takes isotropic rubbers only, but this material has fibres; "
+                "take finite elements for it."
+            )
+        if self.material.is_dielectric:
+            self.material.dielectric.constant_permittivity("The analytic model")
         if not (math.isfinite(self.electrode) and self.electrode >= 0 <= self.inset):
             raise InputError("Electrode thickness and inset must be finite and not negative.")
         if not isinstance(self.turns, int) or self.turns < 1:

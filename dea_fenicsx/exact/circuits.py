@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.exact.states import of_kept_volume
 from dea_fenicsx.materials import Material
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
@@ -88,6 +89,7 @@ def harvesting_cycle(material: Material, low: float, high: float, field: float) 
         raise InputError(f"The field is {shown(field)}, but must be a number in V/m.")
     if not low < high:
         raise InputError(f"The low stretch {low:g} must be less than the high one, {high:g}.")
+    of_kept_volume(material, "A harvesting cycle")
     eps = material.dielectric_of("film's material").constant_permittivity("A film in a circuit")
     given = eps / 2 * field**2 * high**4
     gain = (high / low) ** 4

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.optimize import brentq
 
-from dea_fenicsx.exact.states import without_time
+from dea_fenicsx.exact.states import of_kept_volume, without_time
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.stretches import taylor
 from dea_fenicsx.support.errors import InputError
@@ -129,6 +129,7 @@ class RoundBalloon:
                 f"RoundBalloon: material is {shown(self.material)}, but must be a dea.Material."
             )
         without_time(self.material, "RoundBalloon()")
+        of_kept_volume(self.material, "RoundBalloon()")
 
     def at(self, radius: float) -> RoundState:
         """The round state with an inner radius in m (at least the undeformed one)."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from dea_fenicsx.exact.film_field import FilmField
 from dea_fenicsx.materials import Material
+from dea_fenicsx.materials.base import is_compressible
 from dea_fenicsx.materials.stretches import taylor
 from dea_fenicsx.support.errors import InputError
 
@@ -30,9 +31,19 @@ def without_time(material: Material, what: str) -> None:
         )
 
 
+def of_kept_volume(material: Material, what: str) -> None:
+    """Raise InputError if the energy of a material is that of a foam, whose volume changes."""
+    if is_compressible(material.elastic):
+        raise InputError(
+            f"{what} needs a material that keeps its volume, but "
+            f"{type(material.elastic).__name__} is a foam; take exact.Film, which knows it."
+        )
+
+
 def elastic_stress(material: Material, lam1: Any, lam2: Any) -> np.ndarray:
     """True stresses lam_i dW/dlam_i - lam_3 dW/dlam_3 in Pa without field, shape (2, ...)."""
     without_time(material, "elastic_stress()")
+    of_kept_volume(material, "elastic_stress()")
     _, R, _ = taylor(material.elastic, _log(lam1, lam2))
     return R[:2] - R[2]
 
@@ -148,6 +159,7 @@ def softening(material: Material, lam1: Any, lam2: Any, M: Any = 0.0) -> np.ndar
 def elastic_stiffness(material: Material, lam1: Any, lam2: Any) -> tuple[np.ndarray, np.ndarray]:
     """True stresses without field, and d^2 W/de_i de_j at constant volume, entries 11, 22, 12."""
     without_time(material, "A state's stability")
+    of_kept_volume(material, "A state's stability")
     _, R, H = taylor(material.elastic, _log(lam1, lam2))
     K = [H[i, j] - H[i, 2] - H[2, j] + H[2, 2] for i, j in ((0, 0), (1, 1), (0, 1))]
     return R[:2] - R[2], np.array(K)
