@@ -20,28 +20,24 @@ class ElectricPoint:
     """
 
     def __init__(self, at: Any, pulled: Any) -> None:
-        self._at, self.law = at, at.kernel.electric
+        # We do not keep the material point itself, which keeps this one: the mesh of a scene that
+        # is gone would otherwise live until Python looks for such circles.
+        self.law, self._strain, self._total = at.kernel.electric, at.strain, at.total
+        self._J, self._cofactor = at.J, at.cofactor
         self._true = pulled / at.J
         self.e2 = ufl.variable(ufl.dot(pulled, pulled) / at.J**2)
+        self.ln_J = at.constant(0.0) if at.kernel.is_incompressible else ufl.ln(at.J)
+        self.vacuum = at.constant(at.kernel.vacuum)
 
     @property
     def I1(self) -> Any:
-        return self._at.strain.I1
+        return self._strain.I1
 
     @cached_property
     def E2(self) -> Any:
         """With the deformation that the material has undergone, pre-stretch included."""
-        back = ufl.dot(ufl.transpose(self._at.total), self._true)
+        back = ufl.dot(ufl.transpose(self._total), self._true)
         return ufl.variable(ufl.dot(back, back))
-
-    @property
-    def ln_J(self) -> Any:
-        solid = self._at.kernel.is_incompressible
-        return self._at.constant(0.0) if solid else ufl.ln(self._at.J)
-
-    @property
-    def vacuum(self) -> Any:
-        return self._at.constant(self._at.kernel.vacuum)
 
     @staticmethod
     def exp(x: Any) -> Any:
@@ -62,7 +58,7 @@ class ElectricPoint:
     @property
     def energy(self) -> Any:
         """J u, per undeformed volume."""
-        return self._at.J * self.law.coenergy(self)
+        return self._J * self.law.coenergy(self)
 
     @property
     def displacement(self) -> Any:
@@ -70,7 +66,7 @@ class ElectricPoint:
         u, along = self.law.coenergy(self), self._true
         found = 2 * ufl.diff(u, self.e2) * along
         if self.law.depends_on_strain:
-            total = self._at.total
+            total = self._total
             back = ufl.dot(total, ufl.dot(ufl.transpose(total), along))
             found = found + 2 * ufl.diff(u, self.E2) * back
-        return ufl.dot(ufl.transpose(self._at.cofactor), found)
+        return ufl.dot(ufl.transpose(self._cofactor), found)
