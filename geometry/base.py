@@ -136,3 +136,14 @@ def refuse_clash(owner: str, regions: set[str], facets: set[str]) -> None:
             f"{owner}: the layer name {both[0]!r} is also the name of a facet group; call the "
             "layer otherwise."
         )
+
+
+def sizes_of_layers(layers: Sequence[Layer], base: float) -> dict[str, float]:
+    """Volume in m^3 (area in m^2 of a section) of each name of flat layers, by that of their base.
+
+    The base is an area in m^2, or a length in m.
+    """
+    found: dict[str, float] = {}
+    for layer in layers:
+        found[layer.name] = found.get(layer.name, 0.0) + base * layer.thickness
+    return found

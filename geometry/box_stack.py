@@ -13,7 +13,7 @@ from dea_fenicsx.support.units import in_si
 
 from . import _check
 from ._structured import Floats, Ints, StructuredMesh, joined_ends, lattice
-from .base import Geometry, Layer, checked_layers, refuse_clash
+from .base import Geometry, Layer, checked_layers, refuse_clash, sizes_of_layers
 from .grading import check_ends, graded
 
 
@@ -116,9 +116,7 @@ class BoxStack(Geometry):
         """Exact volume (area) of every layer name and area (length) of every facet group."""
         width = 1.0 if self.width is None else self.width
         base = self.length * width
-        found: dict[str, float] = {}
-        for layer in self.layers:
-            found[layer.name] = found.get(layer.name, 0.0) + base * layer.thickness
+        found = sizes_of_layers(self.layers, base)
         for name in self._facet_names():
             if name.startswith("x_"):
                 found[name] = width * self.height

@@ -13,7 +13,7 @@ from dea_fenicsx.support.units import in_si
 
 from . import _check
 from ._structured import Floats, Ints, StructuredMesh, joined_ends, lattice
-from .base import Geometry, Layer, checked_layers, refuse_clash
+from .base import Geometry, Layer, checked_layers, refuse_clash, sizes_of_layers
 from .grading import graded
 
 
@@ -148,10 +148,7 @@ class TabbedStack(Geometry):
     def measures(self) -> dict[str, float]:
         """Exact volume (area) of every layer name and area (length) of every facet group."""
         base = self.length * (1.0 if self.width is None else self.width)
-        found: dict[str, float] = {}
-        for layer in self.layers:
-            found[layer.name] = found.get(layer.name, 0.0) + base * layer.thickness
-        return found | self._areas()
+        return sizes_of_layers(self.layers, base) | self._areas()
 
     def refine(self, factor: int) -> TabbedStack:
         """The same stack with all divisions multiplied by ``factor``."""

@@ -29,6 +29,7 @@ from dea_fenicsx.gradients.variables import (
     Shape,
     ShapeChange,
     Variable,
+    larger,
     variables,
 )
 from dea_fenicsx.model.fields import Role
@@ -239,16 +240,9 @@ class Gradients:
             moved = problem.imposed(problem.under(moved, factors))
             problem.show(moved)
             return float(measure())
-        assert isinstance(one, Coefficients)
         problem.show(moved)
-        kept = [c.x.array.copy() for c, _, _ in one.changes]
-        try:
-            for coefficient, cells, rate in one.changes:
-                coefficient.x.array[cells] += step * rate
+        with larger(one, step):
             return float(measure())
-        finally:
-            for (coefficient, _, _), values in zip(one.changes, kept, strict=True):
-                coefficient.x.array[:] = values
 
     def forces(self, one: Variable) -> np.ndarray:
         """dR/dp of a constant or a load, in the free rows.  Collective."""

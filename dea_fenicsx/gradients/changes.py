@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 from dea_fenicsx.gradients.adjoint import LEAST_MOTION, OBSERVABLE_STEP
 from dea_fenicsx.gradients.motion_changes import moved
 from dea_fenicsx.gradients.shapes import most
-from dea_fenicsx.gradients.variables import Coefficients, Load, Variable
+from dea_fenicsx.gradients.variables import Coefficients, Load, Variable, larger
 from dea_fenicsx.gradients.viscous_changes import Strains
 from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.problem import Problem
@@ -96,20 +95,6 @@ def step_of(problem: Problem, state: State, change: Change, one: Variable) -> fl
     if value:
         steps.append(abs(value))
     return OBSERVABLE_STEP * min(steps, default=1.0)
-
-
-@contextmanager
-def larger(one: Variable, step: float) -> Iterator[None]:
-    """Let a constant of a material be larger by a step."""
-    changes = one.changes if isinstance(one, Coefficients) else ()
-    kept = [c.x.array.copy() for c, _, _ in changes]
-    try:
-        for coefficient, cells, rate in changes:
-            coefficient.x.array[cells] += step * rate
-        yield
-    finally:
-        for (coefficient, _, _), values in zip(changes, kept, strict=True):
-            coefficient.x.array[:] = values
 
 
 def changed(problem: Problem, state: State, change: Change, one: Variable, step: float) -> State:

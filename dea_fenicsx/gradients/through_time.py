@@ -24,10 +24,10 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.gradients.adjoint import Gradient, Gradients
-from dea_fenicsx.gradients.changes import Change, Recorded, changed, larger, slopes, step_of
+from dea_fenicsx.gradients.changes import Change, Recorded, changed, slopes, step_of
 from dea_fenicsx.gradients.motion_changes import MotionChanges, differenced, driven, started
 from dea_fenicsx.gradients.past_checks import check_past
-from dea_fenicsx.gradients.variables import Load, ShapeChange, Variable, variables
+from dea_fenicsx.gradients.variables import Load, ShapeChange, Variable, larger, variables
 from dea_fenicsx.gradients.viscous_changes import Strains, ViscousChanges, combined_change
 from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.state import State

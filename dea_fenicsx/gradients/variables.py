@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -94,6 +95,20 @@ class Shape:
 
 
 Variable = Coefficients | Load | Shape
+
+
+@contextmanager
+def larger(one: Variable, step: float) -> Iterator[None]:
+    """Let a constant of a material be larger by a step."""
+    changes = one.changes if isinstance(one, Coefficients) else ()
+    kept = [c.x.array.copy() for c, _, _ in changes]
+    try:
+        for coefficient, cells, rate in changes:
+            coefficient.x.array[cells] += step * rate
+        yield
+    finally:
+        for (coefficient, _, _), values in zip(changes, kept, strict=True):
+            coefficient.x.array[:] = values
 
 
 def variables(problem: Problem, to: Iterable[str | ShapeChange]) -> list[Variable]:

@@ -7,6 +7,7 @@ continuous and bounded.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -48,9 +49,9 @@ class OverStretch(Dielectric):
     depends_on_strain: ClassVar[bool] = True
     constants: ClassVar[dict[str, str]] = {"eps_r": "permittivity"}
 
+    @abstractmethod
     def factor(self, s: Any, x: Any) -> Any:
         """f at x = I1 - 3, a number, a series or an expression."""
-        raise NotImplementedError
 
     def permittivity(self) -> float:
         return self.eps_r * EPSILON_0
