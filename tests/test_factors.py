@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse
 from conftest import numbers_of_ranks
 from mpi4py import MPI
 
@@ -16,6 +17,8 @@ from dea_fenicsx.solvers.factors import WholeFactor
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.split_factor import PHI, SplitFactor, U
 from dea_fenicsx.solvers.tangent import Tangent
+from dea_fenicsx.solvers.unsymmetric import by_lu
+from dea_fenicsx.support.compat import PETSc
 
 MU, EPS_R = 73.7e3, 4.7
 RUBBER = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(EPS_R))
@@ -215,3 +218,24 @@ def test_precise_factors_solve_in_few_iterations_and_count(monkeypatch):
     rest = solver.tangent.times(found) - rhs
     assert np.linalg.norm(rest) < 1e-10 * np.linalg.norm(rhs)
     assert solver.inertia.excess == 0
+
+
+def test_constraints_delay_no_pivot():
+    """A mass with volume constraints is factorised without pivoting, and solved to rounding."""
+    motions, volumes, random = 300, 100, np.random.default_rng(5)
+    places = np.concatenate([np.arange(i, i + 3) for i in range(0, motions, 3)])
+    rows = np.repeat(np.arange(volumes), 3)
+    constraint = scipy.sparse.coo_matrix(
+        (1e-3 * random.standard_normal(len(rows)), (rows, places)), (volumes, motions)
+    )
+    mass = scipy.sparse.diags([2.0, 9.0, 2.0], [-1, 0, 1], (motions, motions))
+    whole = scipy.sparse.bmat([[mass, constraint.T], [constraint, None]], "csr")
+    csr = whole.indptr.astype(PETSc.IntType), whole.indices.astype(PETSc.IntType), whole.data
+    matrix = PETSc.Mat().createAIJ(whole.shape, csr=csr, comm=MPI.COMM_SELF)
+    solver = by_lu(matrix, motions + np.arange(volumes))
+    known, (found, force) = random.standard_normal(motions + volumes), matrix.createVecs()
+    force.array[:] = whole @ known
+    solver.solve(force, found)
+    assert solver.getPC().getFactorMatrix().getMumpsInfog(13) == 0
+    left = np.linalg.norm(whole @ found.array_r - force.array_r)
+    assert left <= 1e-12 * force.norm()

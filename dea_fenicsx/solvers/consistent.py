@@ -79,7 +79,7 @@ class Start:
         given = np.zeros(problem.size) if driven is None else driven
         with problem.at(state):
             matrix, kept = self._matrix()
-        ksp = factor(matrix)
+        ksp = by_lu(matrix, kept)
         x, b = matrix.createVecs()
         if corrected:
             velocity = self._kept_volume(state, velocity, kept, (ksp, x, b))
@@ -198,10 +198,3 @@ class Start:
                 problem.w.x.array[:] = state.values + place * step * velocity
                 total += weight * problem.restrict(problem.residual())
         return total / step**2
-
-
-def factor(matrix: Any) -> Any:
-    """A solver by L U with refinement, which the caller destroys.  Collective."""
-    ksp = by_lu(matrix, "gmres")
-    ksp.setTolerances(rtol=1e-13, atol=0.0, max_it=10)
-    return ksp

@@ -21,9 +21,10 @@ import numpy as np
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.mean_forces import MeanForces
 from dea_fenicsx.model.state import State
-from dea_fenicsx.solvers.consistent import START_COMPRESSIBILITY, factor
+from dea_fenicsx.solvers.consistent import START_COMPRESSIBILITY
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome, fault_of
+from dea_fenicsx.solvers.unsymmetric import by_lu
 from dea_fenicsx.support.compat import PETSc
 
 MEAN_STEP_TOLERANCE = 1e-12
@@ -97,7 +98,7 @@ class MeanSteps:
     def _change(self, residual: np.ndarray) -> np.ndarray:
         """Newton's step of the free unknowns (owned).  Collective."""
         matrix = self._matrix()
-        ksp = factor(matrix)
+        ksp = by_lu(matrix, self.problem.roles.free(Role.MULTIPLIER))
         x, b = matrix.createVecs()
         b.array[:] = -self.problem.unbalanced(residual)
         ksp.solve(b, x)
