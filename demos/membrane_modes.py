@@ -31,7 +31,7 @@ def parse():
                   "with the modulus mu in Pa")  # fmt: skip
     parser.number("--thickness", 0.02, "-", "undeformed thickness over undeformed radius")
     parser.count("--angular", 32, "cells around, a multiple of 4")
-    parser.count("--radial", 8, "cells from the core to the rim, smaller towards the rim")
+    parser.count("--radial", 12, "cells from the core to the rim, smaller towards the rim")
     parser.add_argument("--extrapolate", action="store_true", help="also compute a film of half "
                         "the thickness, and continue the frequencies to no thickness")  # fmt: skip
     return parser, parser.parse_args()
