@@ -1,7 +1,7 @@
 """Ten-layer helical actuator under voltage (Park 2019, 4.3.3), beside its helically periodic cell.
 
-Park (2019) prints ten layers and a height of 16.5 mm, and these do not agree.  Ten turns of 1.1 mm are
-12.1 mm high, with the end of the last one.  A height of 16.5 mm means 15 pitches, --turns 14.
+Park (2019) prints ten layers and a height of 16.5 mm, and these do not agree.  Ten turns of 1.1 mm
+are 12.1 mm high, with the end of the last one.  A height of 16.5 mm means 15 pitches, --turns 14.
 
 Run it with `mpirun -n 2 python demos/hdea_ten_layer.py`.  --reach continues to the 13 % of
 Park (2019) or to pull-in.  --blocked adds the blocked force and the stiffness.  --table, without
