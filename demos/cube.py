@@ -2,7 +2,7 @@
 
 A cube of neo-Hookean rubber stands for a piece of a film.  It is pulled by equal forces along x and
 y.  The forces stay, which is a dead load, and a voltage is applied along z, through the thickness.
-Eq 17 of the thesis is the exact answer:
+Eq 17 of Park (2019) is the exact answer:
 
     lam P + eps (lam^2 V/T)^2 = mu (lam^2 - lam^-4),   P = mu (lam_0 - lam_0^-5)
 
@@ -107,7 +107,7 @@ def main():
 
 
 def closed_form(args, force):
-    """Thesis eq 17 as a function from stretch to voltage, and stretch and voltage at its peak."""
+    """Eq 17 of Park (2019): the voltage as a function of stretch, and both at its peak."""
     mu, T, eps = args.mu, args.thickness, args.eps_r * EPSILON_0
 
     def exact_voltage(lam):
@@ -121,7 +121,7 @@ def closed_form(args, force):
 
 
 def exact_stretches(args, run, force, largest):
-    """The stretches that eq 17 of the thesis gives at each step of a run, on the stable branch."""
+    """The stretches that eq 17 of Park (2019) gives at each step of a run, on the stable branch."""
     mu, T, eps = args.mu, args.thickness, args.eps_r * EPSILON_0
     return [
         brentq(lambda x, V=V, f=f * force: mu * (x**2 - x**-4) - x * f - eps * (x**2 * V / T) ** 2,
@@ -145,10 +145,10 @@ def held_voltage(args, device, film, stretch, load):
 
 
 def report(args, run, exact, exact_voltage):
-    """Thesis, closed form and finite elements side by side."""
+    """Printed values, closed form and finite elements side by side."""
     s = run.summary
     lam = 1.25 * args.prestretch
-    print(f"\n{'':34}{'thesis':>12}{'closed form':>16}{'finite elements':>20}")
+    print(f"\n{'':34}{'Park':>12}{'closed form':>16}{'finite elements':>20}")
     rows = [
         ("dead load for the pre-stretch, Pa", "1550", f"{s['dead_load_Pa']:.1f}",
          f"{s['dead_load_Pa']:.1f} (given)"),
@@ -165,7 +165,7 @@ def report(args, run, exact, exact_voltage):
         print(f"{name:34}{thesis:>12}{closed:>16}{fe:>20}")
     print(f"largest relative error of the stretch along the branch: "
           f"{s['max_relative_stretch_error']:.1e}")  # fmt: skip
-    # the thesis's own numbers: its force, and where its root lies
+    # Park's own numbers: its force, and where its root lies
     mu, T, eps = 50e3, 1e-4, 2.86 * EPSILON_0
     phi = [(mu * (x**2 - x**-4) - x * THESIS["force_Pa"]) / x**4 for x in (2.5, 1.2678)]
     at, top = (T * np.sqrt(p / eps) for p in phi)

@@ -2,8 +2,8 @@
 
 Every layer of such a stack is in the same homogeneous state.  So a short column stands for the
 whole stack, and its state is known exactly.  The layers are traced through pull-in in the full
-field.  They are also pressed by the Maxwell pressure, in the ways that give the voltages of the
-thesis.
+field.  They are also pressed by the Maxwell pressure, in the ways that give the voltages of
+Park (2019).
 
 Run it with `mpirun -n 2 python demos/ddea_stack.py`.
 """
@@ -22,9 +22,9 @@ THESIS = {"voltage_V": 57e3, "contraction": 0.30, "cited_voltage_V": 10e3}
 
 def parse():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/ddea_stack")
-    parser.number("--mu", 0.5e6, "Pa", "shear modulus (thesis Table 5.2, 2 C10)")
-    parser.number("--bulk", 2.5e6, "Pa", "bulk modulus (thesis Table 5.2, 2/D1)")
-    parser.number("--eps-r", 4.7, "-", "relative permittivity (thesis Table 5.2)")
+    parser.number("--mu", 0.5e6, "Pa", "shear modulus (Park 2019, Table 5.2, 2 C10)")
+    parser.number("--bulk", 2.5e6, "Pa", "bulk modulus (Park 2019, Table 5.2, 2/D1)")
+    parser.number("--eps-r", 4.7, "-", "relative permittivity (Park 2019, Table 5.2)")
     parser.number("--thickness", 0.5e-3, "m", "thickness of a layer")
     parser.number("--radius", 7e-3, "m", "radius of the stack")
     parser.count("--layers", 2, "layers of the column")
@@ -186,14 +186,14 @@ def report(args, run):
         ("at 57 kV, eps (V/T)^2 dead, %", "30", 100 * SHARE * s["exact_contraction_dead"],
          100 * SHARE * s["contraction_dead"]),
     ]  # fmt: skip
-    print(f"\n{'':38}{'thesis':>8}{'exact':>12}{'finite elements':>18}")
+    print(f"\n{'':38}{'Park':>8}{'exact':>12}{'finite elements':>18}")
     for name, thesis, exact, fe in rows:
         print(f"{name:38}{thesis:>8}{exact:12.4f}{fe:18.4f}")
     print(f"largest relative error of voltage and stretch along the branch: "
           f"{s['max_relative_error']:.1e}")  # fmt: skip
     full, alone = (s[f"pull_in_voltage{name}_V"] * kV for name in ("", "_pressure"))
     print(
-        "\nWhere the thesis's voltages come from.  With the undeformed thickness in the Maxwell "
+        "\nWhere Park's voltages come from.  With the undeformed thickness in the Maxwell "
         "pressure,\np = eps (V/T)^2 on deformed areas, and 0.05 mm of electrode that does not thin "
         f"beside each 0.5 mm,\n30 % take {s['voltage_for_30_percent_V'] * kV:.2f} kV: the "
         "printed 57 kV.  But the field grows as a layer thins, and it pulls in\nlong before: at "

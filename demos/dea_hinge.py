@@ -1,7 +1,7 @@
 """Stacked hinge (Park 2019, 5.3): three driven films on a PETG sheet, thinner along the fold.
 
 The coupled problem is solved up to 4 kV and on to pull-in, for both material sets of Table 5.2, in
-plane strain or generalised plane strain.  Beside it stands the way of the thesis: eps (V/T)^2 with
+plane strain or generalised plane strain.  Beside it stands the way of Park (2019): eps (V/T)^2 with
 the undeformed thickness is a pressure on every film, by linear theory and at large deflection.
 
 At large deflection this way goes wrong.  The outer face of a curved film is longer than the inner
@@ -13,9 +13,9 @@ width.
 The films give way in many short waves at once.  Some of the waves are at the free end, where the
 mesh must resolve the taper.  With the set G-K this happens between 2281 and 2316 V on mesh 1, and
 between 2359 and 2383 V on mesh 2.  The hinge is closed by then (180 degrees at 2.1 to 2.2 kV), and
-the 4 kV of the thesis are not reached.
+the 4 kV of Park (2019) are not reached.
 
-The moduli of PETG and electrodes, and all lengths, are missing in the thesis, so they are options
+The moduli of PETG and electrodes, and all lengths, are missing in Park (2019), so they are options
 here.  Panels that would touch go through each other.
 """
 
@@ -43,7 +43,7 @@ def parse():
                         help="plane strain, or one free stretch across")  # fmt: skip
     parser.number("--thin", 2e-3, "m", "length of the thin region")
     parser.number("--thick", 1e-3, "m", "length of each thick region")
-    parser.number("--width", 53.975e-3, "m", "width (thesis: side of a cell, 2.125 in)")
+    parser.number("--width", 53.975e-3, "m", "width (Park 2019: side of a cell, 2.125 in)")
     parser.number("--petg-young", 1.9e9, "Pa", "Young's modulus of PETG")
     parser.number("--electrode-mu", 0.0, "Pa", "shear modulus of the electrodes; 0: the film's")
     parser.number("--taper", 0.25e-3, "m", "length over which the voltage falls off at both ends")
@@ -201,7 +201,7 @@ def study(args, name, out, settings):
 
 
 def by_pressure(hinge, quiet):
-    """The thesis's way, a given pressure on the films: findings, and the fold at each voltage."""
+    """Park's way, a given pressure on the films: findings, and the fold at each voltage."""
     args = hinge.args
     # the pressure grows with V^2, so the factor is (V/4 kV)^2
     press, stopped = driven(
@@ -298,12 +298,12 @@ def report(name, s, args):
           f"{s['closed_form_1_per_m_per_kV2']:.4f} 1/m "
           f"({100 * s['curvature_relative_difference']:+.3f} %)")  # fmt: skip
     print(f"{'fold, degrees, at kV':28}{1:>10}{2:>10}{4:>10}")
-    print(f"{'  thesis, change of gamma':28}{row(THESIS_DEG)}")
+    print(f"{'  Park, change of gamma':28}{row(THESIS_DEG)}")
     print(f"{'  full coupling':28}{row(s['fold_at_1_2_4_kV_deg'])}")
     print(f"{'  pressure, linear theory':28}{row(s['fold_linear_pressure_at_1_2_4_kV_deg'])}")
     print(f"{'  pressure, large deflection':28}{row(s['fold_given_pressure_at_1_2_4_kV_deg'])}")
     if s["hinge_pull_in_V"]:
-        early = ", before the 4 kV of the thesis" if s["hinge_pull_in_V"] < 4e3 else ""
+        early = ", before the 4 kV of Park (2019)" if s["hinge_pull_in_V"] < 4e3 else ""
         print(f"the hinge is stable up to {s['hinge_stable_to_V']:.0f} V, and pulls in by "
               f"{s['hinge_pull_in_V']:.0f} V{early}")
     else:
@@ -311,7 +311,7 @@ def report(name, s, args):
     print(f"blocked at 1 kV: {s['blocked_incompressible_force_1kV_N']:.6f} N, eps E^2 A "
           f"{s['closed_form_blocked_incompressible_force_1kV_N']:.6f} N; with the bulk modulus "
           f"{s['blocked_force_1kV_N']:.6f} N\nat 4 kV eps E^2 A is {s['maxwell_force_4kV_N']:.3f} "
-          "N, the thesis says 18.57 N\ntip held down at 100 V: "
+          "N, Park (2019) says 18.57 N\ntip held down at 100 V: "
           f"{1e6 * s['tip_force_100V_N']:.4g} uN, beam theory "
           f"{1e6 * s['closed_form_tip_force_100V_N']:.4g} uN")  # fmt: skip
 
@@ -330,7 +330,7 @@ def draw(path, results):
         v = np.linspace(0, 4e3, 50)
         linear = np.degrees(hinge.laminate().curvature(v) * hinge.args.thin)
         axes.plot(v / 1e3, linear, "--", lw=0.8, color=colour)
-    axes.plot(np.array(VOLTS) / 1e3, THESIS_DEG, "ks", mfc="none", label="thesis, change of γ")
+    axes.plot(np.array(VOLTS) / 1e3, THESIS_DEG, "ks", mfc="none", label="Park (2019), change of γ")
     axes.axhline(180, color="0.7", lw=0.8)
     axes.set(xlabel="Voltage (kV)", ylabel="Fold angle (deg)", ylim=(0, 400), xlim=(0, 6))
     figure.legend(frameon=False, fontsize=7, loc="outside upper center", ncols=2)

@@ -1,10 +1,10 @@
 """Search for the helical actuator with the least voltage and the most strain (Park 2019, 4.4).
 
 NSGA-II searches with the analytic model, inside the envelope of Table 4.1.  The result is compared
-with the exact front and with the optimum of the thesis (Table 4.2).  --fem computes points of the
+with the exact front and with the optimum of Park (2019, Table 4.2).  --fem computes points of the
 front again with finite elements.
 
-The thesis does not print its material.  The demo assumes an effective neo-Hookean modulus, with
+Park (2019) does not print its material.  The demo assumes an effective neo-Hookean modulus, with
 which the 14.5 % of Table 4.2 take the 8.90 kV of that table.  --material takes any preset instead.
 """
 
@@ -30,7 +30,7 @@ from dea_fenicsx.design import (
 )
 
 PRINTED = {"voltage": 8902.528, "displacement": 20.2e-6, "fe_displacement": 24.9e-6}
-WEIGHT = 0.5  # of eq 62; the thesis does not print it
+WEIGHT = 0.5  # of eq 62; Park (2019) does not print it
 INSET = 0.1e-3  # m, of the electrodes in one of the verifications
 RING = ("outer_radius", "inner_radius", "elastomer")
 
@@ -107,7 +107,7 @@ def main():
         front.write(out / "front.csv", UNITS)
         printed = {"voltage": PRINTED["voltage"], "strain": TABLE_4_2["contraction"]}
         front.draw(out / "front.png", units=UNITS, weight=WEIGHT, lines={"exact front": exact},
-                   points={"thesis, Table 4.2": printed})  # fmt: skip
+                   points={"Park (2019), Table 4.2": printed})  # fmt: skip
         sensitive.write(out / "sensitivities.csv")
         draw_sensitivities(sensitive, out / "sensitivities.png")
     if args.fem:
@@ -121,7 +121,7 @@ def main():
 
 
 def table_4_2(rubber, say):
-    """The thesis's optimum: what follows from it, and what beats it."""
+    """Park's optimum: what follows from it, and what beats it."""
     model = HelicalModel(rubber)
     k, T = TABLE_4_2["contraction"], TABLE_4_2["elastomer"]
     here = model(**TABLE_4_2)

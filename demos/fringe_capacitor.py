@@ -9,6 +9,7 @@ would be pi/D times eps0 a.
 Run it with `mpirun -n 2 python demos/fringe_capacitor.py --gap 0.5`.
 """
 
+from matplotlib.figure import Figure
 from mpi4py import MPI
 
 import dea_fenicsx as dea
@@ -64,11 +65,28 @@ def main():
         parallel_plates_over_eps0_a=plate_capacitance(args.gap),
         charge_balance=run["lower_charge_C"] / charge + 1,
     )
+    middle = dea.AlongLine((0.0, 0.0), (min(3.0, box) * a, 0.0), "field", points=61)
+    radius, field = middle.profile(run.problem)  # on all ranks
+    if comm.rank == 0:
+        draw(run.out / "field_radius.png", radius / a, field, run["potential_V"] / (args.gap * a))
     if comm.rank == 0 and not args.quiet:
         print(f"\ncapacitance {found:.5f} eps0 a, Love's equation {exact:.5f} "
               f"({found / exact - 1:+.1e}), plates without fringe "
               f"{plate_capacitance(args.gap):.5f}")  # fmt: skip
         print(f"results: {run.out}/summary.json")
+
+
+def draw(path, radius, field, between_plates):
+    """The field half-way between the discs over the radius, and that of plates without a fringe."""
+    figure = Figure(figsize=(4.2, 3.2), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(radius, field / 1e3, label="discs in free space")
+    axes.step([0, 1, 3], [between_plates / 1e3, between_plates / 1e3, 0], "--", where="pre",
+              color="0.5", label="parallel plates, no fringe")  # fmt: skip
+    axes.set(xlabel="Radius over that of the discs", ylabel="Field in the middle plane (kV/m)",
+             xlim=(0, 3), ylim=(0, None))  # fmt: skip
+    axes.legend(frameon=False, fontsize=8)
+    figure.savefig(path, dpi=200)
 
 
 if __name__ == "__main__":

@@ -29,9 +29,9 @@ def parse():
     parser.number("--voltage", 6e3, "V", "voltage between the electrodes at the end of the ramp")
     parser.count("--steps", 6, "voltage steps")
     parser.count("--turns", 2, "turns of the helix")
-    parser.number("--mu", 73.7e3, "Pa", "shear modulus (thesis Table 5.2, G)")
+    parser.number("--mu", 73.7e3, "Pa", "shear modulus (Park 2019, Table 5.2, G)")
     parser.number("--bulk", None, "Pa", "bulk modulus; default: incompressible")
-    parser.number("--eps-r", 4.7, "-", "relative permittivity (thesis Table 5.2)")
+    parser.number("--eps-r", 4.7, "-", "relative permittivity (Park 2019, Table 5.2)")
     parser.count("--mesh", 1, f"mesh density, {min(MESHES)} (coarse) to {max(MESHES)} (fine)",
                  MESHES)  # fmt: skip
     parser.count("--curvature", 0, "turns (3 or more) on which the curvature under a given "
@@ -151,7 +151,7 @@ def curvature(args, comm, run, kappa, young, say):
 def reach(args, device, unit):
     """Bent to 4.2 degrees by a given pressure p, and the voltage T sqrt(p/eps) that stands for it.
 
-    With the undeformed thickness in the field, as in the thesis; on undeformed areas, and on a
+    With the undeformed thickness in the field, as in Park (2019); on undeformed areas, and on a
     clamped base (see `curvature`).
     """
     wanted = np.radians(THESIS["angle_deg"])
@@ -181,7 +181,7 @@ def report(args, run, say):
     def kilovolts(name):
         return f"{s[name] / 1e3:.2f}" if name in s else "-"
 
-    say(f"\n{'':48}{'thesis':>8}{'linear':>10}{'finite elements':>18}")
+    say(f"\n{'':48}{'Park':>8}{'linear':>10}{'finite elements':>18}")
     rows = [
         (f"bending angle at {run['voltage_V']:.0f} V, deg", "-", f"{s['linear_angle_deg']:.4f}",
          f"{s['bending_angle_deg']:.4f}"),

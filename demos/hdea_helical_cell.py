@@ -29,9 +29,9 @@ def parse():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/hdea_helical_cell")
     parser.number("--voltage", 6e3, "V", "voltage between the electrodes at the end of the ramp")
     parser.count("--steps", 6, "voltage steps")
-    parser.number("--mu", 73.7e3, "Pa", "shear modulus of the elastomer (thesis Table 5.2, G)")
+    parser.number("--mu", 73.7e3, "Pa", "shear modulus of the elastomer (Park 2019, Table 5.2, G)")
     parser.number("--electrode-mu", None, "Pa", "shear modulus of the electrodes; default: --mu")
-    parser.number("--eps-r", 4.7, "-", "relative permittivity (thesis Table 5.2)")
+    parser.number("--eps-r", 4.7, "-", "relative permittivity (Park 2019, Table 5.2)")
     parser.count("--mesh", 1, "mesh density: all divisions of the coarse mesh times this")
     parser.number("--taper", 0.0, "m", "width over which the driven electrode's potential falls to "
                   "zero at its edges; narrower than an elastomer layer it makes things worse")
@@ -218,9 +218,9 @@ def pressed(args, device, geometry, p):
 
 
 def loads(args, comm, run, device, geometry, say):
-    """One scene under the full field, the field V/T of thin films, and the thesis's pressure.
+    """One scene under the full field, the field V/T of thin films, and Park's pressure.
 
-    The thesis applies eps (V/T)^2 of the undeformed thickness as a force on the electrodes.
+    Park (2019) applies eps (V/T)^2 of the undeformed thickness as a force on the electrodes.
     """
     top, shares = args.voltage, np.arange(1, args.steps + 1) / args.steps
     p = args.eps_r * EPSILON_0 * (top / geometry.elastomer) ** 2

@@ -23,10 +23,10 @@ PRESSURES = (4e3, 10e3, 20e3, 30e3, 40e3)
 
 def parse():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/hdea_single_layer")
-    parser.number("--mu", 73.7e3, "Pa", "shear modulus (thesis Table 5.2, G)")
-    parser.number("--outer-radius", 5e-3, "m", "outer radius (thesis: 5 mm)")
+    parser.number("--mu", 73.7e3, "Pa", "shear modulus (Park 2019, Table 5.2, G)")
+    parser.number("--outer-radius", 5e-3, "m", "outer radius (Park 2019: 5 mm)")
     parser.number("--inner-radius", 1e-3, "m", "inner radius (not printed)")
-    parser.number("--thickness", 0.5e-3, "m", "thickness of the layer (thesis: 0.5 mm)")
+    parser.number("--thickness", 0.5e-3, "m", "thickness of the layer (Park 2019: 0.5 mm)")
     parser.count("--radial", 24, "cells over the width")
     parser.count("--through", 4, "cells through the thickness")
     return parser, parser.parse_args()
@@ -101,7 +101,7 @@ def main():
 
 
 def findings(film, found):
-    """Contractions at the pressures of the thesis, and those of the analytic model."""
+    """Contractions at the pressures of Park (2019), and those of the analytic model."""
     p, k = found["free"]
     at = [int(np.argmin(np.abs(p - wanted))) for wanted in PRESSURES]
     exact = [solve_free(film, wanted) for wanted in PRESSURES]
@@ -132,7 +132,7 @@ def report(run, found):
     print(f"\n{'contraction, %, at kPa':34}" + "".join(f"{p / 1e3:>11g}" for p in PRESSURES))
     plate = np.interp(PRESSURES, s["pressure_of_plate_Pa"], s["contraction_of_plate"])
     rows = [
-        ("thesis", None),
+        ("Park", None),
         ("free, analytic", s["exact_contraction_free"]),
         ("free, finite elements", s["contraction_free"]),
         ("flat plate, shape factor", np.array(PRESSURES) / s["shape_factor_modulus_Pa"]),
@@ -148,8 +148,8 @@ def report(run, found):
         f"Flat plate on a bonded ring, S = w/(4 t) = {s['shape_factor']:g}: finite elements "
         f"{s['plate_modulus_Pa'] / 1e6:.4f} MPa, 4 mu (1 + S^2) "
         f"{s['shape_factor_modulus_Pa'] / 1e6:.4f} MPa,\nwith the ring's curvature "
-        f"{s['ring_modulus_Pa'] / 1e6:.4f} MPa; all at rest, it stiffens as it is pressed.\nThe "
-        "thesis prints neither inner radius nor support nor material."
+        f"{s['ring_modulus_Pa'] / 1e6:.4f} MPa; all at rest, it stiffens as it is pressed.\n"
+        "Park (2019) prints neither inner radius nor support nor material."
     )
     print(f"\nresults: {run.out}/history.csv, contraction_pressure.png, fields.xdmf")
 

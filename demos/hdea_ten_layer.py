@@ -1,11 +1,11 @@
 """Ten-layer helical actuator under voltage (Park 2019, 4.3.3), beside its helically periodic cell.
 
-The thesis has ten layers and a height of 16.5 mm, and these do not agree.  Ten turns of 1.1 mm are
-12.1 mm high, with the end of the last one.  A height of 16.5 mm means 15 pitches, --turns 14.
+Park (2019) prints ten layers and a height of 16.5 mm, and these do not agree.  Ten turns of 1.1 mm
+are 12.1 mm high, with the end of the last one.  A height of 16.5 mm means 15 pitches, --turns 14.
 
-Run it with `mpirun -n 2 python demos/hdea_ten_layer.py`.  --reach continues to the 13 % of the
-thesis or to pull-in.  --blocked adds the blocked force and the stiffness.  --table, without mpirun,
-measures how the cost grows with turns and ranks.
+Run it with `mpirun -n 2 python demos/hdea_ten_layer.py`.  --reach continues to the 13 % of
+Park (2019) or to pull-in.  --blocked adds the blocked force and the stiffness.  --table, without
+mpirun, measures how the cost grows with turns and ranks.
 """
 
 import csv
@@ -39,9 +39,9 @@ def parse():
     parser.count("--turns", 10, "turns of the helix")
     parser.number("--voltage", 6e3, "V", "voltage between the electrodes at the end of the ramp")
     parser.count("--steps", 12, "voltage steps")
-    parser.number("--mu", 73.7e3, "Pa", "shear modulus of the elastomer (thesis Table 5.2, G)")
+    parser.number("--mu", 73.7e3, "Pa", "shear modulus of the elastomer (Park 2019, Table 5.2, G)")
     parser.number("--electrode-mu", None, "Pa", "shear modulus of the electrodes; default: --mu")
-    parser.number("--eps-r", 4.7, "-", "relative permittivity (thesis Table 5.2)")
+    parser.number("--eps-r", 4.7, "-", "relative permittivity (Park 2019, Table 5.2)")
     parser.count("--mesh", 2, f"mesh density, {min(MESHES)} (coarse) to {max(MESHES)} (fine, "
                  "42 000 unknowns a turn)", MESHES)  # fmt: skip
     parser.number("--taper", 0.0, "m", "width over which the driven electrode's potential falls to "
@@ -181,10 +181,10 @@ def blocked(args, device, run, geometry, say):
 
 
 def report(args, run, say):
-    """The run beside what the thesis prints, and what is wrong with that."""
+    """The run beside what Park (2019) prints, and what is wrong with that."""
     s = run.summary
     pressure = args.eps_r * EPSILON_0 * (THESIS["voltage_V"] / 0.5e-3) ** 2
-    say(f"\n{'':34}{'thesis':>10}{'here':>12}")
+    say(f"\n{'':34}{'Park':>10}{'here':>12}")
     for name, thesis, here in (
         ("height, mm", "16.5", f"{1e3 * s['height_m']:.1f}"),
         ("voltage, kV", "56.6", f"{run['voltage_V'] / 1e3:.1f}"),
@@ -202,7 +202,7 @@ def report(args, run, say):
         f"56.6 kV over 0.5 mm are {THESIS['voltage_V'] / 0.5e-3 / 1e6:.0f} MV/m and "
         f"{pressure / 1e3:.0f} kPa on the undeformed thickness.  13.3 % follows from them\nwith "
         "stiff electrodes and a compressible elastomer only (C10, D1 of Table 5.2, nu = 0.406: "
-        "13.5 to 15.2 %);\nsoft electrodes, which the thesis needs for its disk stack, pull in at "
+        "13.5 to 15.2 %);\nsoft electrodes, which Park (2019) needs for its disk stack, pull in at "
         "38 kV with these constants.  The forces\n1000 to 3000 N and the voltages 5.4 to 56.6 kV "
         "of Figure 4.7 contradict each other: V goes as the root of F."
     )

@@ -29,9 +29,9 @@ def parse():
     parser.number("--voltage", 6e3, "V", "voltage between the electrodes at the end of the ramp")
     parser.count("--steps", 12, "voltage steps")
     parser.count("--turns", 2, "turns of the helix")
-    parser.number("--mu", 73.7e3, "Pa", "shear modulus of the elastomer (thesis Table 5.2, G)")
+    parser.number("--mu", 73.7e3, "Pa", "shear modulus of the elastomer (Park 2019, Table 5.2, G)")
     parser.number("--electrode-mu", None, "Pa", "shear modulus of the electrodes; default: --mu")
-    parser.number("--eps-r", 4.7, "-", "relative permittivity (thesis Table 5.2)")
+    parser.number("--eps-r", 4.7, "-", "relative permittivity (Park 2019, Table 5.2)")
     parser.count("--mesh", 2, f"mesh density, {min(MESHES)} (coarse) to {max(MESHES)} (fine)",
                  MESHES)  # fmt: skip
     parser.add_argument("--no-check", action="store_true", help="skip the coarser run that states "

@@ -1,7 +1,7 @@
 """One storey of the Kresling box by finite elements: force over stroke (Park 2019, 5.2.2).
 
 Thin panels and rubber hinges as solids, the four lower sides clamped, the four upper ones pushed
-down.  With free twist the storey folds, linear (the tangent at rest, as in the thesis) and at large
+down.  With free twist the storey folds, linear (the tangent at rest, as in Park 2019) and at large
 displacements; with held twist it can't, and its panels buckle.
 
 Height 1.65 in and angle 45 degrees are those of Table 5.1, the angle read as the twist at rest.
@@ -11,7 +11,7 @@ below has a stroke of 1.4 in.
 
 From 0.41 in on, at 11.8 N, the rubber at the free ends of the upper hinges folds on mesh 2.  Where
 that happens depends on mesh and augmentation; before it the force hardly does.  So the default
-stroke is 0.4 in, and the thesis's 1.4 in are out of reach.  Contact is not modelled.
+stroke is 0.4 in, and Park's 1.4 in are out of reach.  Contact is not modelled.
 
 Run it with `mpirun -n 2 python demos/kresling_cell.py`.
 """
@@ -49,7 +49,7 @@ def parse():
     parser.number("--stroke", 0.4 * INCH, "m", "how far the upper sides are pushed down")
     parser.number("--held-stroke", 0.9e-3, "m", "the same, with held twist")
     parser.number("--thickness", 0.02 * INCH, "m", "of panels and hinges")
-    parser.number("--hinge", 2e-3, "m", "width of the hinges (not given in the thesis)")
+    parser.number("--hinge", 2e-3, "m", "width of the hinges (not given in Park (2019))")
     parser.number("--panel-modulus", 2.1e9, "Pa", "Young's modulus of PETG (not given)")
     parser.number("--poisson", 0.38, "-", "Poisson's ratio of PETG (not given)")
     parser.number("--hinge-modulus", MODULI[0], "Pa", "Young's modulus of the hinges")
@@ -247,7 +247,7 @@ def draw(path, args, run, held, linkage):
         values = np.array(s[f"stiffness_{held_}of_moduli_N_per_m"])
         drop.plot(np.array(MODULI) / 1e6, values / values[0], f"C{k}o-", ms=3, lw=1,
                   label="held twist" if held_ else "free twist")  # fmt: skip
-    drop.plot(MODULI[-1] / 1e6, 0.7, "ks", ms=4, mfc="none", label="thesis")
+    drop.plot(MODULI[-1] / 1e6, 0.7, "ks", ms=4, mfc="none", label="Park (2019)")
     drop.plot([50, 100], [0.5, 1], "k:", lw=1, label="hinges alone")
     drop.legend(fontsize=6, frameon=False)
     force.set(xlabel="Stroke (mm)", ylabel="Force (N)", ylim=(0, 1.6 * s["largest_force_N"]))
@@ -271,7 +271,7 @@ def report(run, args):
         print(f"held twist: the panels buckle after {1e3 * s['held_buckling_stroke_m']:.3g} mm at "
               f"{s['held_buckling_force_N']:.4g} N")  # fmt: skip
     print(f"hinges of {MODULI[-1] / 1e6:g} instead of {MODULI[0] / 1e6:g} MPa: stiffness falls by "
-          f"{100 * s['drop']:.1f} %, with held twist by {100 * s['drop_held']:.1f} % (thesis 30 %; "
+          f"{100 * s['drop']:.1f} %, with held twist by {100 * s['drop_held']:.1f} % (Park: 30 %; "
           "hinges alone 50 %); hinges hold "
           f"{100 * s['hinge_share_of_energy']:.0f} and "
           f"{100 * s['hinge_share_of_energy_held']:.0f} % of the energy")  # fmt: skip

@@ -1,8 +1,8 @@
 """The Kresling spiral box as a linkage (Park 2019, 5.2.1): figure 5.2, each way to read it.
 
 The demo computes the heights without strain, the barrier, the snap forces, the strokes, and the
-crease pattern to cut.  The thesis gives k = 17 without a unit.  The demo assumes lbf/in, because
-only this unit gives the 2 to 2.5 lbf of the thesis.
+crease pattern to cut.  Park (2019) gives k = 17 without a unit.  The demo assumes lbf/in, because
+only this unit gives the 2 to 2.5 lbf of Park (2019).
 """
 
 import csv
@@ -31,7 +31,7 @@ def parse():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/kresling_kinematics")
     parser.number("--side", 2.125 * INCH, "m", "width of a cell")
     parser.number("--edge", 2.75 * INCH, "m", "height of a cell before it is folded")
-    parser.number("--height", 1.65 * INCH, "m", "height of the storey at rest in the thesis")
+    parser.number("--height", 1.65 * INCH, "m", "height of the storey at rest in Park (2019)")
     parser.number("--stiffness", 17 * POUND_FORCE / INCH, "N/m", "k of a diagonal")
     parser.number("--modulus", 1e6, "Pa", "E of eq 68, for the energy density")
     parser.number("--thickness", 0.02 * INCH, "m", "of the panels")
@@ -130,7 +130,7 @@ def report(s):
         force, partial = r["peak_force_lbf"], r["peak_force_eq72a_lbf"]
         twist, strain = r["twist_of_collapse_deg"], 100 * r["strain_of_collapse"]
         print(f"{name:42}{force:18.3f}{partial:11.3f}{twist:13.2f}{strain:12.2f}")
-    print(f"{'thesis':42}{'2 to 2.5':>18}{'':11}{'30':>13}")
+    print(f"{'Park':42}{'2 to 2.5':>18}{'':11}{'30':>13}")
     heights = " and ".join(f"{h / INCH:.4f} in" for h in s["strain_free_heights_m"])
     print(f"\nflat cells: no strain at {heights}, {100 * s['barrier_strain']:.2f} % at "
           f"{s['barrier_twist_deg']:.0f} degrees between; snaps at {s['snap_push_N']:.2f} N "

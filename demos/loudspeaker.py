@@ -11,6 +11,7 @@ from the film: the air has no mass, and the sound that leaves is not accounted f
 import csv
 
 import numpy as np
+from matplotlib.figure import Figure
 from mpi4py import MPI
 
 import dea_fenicsx as dea
@@ -83,6 +84,7 @@ def main():
     )
     if MPI.COMM_WORLD.rank == 0:
         found.write(run.out / "response.csv")
+        draw(run.out / "response.png", hertz, found, args.signal)
         head = ["frequency_Hz", "volume_velocity_m3_per_s", "volume_velocity_phase_deg",
                 "impedance_ohm", "impedance_phase_deg"]  # fmt: skip
         with open(run.out / "sound.csv", "w", newline="") as file:
@@ -97,6 +99,17 @@ def main():
             print(f"\nresonance at {hertz[peak]:.1f} Hz: the centre moves by {moved:.2f} um at "
                   f"{args.signal:g} V")  # fmt: skip
             print(f"results: {run.out}/response.csv and sound.csv")
+
+
+def draw(path, hertz, found, signal):
+    """Amplitude of the middle and of the mean displacement over the frequency."""
+    figure = Figure(figsize=(4.2, 3.2), layout="constrained")
+    axes = figure.subplots()
+    for column, label in (("centre_m", "middle"), ("mean_m", "mean")):
+        axes.loglog(hertz, 1e6 * found.modulus(column), ".-", lw=0.8, ms=3, label=label)
+    axes.set(xlabel="Frequency (Hz)", ylabel=f"Amplitude at {signal:g} V (µm)")
+    axes.legend(frameon=False, fontsize=8)
+    figure.savefig(path, dpi=200)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,9 @@ thickness is computed, and the frequencies of both are continued linearly to no 
 lengths are in units of the undeformed radius R, frequencies in units of sqrt(mu/rho)/R.
 """
 
+import h5py
 import numpy as np
+from matplotlib.figure import Figure
 from mpi4py import MPI
 from scipy.special import jn_zeros
 
@@ -79,30 +81,34 @@ def across(run):
 
 
 def solved(args, thickness, **options):
-    """The run of a film, all its modes, and the ten frequencies of those that move across it."""
+    """The run of a film, all its modes, and the numbers of the ten that move across it."""
     made = scene(args, thickness)
     # the film is stretched first, then put under voltage; a ramp that drives nothing is none
     path = [dea.Ramp(name, steps=1) for name in ("prestretch", "voltage") if name in made.ramps]
     run = dea.solve(made, path or dea.March(1.0), quiet=args.quiet, **options)
     modes, found = across(run)
-    return run, modes, modes.frequencies[found]
+    return run, modes, found
 
 
 def main():
     parser, args = parse()
-    run, modes, frequencies = solved(
+    run, modes, found = solved(
         args, args.thickness, out=args.out, resume=args.resume, settings=parser.settings(args)
     )
     modes.write(run.out)
+    frequencies = modes.frequencies[found]
     columns = {"frequency": frequencies, "closed_form": closed_form(args.stretch, args.field)}
     columns["extrapolated"] = np.full(COUNT, np.nan)
     if args.extrapolate:
-        columns["extrapolated"] = 2 * solved(args, args.thickness / 2)[2] - frequencies
+        _, thinner, across_it = solved(args, args.thickness / 2)
+        columns["extrapolated"] = 2 * thinner.frequencies[across_it] - frequencies
     keys = {f"{name}_{k}": f for name, found in columns.items() for k, f in enumerate(found)}
     run.add(
         **{k: None if np.isnan(f) else float(f) for k, f in keys.items()},
         growing_modes=modes.growing,
     )
+    if MPI.COMM_WORLD.rank == 0:
+        draw(run.out, found, columns)
     if MPI.COMM_WORLD.rank == 0 and not args.quiet:
         report(columns, args.extrapolate)
         if modes.growing:
@@ -118,6 +124,24 @@ def report(columns, extrapolated):
     for k, g in enumerate(columns["closed_form"]):
         told = (f"{columns[n][k]:12.6f}  {100 * (columns[n][k] / g - 1):+8.2f} %" for n in what)
         print(f"{k:4}  {g:13.6f}", *told)
+
+
+def draw(out, found, columns):
+    """The shapes of the modes, seen from above, with their frequencies; read from modes.h5."""
+    figure = Figure(figsize=(8, 3.9), layout="constrained")
+    with h5py.File(out / "modes.h5") as file:
+        points = file["grid/points"][:]
+        top = points[:, 2] > points[:, 2].max() * (1 - 1e-6)
+        for axes, k, f, thin in zip(figure.subplots(2, 5).ravel(), found, columns["frequency"],
+                                    columns["closed_form"], strict=True):  # fmt: skip
+            height = file[f"mode_{k:03}/node/mode"][top, 2]
+            axes.tricontourf(*points[top, :2].T, height / np.abs(height).max(),
+                             levels=np.linspace(-1, 1, 21), cmap="RdBu")  # fmt: skip
+            axes.set_title(f"{f:.3f} (thin: {thin:.3f})", fontsize=8)
+            axes.set_aspect("equal")
+            axes.axis("off")
+    figure.suptitle("Shape of each mode, and its frequency in units of sqrt(mu/rho)/R", fontsize=9)
+    figure.savefig(out / "modes.png", dpi=200)
 
 
 if __name__ == "__main__":

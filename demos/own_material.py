@@ -99,6 +99,11 @@ def main():
         pull_in_voltage_at_a_1_V=same[0],
         pull_in_voltage_neo_hookean_V=same[1],
     )
+    if comm.rank == 0:
+        drawn = np.linspace(0, peak.voltage, 200)
+        thin = [curve.states_at(V)[0][0].stretches[2] for V in drawn[:-1]] + [peak.stretches[2]]
+        dea.pictures.curve(run.out, x="voltage_V", y="thickness_stretch",
+                           lines={"exact, to pull-in": (drawn, thin)})  # fmt: skip
     if comm.rank == 0 and not args.quiet:
         print(f"\nlargest relative difference from the exact thickness: {error:.1e}")
         print(f"pull-in: {peak.voltage:.3f} V with a = {args.a:g}, {same[0]:.6f} V with a = 1, "

@@ -1,7 +1,7 @@
 """One layer under a given live pressure on its electrodes (SLDEA, Park 2019, 4.3.2 and 4.3.3).
 
 A round layer with full electrodes is pressed by the true pressure p = eps E^2, and it is free at
-its rim.  Its state is homogeneous and known exactly.  The thesis prints its pressures in N/m^2, but
+its rim.  Its state is homogeneous and known exactly.  Park (2019) prints pressures in N/m^2, but
 they are in kN/m^2.
 
 Run it with `mpirun -n 2 python demos/sldea.py`.
@@ -21,9 +21,9 @@ THESIS = {160e3: 0.12, 700e3: 0.40}  # contraction at a pressure in Pa
 
 def parse():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/sldea")
-    parser.number("--mu", 0.5e6, "Pa", "shear modulus (thesis Table 5.2, 2 C10)")
-    parser.number("--bulk", 2.5e6, "Pa", "bulk modulus (thesis Table 5.2, 2/D1)")
-    parser.number("--eps-r", 4.7, "-", "relative permittivity (thesis Table 5.2)")
+    parser.number("--mu", 0.5e6, "Pa", "shear modulus (Park 2019, Table 5.2, 2 C10)")
+    parser.number("--bulk", 2.5e6, "Pa", "bulk modulus (Park 2019, Table 5.2, 2/D1)")
+    parser.number("--eps-r", 4.7, "-", "relative permittivity (Park 2019, Table 5.2)")
     parser.number("--thickness", 50e-6, "m", "thickness of the layer (not printed)")
     parser.number("--radius", 7e-3, "m", "radius of the layer (not printed)")
     parser.count("--steps", 14, "steps to 700 kPa")
@@ -84,7 +84,7 @@ def draw(path, branch, pressure, found):
     axes = figure.subplots()
     axes.plot(fine / 1e3, [0, *(100 * contraction(branch, p) for p in fine[1:])], label="exact")
     axes.plot(pressure / 1e3, 100 * found, "o", label="finite elements")
-    axes.plot([p / 1e3 for p in THESIS], [100 * c for c in THESIS.values()], "x", label="thesis")
+    axes.plot([p / 1e3 for p in THESIS], [100 * c for c in THESIS.values()], "x", label="Park")
     axes.set(xlabel="Pressure (kPa)", ylabel="Contraction (%)")
     axes.legend(frameon=False)
     figure.savefig(path, dpi=200)
@@ -92,7 +92,7 @@ def draw(path, branch, pressure, found):
 
 def report(args, run, branch):
     s = run.summary
-    print(f"\n{'contraction at':20}{'thesis':>10}{'exact':>14}{'finite elements':>20}")
+    print(f"\n{'contraction at':20}{'Park':>10}{'exact':>14}{'finite elements':>20}")
     for p, printed in THESIS.items():
         print(f"{f'{p / 1e3:g} kPa':20}{100 * printed:8.0f} %{100 * contraction(branch, p):12.6f} %"
               f"{100 * s[f'contraction_{p / 1e3:g}_kPa']:18.6f} %")  # fmt: skip

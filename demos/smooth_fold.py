@@ -2,7 +2,7 @@
 
 The demo computes four things:
 
-1. the four points of the fold, with the numbers of the thesis and with those of its own cell;
+1. the four points of the fold, with the numbers of Park (2019) and with those of its own cell;
 2. the width that panels of a given thickness need;
 3. the pattern to cut, with the folds or the panels between them as stiffeners;
 4. the storey that closes with its smooth folds, for ParaView: its panels are rigid, and move from
@@ -41,7 +41,7 @@ def parse():
     parser.number("--edge", 2.75 * INCH, "m", "height of a cell")
     parser.number("--fold", 0.9e-3, "m", "width of the folds")
     parser.number("--thickness", 0.02 * INCH, "m", "of the panels")
-    parser.number("--relief", 0.12, "-", "share of a crease left out at each end (thesis 0.6/5)")
+    parser.number("--relief", 0.12, "-", "share of a crease left out at each end (Park: 0.6/5)")
     parser.number("--closed", 80.0, "deg", "twist to which the box is closed; panels meet at 90")
     parser.count("--frames", 41, "frames of the box closing, for ParaView")
     return parser, parser.parse_args()

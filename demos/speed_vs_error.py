@@ -24,8 +24,8 @@ COARSE = HelicalCell(radial=6, rim=2, through=2, grading=4, grading_rim=2, gradi
 def parse():
     parser = dea.Parser(__doc__.split("\n")[0], out="results/speed_vs_error")
     parser.number("--voltage", 6e3, "V", "voltage between the electrodes")
-    parser.number("--mu", 73.7e3, "Pa", "shear modulus (thesis Table 5.2, G)")
-    parser.number("--eps-r", 4.7, "-", "relative permittivity (thesis Table 5.2)")
+    parser.number("--mu", 73.7e3, "Pa", "shear modulus (Park 2019, Table 5.2, G)")
+    parser.number("--eps-r", 4.7, "-", "relative permittivity (Park 2019, Table 5.2)")
     parser.add_argument("--levels", type=int, nargs="+", default=[1, 2, 4],
                         help="levels of the meshes, coarse to fine, three or more")  # fmt: skip
     return parser, parser.parse_args()

@@ -10,7 +10,7 @@ The film is stretched from 1 x 1 in and then stiffened.  So its mesh shows the s
    angle of each of 32 elements and of the whole, and the displacement of the tip.  A stiffener of
    full width is compared with exact finite bending.
 
-The thesis gives no thickness of film and stiffener, no offset and no permittivity.  All of these
+Park (2019) gives no thickness of film and stiffener, no offset and no permittivity.  All of these
 are options, and `--study` shows what they do to the bending.
 """
 
@@ -50,11 +50,11 @@ def parse():
     parser.number("--thickness", 1e-3, "m", "film before the stretch (not printed)")
     parser.number("--eps-r", 4.7, "-", "relative permittivity (not printed)")
     parser.number("--stiffener", 50e-6, "m", "thickness of the Mylar strip (not printed)")
-    parser.number("--stiffener-young", 4.895277678e9, "Pa", "Young's modulus of Mylar (thesis)")
+    parser.number("--stiffener-young", 4.895277678e9, "Pa", "Young's modulus of Mylar (Park 2019)")
     parser.number("--strip", 0.883e-3, "m", "width of the strip, w of the smooth fold")
     parser.number("--offset", -1.0, "m", "strip's middle above the film's; below 0: on top")
     parser.number("--strain", 0.1, "-", "strain of the bare film at the end of part 2")
-    parser.number("--volts", 6e3, "V", "voltage of part 3, across three films as one (thesis 6 kV)")
+    parser.number("--volts", 6e3, "V", "voltage of part 3, across three films as one (Park: 6 kV)")
     parser.count("--mesh", 1, "refinement of part 2")
     parser.add_argument("--study", action="store_true", help="vary the strip's and film's data")
     return parser, parser.parse_args()
@@ -239,7 +239,7 @@ def element_angles(folder, shape):
 def bending(args, out):
     """The section across the fold, and a bilayer against exact finite bending to 90 degrees."""
     h = args.thickness / np.prod(CASES["cell"][0])
-    three = 3 * h  # three layers as one rectangle, as in the thesis
+    three = 3 * h  # three layers as one rectangle, as in Park (2019)
     offset = None if args.offset < 0 else args.offset
     shape = profile(args.strip, three, args.stiffener, offset)
     run = section(args, args.volts, shape, out=out / "section")
@@ -349,7 +349,7 @@ def report(s, checked):
           + (f", rule of mixtures {s['mixture_voltage_V'][-1]:.0f} V"
              if s["mixture_voltage_V"] else ""))  # fmt: skip
     print(f"section across the fold: {s['bending_angle_deg']:.3f} degrees, tip "
-          f"{1e3 * s['tip_displacement_m']:.4g} mm (thesis 39.2 degrees, data missing); strip in "
+          f"{1e3 * s['tip_displacement_m']:.4g} mm (Park: 39.2 degrees, data missing); strip in "
           f"the mid-plane {s['mid_plane_bending_angle_deg']:.1e} degrees")  # fmt: skip
     print("bilayer, degrees:        " + "".join(f"{a:9.3f}" for a in s["bilayer_angle_deg"]))
     print("exact finite bending:    " + "".join(f"{a:9.3f}" for a in s["bilayer_exact_angle_deg"])

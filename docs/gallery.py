@@ -2,7 +2,7 @@
 
 Each demo runs on one core, with the options of docs/gallery/runs.toml.  Its picture goes to
 docs/gallery/NAME.png.  The command, the seconds, the commit and the versions go to
-docs/gallery/results.json, and the site prints them beside the picture.  All demos take about ten
+docs/gallery/results.json, and the site prints them beside the picture.  All demos take about 25
 minutes on one core.
 """
 

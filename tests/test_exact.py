@@ -242,6 +242,14 @@ def test_charge_control_has_no_limit_point_and_runs_on_the_same_branch():
         assert state.voltage == pytest.approx(MM * np.sqrt(M / EPS) / lam**2, rel=1e-12)
 
 
+def test_a_branch_has_its_state_at_rest():
+    """The load 0 and the stretch 1 are where the branch starts, without a change of sign."""
+    branch = trace(film(Gent(5e4, 120.0)))
+    assert [(s.stretches[0], ok) for s, ok in branch.states_at(0.0)] == [(1.0, True)]
+    assert [s.voltage for s in branch.at_stretch(1.0)] == [0.0]
+    assert [s.voltage for s in branch.at_stretch(1.0, axis=2)] == [0.0]
+
+
 def test_snap_through_of_a_gent_film():
     # a free Gent film, found apart: 23.88 kV at 1.263, minimum 8.7315 kV at 5.5451
     branch = trace(film(Gent(5e4, 120.0)))

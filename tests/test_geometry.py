@@ -443,3 +443,12 @@ def test_dolfinx_reads_it(tmp_path):
             form = dolfinx.fem.form(integrand * measure(tags[name]))
             size = dolfinx.fem.assemble_scalar(form)
             assert size == pytest.approx(expected[name][2], rel=1e-6), name
+
+
+def test_a_device_tells_the_names_that_a_scene_may_use():
+    from dea_fenicsx import device as made_of
+
+    device = made_of(BoxStack(2.0, None, [Layer("low", 1.0, 1), Layer("high", 1.0, 1)], 2))
+    assert str(device) == (
+        "BoxStack: 4 cells; regions high, low; surfaces bottom, interface_1, top, x_max, x_min"
+    )

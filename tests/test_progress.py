@@ -58,6 +58,15 @@ def test_plain_lines(tmp_path, capsys):
     assert all(re.match(r"\d{4}-\d\d-\d\d \d\d:\d\d:\d\d  ", line) for line in logged)
 
 
+def test_a_trace_tells_the_way_to_its_goal(capsys):
+    """Of the 200 steps that it may take it needs few, so their share tells nothing."""
+    dea.solve(film(volts=0.8 * LIMIT, loads=()), dea.Trace("voltage", until=("z", 0.95)), Z)
+    rows = re.findall(r"  z (0\.\d+).*  (\d+) %", capsys.readouterr().out)
+    assert len(rows) > 2 and rows[-1][1] == "100"
+    for z, told in rows[:-1]:
+        assert int(told) == pytest.approx(100 * (1 - float(z)) / 0.05, abs=2)
+
+
 def test_quiet_and_verbose(tmp_path, capsys):
     solve(out=tmp_path, quiet=True)
     assert capsys.readouterr().out == ""

@@ -7,7 +7,7 @@
     dea report RESULTS    a run as one HTML file
     dea export RESULTS    a run or a mesh in the files of others
     dea compare A B       two runs, column by column
-    dea table             the thesis, number by number
+    dea table             the benchmark of Park (2019), number by number
     dea materials [NAME]  the library of materials
 
 One file a command, each with ``HELP``, ``add(parser)`` and ``run(options)``.  What is heavy to

@@ -9,7 +9,7 @@ from pathlib import Path
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import did_you_mean
 
-HELP = "the thesis, number by number"
+HELP = "the benchmark of Park (2019), number by number"
 
 
 def add(parser: argparse.ArgumentParser) -> None:

@@ -160,20 +160,23 @@ class Branch:
 
     def states_at(self, load: float, control: str = "voltage") -> list[tuple[State, bool]]:
         """Every equilibrium at a load, each with whether it is stable under that control."""
-        found = [
-            self.at(place)
-            for place, _ in self._crossings(
-                self.load(control) - load, lambda s: self._load_of(s, control) - load
-            )
-        ]
+        found = self._states_where(
+            self.load(control) - load, lambda s: self._load_of(s, control) - load
+        )
         return [(s, self.is_stable(s, control)) for s in found]
 
     def at_stretch(self, stretch: float, axis: int = 0) -> list[State]:
         """Every state of the branch with a given stretch along an axis (0, 1 or 2)."""
-        found = self._crossings(
+        return self._states_where(
             self.stretches[axis] - stretch, lambda s: float(s.stretches[axis]) - stretch
         )
-        return [self.at(place) for place, _ in found]
+
+    def _states_where(self, samples: np.ndarray, value: Callable[[State], float]) -> list[State]:
+        """Where a quantity is 0: also at the start, from which it may grow without a new sign."""
+        places = [place for place, _ in self._crossings(samples, value)]
+        if samples[0] == 0 and samples[1] > 0:
+            places.insert(0, 0.0)
+        return [self.at(place) for place in places]
 
     def is_stable(self, state: State, control: str = "voltage") -> bool:
         """Whether the second variation is positive definite while the control is kept."""

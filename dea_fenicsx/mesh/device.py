@@ -71,6 +71,15 @@ class Device:
     def dim(self) -> int:
         return self.mesh.topology.dim
 
+    def __str__(self) -> str:
+        """The names that a scene may use: "BoxStack: 10 cells; regions film; surfaces top"."""
+        cells = self.mesh.topology.index_map(self.dim).size_global
+        regions, surfaces = (", ".join(sorted(of)) for of in (self.regions, self.surfaces))
+        return (
+            f"{self.source or 'Device'}: {cells} cells; regions {regions}; "
+            f"surfaces {surfaces or 'none'}"
+        )
+
     def cells_of(self, name: str) -> np.ndarray:
         """Local cells (owned and ghost) of a region."""
         return self.cells.find(self.regions[name])

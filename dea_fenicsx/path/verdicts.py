@@ -146,7 +146,7 @@ def _advice(names: Sequence[str]) -> str:
     trace = f'dea.Trace("{names[0]}")' if len(names) == 1 else "dea.Trace of one of its ramps"
     return (
         f"  {trace} follows the branch on; Ramp(..., snap=True) shows where the device snaps to, "
-        'and at_loss="motion" how.'
+        'and Ramp(..., at_loss="motion") how it moves there.'
     )
 
 

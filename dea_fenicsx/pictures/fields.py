@@ -382,9 +382,11 @@ def _compose(
         for axis, panel in zip(axes, panels, strict=True):
             axis.imshow(panel.image.pixels, extent=[1e3 * e for e in panel.image.extent])
             if panel.axes:
-                # Numbers below a narrow image would run into each other.
+                # Numbers below a narrow image would run into each other, and so beside a low one.
                 rows, columns, *_ = panel.image.pixels.shape
-                axis.locator_params(axis="x", nbins=max(1, min(6, 12 * columns // rows)))
+                below, beside = 12 * columns // rows, 30 * rows // (columns * len(panels))
+                axis.locator_params(axis="x", nbins=max(1, min(6, below)), min_n_ticks=1)
+                axis.locator_params(axis="y", nbins=max(1, min(9, beside)), min_n_ticks=1)
                 axis.set_xlabel(f"{panel.axes[0]} (mm)")
                 axis.set_ylabel(f"{panel.axes[1]} (mm)")
                 if panel.title:

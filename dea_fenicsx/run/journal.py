@@ -84,6 +84,7 @@ class Journal:
     started: float = field(default_factory=time.perf_counter)
     _counts: tuple[int, int, int] = (0, 0, 0)
     _step_started: float = 0.0
+    _way_from: tuple[int, Any] | None = None
 
     @property
     def scene(self) -> Any:
@@ -277,8 +278,27 @@ class Journal:
         self.progress.step(line, share)
 
     def share(self, cursor: Cursor) -> float:
-        """Share of the path that is done; each item of the path counts alike."""
-        return (cursor.ramp + cursor.position) / len(self.path)
+        """Share of the path that is done; each item of the path counts alike.
+
+        A trace that ends at a value of a column counts by the way of this column to the value, or
+        by its steps if more of them are done.
+        """
+        return (cursor.ramp + max(cursor.position, self._way(cursor))) / len(self.path)
+
+    def _way(self, cursor: Cursor) -> float:
+        """Share of a column's way to the value at which the present trace ends; 0 if unknown."""
+        item = self.path[cursor.ramp] if cursor.ramp < len(self.path) else None
+        if not isinstance(item, Trace) or item.until is None or not self.history:
+            return 0.0
+        column, goal = item.until
+        if self._way_from is None or self._way_from[0] != cursor.ramp:
+            before = self.history[-2 if len(self.history) > 1 else -1]
+            self._way_from = (cursor.ramp, before.get(column))
+        start, here = self._way_from[1], self.history[-1].get(column)
+        if start is None or here is None or start == goal:
+            return 0.0
+        share = (here - start) / (goal - start)
+        return float(min(share, 1.0)) if share > 0 else 0.0  # also of a value that is no number
 
     def kept(self) -> str:
         """What an interrupted run leaves behind, in words."""

@@ -128,8 +128,8 @@ class Cylinder:
     """
 
     point: tuple[float, ...]
-    axis: tuple[float, ...] | None
-    radius: float
+    axis: tuple[float, ...] | None = None
+    radius: float = float("nan")  # it must be given: the check refuses what is no number
     hollow: bool = False
 
     def check(self) -> None:
