@@ -34,7 +34,9 @@ if TYPE_CHECKING:
     from dea_fenicsx.gradients.adjoint import Gradient
     from dea_fenicsx.gradients.variables import ShapeChange
     from dea_fenicsx.materials import (
+        WLF,
         Along,
+        Arrhenius,
         ArrudaBoyce,
         BlatzKo,
         Breakdown,
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
         Conductor,
         Cylindrical,
         Electrostriction,
+        Entropic,
         ExtendedTube,
         Gent,
         Helix,
@@ -49,6 +52,7 @@ if TYPE_CHECKING:
         IdealDielectric,
         KumarLopezPamies,
         LangevinDielectric,
+        LinearChange,
         LinearPermittivity,
         Material,
         Maxwell,
@@ -61,7 +65,9 @@ if TYPE_CHECKING:
         SaturatingDielectric,
         SplineEnergy,
         StandardReinforcing,
+        TabulatedChange,
         TabulatedPermittivity,
+        Thermal,
         TransverselyIsotropic,
         ViscousBranch,
         WeibullBreakdown,
@@ -168,6 +174,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
     from dea_fenicsx.scene.table_law import TableLaw
     from dea_fenicsx.scene.taper import Taper
+    from dea_fenicsx.scene.temperature import Temperature
     from dea_fenicsx.scene.torsion import TorsionSpring
     from dea_fenicsx.solvers.options import NewtonOptions
     from dea_fenicsx.studies.samples import LatinHypercube
@@ -200,6 +207,7 @@ _HOME = {
     "scene.sources": ("Source",),
     "scene.springs": ("BistableLaw", "CubicLaw", "ElasticFoundation", "Spring"),
     "scene.table_law": ("TableLaw",),
+    "scene.temperature": ("Temperature",),
     "scene.torsion": ("TorsionSpring",),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
     "calibration.fitting": ("calibrate",),
@@ -230,6 +238,7 @@ _HOME = {
         "IdealDielectric", "KumarLopezPamies", "Material", "Maxwell", "MooneyRivlin", "NeoHookean",
         "Ogden", "OgdenHill", "Reinforced", "SplineEnergy", "StandardReinforcing",
         "TransverselyIsotropic", "ViscousBranch", "Wound", "Yeoh",
+        "Arrhenius", "Entropic", "LinearChange", "TabulatedChange", "Thermal", "WLF",
     ),
     "mesh.device": ("Device", "device", "read_gmsh"),
     "mesh.from_dolfinx": ("from_dolfinx",),

@@ -51,6 +51,15 @@ from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.presets import Preset, get, names, preset
 from dea_fenicsx.materials.rate_data import RateData, rate_errors, rate_stress, read_cycles
 from dea_fenicsx.materials.spline import SplineEnergy
+from dea_fenicsx.materials.thermal import (
+    WLF,
+    Arrhenius,
+    Entropic,
+    LinearChange,
+    TabulatedChange,
+    Thermal,
+    ThermalLaw,
+)
 from dea_fenicsx.materials.viscous import Maxwell, ViscousBranch
 from dea_fenicsx.materials.viscous_fitting import RateFit, fit_rates
 from dea_fenicsx.materials.weibull import WeibullBreakdown
@@ -98,6 +107,13 @@ __all__ = [
     "mixed_permittivity",
     "Air",
     "Material",
+    "Thermal",
+    "ThermalLaw",
+    "Entropic",
+    "LinearChange",
+    "TabulatedChange",
+    "WLF",
+    "Arrhenius",
     "Maxwell",
     "ViscousBranch",
     "FlowLaw",

@@ -28,6 +28,7 @@ from dea_fenicsx.model.flowing_branches import (
     quadrature_functions,
     symmetric,
 )
+from dea_fenicsx.model.heat import BoundHeat, bound_heat
 from dea_fenicsx.model.late_charges import (
     BoundDebye,
     BoundLeak,
@@ -106,6 +107,8 @@ class Kernel:
         Whether the regions are films, whose pressure is eliminated.
     length
         The unit of length in m.
+    heat
+        Its temperature; None where this is the reference of the material at all loads.
     """
 
     elastic: Elastic
@@ -124,6 +127,15 @@ class Kernel:
     air: BoundAir | None = None
     is_membrane: bool = False
     length: float = 1.0
+    heat: BoundHeat | None = None
+
+    @property
+    def strain_factors(self) -> dict[str, Any]:
+        """The factor of each ramp that strains or heats it by itself."""
+        found = {ramp: factor for ramp, (factor, _) in self.prestretch.items()}
+        if self.heat is not None and self.heat.ramp is not None:
+            found[self.heat.ramp] = self.heat.factor
+        return found
 
     @property
     def is_foam(self) -> bool:
@@ -152,6 +164,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
     groups = _groups(scene, fields_of_problem)
     prestretches = scene.declared.initial_stretches
     factors = {item.ramp: dolfinx.fem.Constant(device.mesh, 0.0) for item in prestretches}
+    heats = {one.ramp: dolfinx.fem.Constant(device.mesh, 0.0) for one in scene.declared.heated}
     constant = dolfinx.fem.functionspace(device.mesh, ("DG", 0))
     owned = device.owned_cells()
 
@@ -204,6 +217,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 relaxation=delayed_polarisations(scene, scales, cellwise, names[0], delayed),
                 air=bound_air(scene, scales, cellwise, names),
                 is_membrane=scene.kinematics.is_membrane, length=scales.length,
+                heat=bound_heat(scene, names[0], scales.length, heats),
             )
         )
     return made
@@ -218,6 +232,8 @@ def _groups(scene: Scene, fields_of_problem: Sequence[Field]) -> dict[tuple, lis
         alive = tuple(field.name for field in fields_of_problem if field.lives_in(name))
         stretched = any(name in item.regions for item in scene.declared.initial_stretches)
         kind = (*_kind(m), len(debye_terms(scene, name)))
+        if name in scene.thermal_regions:
+            kind = (*kind, m.thermal, *(one for one in scene.declared.heated if name in one.regions))
         if charged & set(alive):
             kind = (*kind, type(m.electric), m.dielectric.form())
         found.setdefault((kind, alive, m.bulk_modulus is not None, stretched), []).append(name)

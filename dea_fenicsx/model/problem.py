@@ -243,12 +243,13 @@ class Problem:
             rubbed = state.history.get(self.frictions.NAME, self._rubbed)
             self._history = {**state.history, self.frictions.NAME: rubbed}
             self.frictions.show(rubbed)
+        for ramp, constant in self.loads.constants:
+            constant.value = state.factors[ramp]
+        self.forms.temperatures.check()
         histories = self.histories
         for memory in self.memories:
             memory.show(histories[memory.NAME])
         self.springs = self.turning.springs_of(state)
-        for ramp, constant in self.loads.constants:
-            constant.value = state.factors[ramp]
         if self.mass is not None or self.motion is not None:
             self.massive().show(self.motion)
         if history := self.history:
