@@ -60,6 +60,7 @@ from dea_fenicsx.materials.thermal import (
     Thermal,
     ThermalLaw,
 )
+from dea_fenicsx.materials.thermal_fitting import ThermalFit, fit_temperatures
 from dea_fenicsx.materials.viscous import Maxwell, ViscousBranch
 from dea_fenicsx.materials.viscous_fitting import RateFit, fit_rates
 from dea_fenicsx.materials.weibull import WeibullBreakdown
@@ -128,6 +129,8 @@ __all__ = [
     "TestData",
     "read_data",
     "fit_rates",
+    "fit_temperatures",
+    "ThermalFit",
     "RateFit",
     "RateData",
     "read_cycles",
