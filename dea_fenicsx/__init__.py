@@ -60,6 +60,7 @@ if TYPE_CHECKING:
         NeoHookean,
         Ogden,
         OgdenHill,
+        OgdenRoxburgh,
         PolynomialPermittivity,
         Reinforced,
         SaturatingDielectric,
@@ -90,7 +91,7 @@ if TYPE_CHECKING:
         FrictionWork,
     )
     from dea_fenicsx.measure.currents import ChargeLoss, Current
-    from dea_fenicsx.measure.energy import Dissipation, Energy
+    from dea_fenicsx.measure.energy import DamageLoss, Dissipation, Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
     from dea_fenicsx.measure.in_motion import AngularMomentum, KineticEnergy, Momentum
     from dea_fenicsx.measure.line import AlongLine, Curvature
@@ -238,7 +239,7 @@ _HOME = {
         "IdealDielectric", "KumarLopezPamies", "Material", "Maxwell", "MooneyRivlin", "NeoHookean",
         "Ogden", "OgdenHill", "Reinforced", "SplineEnergy", "StandardReinforcing",
         "TransverselyIsotropic", "ViscousBranch", "Wound", "Yeoh",
-        "Arrhenius", "Entropic", "LinearChange", "TabulatedChange", "Thermal", "WLF",
+        "Arrhenius", "Entropic", "LinearChange", "OgdenRoxburgh", "TabulatedChange", "Thermal", "WLF",
     ),
     "mesh.device": ("Device", "device", "read_gmsh"),
     "mesh.from_dolfinx": ("from_dolfinx",),
@@ -255,7 +256,7 @@ _HOME = {
         "ContactArea", "ContactForce", "ContactGap", "ContactPressure", "FrictionWork",
     ),
     "measure.currents": ("ChargeLoss", "Current"),
-    "measure.energy": ("Dissipation", "Energy"),
+    "measure.energy": ("DamageLoss", "Dissipation", "Energy"),
     "measure.line": ("AlongLine", "Curvature"),
     "measure.over_region": ("CentreOfMass", "Expression", "OverRegion"),
     "measure.periodic_force": ("PeriodicForce",),

@@ -12,6 +12,7 @@ from dea_fenicsx.materials.air import Air
 from dea_fenicsx.materials.base import EPSILON_0, Elastic, Strain
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
 from dea_fenicsx.materials.curve_data import TestData, read_data
+from dea_fenicsx.materials.damage import OgdenRoxburgh
 from dea_fenicsx.materials.dielectrics import (
     LinearPermittivity,
     PolynomialPermittivity,
@@ -108,6 +109,7 @@ __all__ = [
     "mixed_permittivity",
     "Air",
     "Material",
+    "OgdenRoxburgh",
     "Thermal",
     "ThermalLaw",
     "Entropic",

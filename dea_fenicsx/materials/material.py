@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from dea_fenicsx.materials.base import Elastic, constants, is_compressible
+from dea_fenicsx.materials.damage import OgdenRoxburgh, Softened
 from dea_fenicsx.materials.electric import Dielectric, Electric
 from dea_fenicsx.materials.thermal import Scaled, Thermal
 from dea_fenicsx.materials.viscous import Branch, Maxwell, ViscousBranch
@@ -42,6 +43,9 @@ class Material:
     thermal
         How it changes with temperature; None for a material that does not.  Its constants are then
         those at ``thermal.reference``.  See `at`, and `Scene(temperature=...)`.
+    damage
+        How its equilibrium softens by the largest energy so far; None for a rubber that does not.
+        Exact states are those of the first loading; `softened` is for those after it.
     """
 
     elastic: Elastic
@@ -51,6 +55,7 @@ class Material:
     viscous: tuple[Branch, ...] = ()
     density: float | None = None
     thermal: Thermal | None = None
+    damage: OgdenRoxburgh | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.viscous, list):
@@ -140,7 +145,28 @@ class Material:
             found += self.thermal.faults() if isinstance(self.thermal, Thermal) else [
                 f"thermal is {shown(self.thermal)}, but must be Thermal(...), or None"
             ]  # fmt: skip
+        if self.damage is not None:
+            found += self.damage.faults() if isinstance(self.damage, OgdenRoxburgh) else [
+                f"damage is {shown(self.damage)}, but must be OgdenRoxburgh(r, m), or None"
+            ]  # fmt: skip
         return found
+
+    def softened(self, peak: float) -> Material:
+        """The material after a largest energy density in Pa, which then softens no more.
+
+        Raises
+        ------
+        InputError
+            If the material has no `damage`, or the energy is negative.
+        """
+        if self.damage is None:
+            raise InputError("The material does not soften; give it damage=OgdenRoxburgh(r, m).")
+        bulk = None if is_compressible(self.elastic) else self.bulk_modulus
+        elastic = Softened(self.elastic, self.damage, si(peak, "Pa", "The largest energy"))
+        made = replace(self, elastic=elastic, bulk_modulus=bulk, damage=None)
+        if faults := made.faults():
+            raise InputError(f"The softened material: {faults[0]}.")
+        return made
 
     def at(self, kelvin: float) -> Material:
         """The material with its constants at a temperature in K, which then no longer changes.

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from scipy import interpolate
 
-from dea_fenicsx.materials.base import Elastic, Strain, is_compressible, is_isotropic, stress_size
+from dea_fenicsx.materials.base import Elastic, Strain, stress_size
+from dea_fenicsx.materials.wrapped import Wrapped
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import in_si, si
@@ -290,7 +291,7 @@ class Thermal:
 
 
 @dataclass(frozen=True)
-class Scaled:
+class Scaled(Wrapped):
     """An elastic model times a factor: that of another one at its temperature.
 
     Parameters
@@ -304,18 +305,6 @@ class Scaled:
     factor: float
     model: Elastic
 
-    @property
-    def compressible(self) -> bool:
-        return is_compressible(self.model)
-
-    @property
-    def isotropic(self) -> bool:
-        return is_isotropic(self.model)
-
-    def check_axes(self) -> None:
-        """See `Reinforced`."""
-        self.model.check_axes()  # type: ignore[attr-defined]
-
     def energy(self, s: Strain) -> Any:
         return self.factor * self.model.energy(s)
 
@@ -328,9 +317,6 @@ class Scaled:
 
     def spherical_slope(self) -> float:
         return self.factor * self.model.spherical_slope()
-
-    def chain_margin(self, s: Strain) -> Any | None:
-        return self.model.chain_margin(s)
 
     def stress_size(self, s: Strain, lnJ: Any) -> Any:
         """See `Elastic`."""

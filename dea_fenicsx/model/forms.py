@@ -16,6 +16,7 @@ from dea_fenicsx.model.body_forces import Body
 from dea_fenicsx.model.cavities import Cavities
 from dea_fenicsx.model.charge_memory import LeakMemory
 from dea_fenicsx.model.contact import Contacts
+from dea_fenicsx.model.damage import Damages
 from dea_fenicsx.model.heat import Temperatures
 from dea_fenicsx.model.kernels import Kernel, kernels, measure
 from dea_fenicsx.model.loads import Loads, Surface, loaded_sides
@@ -69,6 +70,8 @@ class Forms:
         The compiled residual, and what evaluates a state at the quadrature points; from `compile`.
     temperatures
         Temperatures at the quadrature points, from `compile`, too.
+    damages
+        What remembers the largest energies, from `compile`, too.
     cell_volumes, volume
         Volume of each owned cell, and of the whole device, dimensionless; from `compile`, too.
     incompressible_cells
@@ -80,6 +83,7 @@ class Forms:
     memory: Memory
     leaks: LeakMemory
     temperatures: Temperatures
+    damages: Damages
     cell_volumes: np.ndarray
     volume: float
 
@@ -186,6 +190,7 @@ class Forms:
         self.memory = Memory(
             mesh, self.kernels, self.points, self.quadrature, self.temperatures
         )
+        self.damages = Damages(mesh, self.kernels, self.points, self.quadrature)
         self.leaks = LeakMemory(mesh, self.kernels, self.points, self.quadrature, self._scales)
         self.sheets.compile(self._flux)
         self.contacts.frictions.compile()

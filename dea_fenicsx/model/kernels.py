@@ -18,6 +18,7 @@ import ufl
 
 from dea_fenicsx.materials import EPSILON_0, Dielectric, Elastic, Material, Maxwell
 from dea_fenicsx.materials.base import constants, is_compressible, parts, shape
+from dea_fenicsx.materials.damage import OgdenRoxburgh
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.air import BoundAir, bound_air
 from dea_fenicsx.model.fields import Field, Role
@@ -26,6 +27,7 @@ from dea_fenicsx.model.flowing_branches import (
     flow_functions,
     flowing_branches,
     quadrature_functions,
+    quadrature_space,
     symmetric,
 )
 from dea_fenicsx.model.heat import BoundHeat, bound_heat
@@ -71,6 +73,22 @@ class BoundBranch:
 
 
 @dataclass(frozen=True)
+class BoundDamage:
+    """The softening of a kernel.
+
+    Attributes
+    ----------
+    law
+        The law with cell-wise constants.
+    peak
+        The largest energy before this step in Pa, at quadrature points; shared by all kernels.
+    """
+
+    law: OgdenRoxburgh
+    peak: Any
+
+
+@dataclass(frozen=True)
 class Kernel:
     """Regions that share one integral.
 
@@ -109,6 +127,8 @@ class Kernel:
         The unit of length in m.
     heat
         Its temperature; None where this is the reference of the material at all loads.
+    damage
+        Its softening; None where it does not soften.
     """
 
     elastic: Elastic
@@ -128,6 +148,7 @@ class Kernel:
     is_membrane: bool = False
     length: float = 1.0
     heat: BoundHeat | None = None
+    damage: BoundDamage | None = None
 
     @property
     def strain_factors(self) -> dict[str, Any]:
@@ -173,6 +194,8 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
 
     histories, flows = quadrature_functions(scene), flow_functions(scene)
     leak, delayed = leak_functions(scene), polarisation_functions(scene)
+    softens = any(m.damage is not None for m in scene.materials.values())
+    worn = dolfinx.fem.Function(quadrature_space(scene, ())) if softens else None
     made = []
     charged = {field.name for field in fields_of_problem if field.role is Role.POTENTIAL}
 
@@ -217,6 +240,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 relaxation=delayed_polarisations(scene, scales, cellwise, names[0], delayed),
                 air=bound_air(scene, scales, cellwise, names),
                 is_membrane=scene.kinematics.is_membrane, length=scales.length,
+                damage=_damage(scene, names, cellwise, worn),
                 heat=bound_heat(scene, names[0], scales.length, heats),
             )
         )
@@ -264,7 +288,17 @@ def _branches(
 def _kind(material: Material) -> tuple:
     """The kinds of the models of a material: those of one kind may share a kernel."""
     closed = tuple(isinstance(branch, Maxwell) for branch in material.viscous)
-    return type(material.elastic), shape(material.elastic), closed
+    return type(material.elastic), shape(material.elastic), closed, material.damage is None
+
+
+def _damage(
+    scene: Scene, regions: Sequence[str], cellwise: Callable, worn: Any
+) -> BoundDamage | None:
+    """The softening of a kernel with some regions; they all soften or none does."""
+    laws = {name: scene.materials[name].damage for name in regions}
+    if laws[regions[0]] is None:
+        return None
+    return BoundDamage(_bind(laws, cellwise), worn)  # type: ignore[arg-type]
 
 
 def _bind(elastics: dict[str, Elastic], cellwise: Callable) -> Elastic:

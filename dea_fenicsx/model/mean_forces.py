@@ -196,6 +196,8 @@ def check_conserving(scene: Scene) -> None:
         what = "a permittivity that changes with strain or field"
     elif any(m.is_air for m in scene.materials.values()):
         what = "air"
+    elif any(m.damage is not None for m in scene.materials.values()):
+        what = "a rubber that softens"
     elif scene.thermal_regions:
         what = "a temperature"
     elif declared.rigid_moments:

@@ -228,6 +228,11 @@ def _check_materials(scene: Scene) -> None:
                 f"Region {name!r} is given {type(material).__name__}, but needs a Material."
             )
         faults = material.faults()
+        if material.damage is not None and scene.kinematics.is_membrane:
+            raise InputError(
+                f"Region {name!r} softens, but a membrane takes no damage; leave it out, or take a "
+                "mesh in space."
+            )
         if faults:
             model = type(material.elastic).__name__
             raise InputError(f"Region {name!r}, {model}: {faults[0]}.")
