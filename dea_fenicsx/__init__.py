@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.gradients.variables import ShapeChange
     from dea_fenicsx.materials import (
         WLF,
+        Alexander,
         Along,
         Arrhenius,
         ArrudaBoyce,
@@ -70,6 +71,7 @@ if TYPE_CHECKING:
         TabulatedPermittivity,
         Thermal,
         TransverselyIsotropic,
+        VanDerWaals,
         ViscousBranch,
         WeibullBreakdown,
         Wound,
@@ -239,7 +241,8 @@ _HOME = {
         "IdealDielectric", "KumarLopezPamies", "Material", "Maxwell", "MooneyRivlin", "NeoHookean",
         "Ogden", "OgdenHill", "Reinforced", "SplineEnergy", "StandardReinforcing",
         "TransverselyIsotropic", "ViscousBranch", "Wound", "Yeoh",
-        "Arrhenius", "Entropic", "LinearChange", "OgdenRoxburgh", "TabulatedChange", "Thermal", "WLF",
+        "Alexander", "Arrhenius", "Entropic", "LinearChange", "OgdenRoxburgh", "TabulatedChange", "Thermal",
+        "VanDerWaals", "WLF",
     ),
     "mesh.device": ("Device", "device", "read_gmsh"),
     "mesh.from_dolfinx": ("from_dolfinx",),

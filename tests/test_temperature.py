@@ -206,6 +206,8 @@ def bend(comm):
     return float(run["k_per_m"])
 
 
+@pytest.mark.slow
+@pytest.mark.mpi
 def test_strip_with_a_gradient_of_temperature_bends(on_ranks):
     """Curvature 3/2 expansion dT/dy in plane strain, for Poisson's ratio 1/2; on 3 ranks, too."""
     found = bend(MPI.COMM_SELF)

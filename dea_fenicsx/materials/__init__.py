@@ -9,6 +9,7 @@ All constants are in SI units.
 """
 
 from dea_fenicsx.materials.air import Air
+from dea_fenicsx.materials.alexander import Alexander
 from dea_fenicsx.materials.base import EPSILON_0, Elastic, Strain
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
 from dea_fenicsx.materials.curve_data import TestData, read_data
@@ -38,6 +39,7 @@ from dea_fenicsx.materials.fitted import Fit
 from dea_fenicsx.materials.fitting import fit
 from dea_fenicsx.materials.flow_laws import FlowLaw, KumarLopezPamies
 from dea_fenicsx.materials.foams import BlatzKo, OgdenHill
+from dea_fenicsx.materials.kilian import VanDerWaals
 from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.networks import ExtendedTube
 from dea_fenicsx.materials.ogden import Ogden
@@ -79,6 +81,8 @@ __all__ = [
     "Gent",
     "ArrudaBoyce",
     "ExtendedTube",
+    "VanDerWaals",
+    "Alexander",
     "SplineEnergy",
     "OgdenHill",
     "BlatzKo",

@@ -169,6 +169,11 @@ class Kernel:
         return self.viscous_branches > 0
 
     @property
+    def has_history(self) -> bool:
+        """Whether its stress depends on what is kept at the quadrature points."""
+        return self.is_viscous or self.damage is not None
+
+    @property
     def viscous_branches(self) -> int:
         """Number of viscous branches of each of its materials."""
         return len(self.branches) + (len(self.flowing.places) if self.flowing else 0)
@@ -185,7 +190,6 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
     groups = _groups(scene, fields_of_problem)
     prestretches = scene.declared.initial_stretches
     factors = {item.ramp: dolfinx.fem.Constant(device.mesh, 0.0) for item in prestretches}
-    heats = {one.ramp: dolfinx.fem.Constant(device.mesh, 0.0) for one in scene.declared.heated}
     constant = dolfinx.fem.functionspace(device.mesh, ("DG", 0))
     owned = device.owned_cells()
 
@@ -194,16 +198,9 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
 
     histories, flows = quadrature_functions(scene), flow_functions(scene)
     leak, delayed = leak_functions(scene), polarisation_functions(scene)
-    softens = any(m.damage is not None for m in scene.materials.values())
-    worn = dolfinx.fem.Function(quadrature_space(scene, ())) if softens else None
+    heats, worn = _heats(scene), _worn(scene)
     made = []
     charged = {field.name for field in fields_of_problem if field.role is Role.POTENTIAL}
-
-    def log_stretch(ramp: str, axis: int, name: str) -> float:
-        return sum(
-            float(np.log(item.stretches[axis])) for item in prestretches
-            if item.ramp == ramp and name in item.regions
-        )  # fmt: skip
 
     for (_, alive, stiff, stretched), names in groups.items():
         cells = {n: device.cells_of(n) for n in names}
@@ -225,10 +222,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 electric=electric,
                 vacuum=EPSILON_0 / scales.permittivity,
                 kappa=cellwise(bulk_modulus) if stiff else None,
-                prestretch={
-                    r: (factors[r], [cellwise(partial(log_stretch, r, a)) for a in range(3)])
-                    for r in ramps
-                },
+                prestretch={r: (factors[r], _log_stretches(scene, r, cellwise)) for r in ramps},
                 regions=tuple(names),
                 cells=together[together < owned],
                 fields=alive,
@@ -289,6 +283,30 @@ def _kind(material: Material) -> tuple:
     """The kinds of the models of a material: those of one kind may share a kernel."""
     closed = tuple(isinstance(branch, Maxwell) for branch in material.viscous)
     return type(material.elastic), shape(material.elastic), closed, material.damage is None
+
+
+def _log_stretches(scene: Scene, ramp: str, cellwise: Callable) -> list[Any]:
+    """Cell-wise logarithms of the three stretches of a ramp's pre-stretches."""
+
+    def value(axis: int, name: str) -> float:
+        return sum(
+            float(np.log(item.stretches[axis])) for item in scene.declared.initial_stretches
+            if item.ramp == ramp and name in item.regions
+        )  # fmt: skip
+
+    return [cellwise(partial(value, axis)) for axis in range(3)]
+
+
+def _heats(scene: Scene) -> dict[str, Any]:
+    """The factor of each ramp that heats something, as a constant of the forms."""
+    mesh = scene.device.mesh
+    return {one.ramp: dolfinx.fem.Constant(mesh, 0.0) for one in scene.declared.heated}
+
+
+def _worn(scene: Scene) -> Any:
+    """The function of the largest energies at quadrature points; None where nothing softens."""
+    softens = any(m.damage is not None for m in scene.materials.values())
+    return dolfinx.fem.Function(quadrature_space(scene, ())) if softens else None
 
 
 def _damage(

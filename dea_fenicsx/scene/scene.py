@@ -19,7 +19,7 @@ from dea_fenicsx.scene.fibre_checks import check_fibres
 from dea_fenicsx.scene.kinematics import Kinematics, ThreeD
 from dea_fenicsx.scene.membrane_checks import check_films, check_loads_of_membrane
 from dea_fenicsx.scene.sources import Source
-from dea_fenicsx.scene.temperature import check_temperatures
+from dea_fenicsx.scene.temperature_checks import check_temperatures, heated_regions
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
@@ -99,7 +99,7 @@ class Scene:
         for condition in self.mechanics:
             condition.check_beside(self.declared.told)
         check_air(self)
-        check_temperatures(self)
+        check_temperatures(self, self.declared.heated, self.leaks)
         check_loads_of_membrane(self)
         if not self.supports and self.solids:
             raise InputError(
@@ -140,12 +140,7 @@ class Scene:
     @property
     def thermal_regions(self) -> tuple[str, ...]:
         """Regions whose temperature is not the reference of their material at all loads."""
-        moved = {name for one in self.declared.heated for name in one.regions}
-        at_first = self.temperature
-        return tuple(
-            name for name, m in self.materials.items() if m.thermal is not None
-            and (name in moved or at_first not in (None, m.thermal.reference))
-        )  # fmt: skip
+        return heated_regions(self, self.declared.heated)
 
     @property
     def has_potential(self) -> bool:
