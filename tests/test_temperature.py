@@ -80,6 +80,15 @@ def test_stress_of_a_material_at_a_temperature():
     assert hot == pytest.approx(cold * HOT / WARM, rel=1e-13)
 
 
+def test_adiabatic_rise_by_hand():
+    """A power that grows as 2 W/s for 3 s is 9 J, in 2 cm^3 of 2 MJ/(K m^3)."""
+    thermal = replace(THERMAL, heat_capacity=2e6)
+    time = np.linspace(0.0, 3.0, 7)
+    assert thermal.adiabatic_rise(time, 2 * time, 2e-6)[-1] == pytest.approx(9 / 4, rel=1e-12)
+    with pytest.raises(dea.InputError, match="no heat_capacity"):
+        THERMAL.adiabatic_rise(time, time, 1e-6)
+
+
 # ---------------------------------------------------------------- films in elements
 
 

@@ -16,14 +16,14 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy import interpolate
+from scipy import integrate, interpolate
 
 from dea_fenicsx.materials.base import Elastic, Strain, stress_size
 from dea_fenicsx.materials.wrapped import Wrapped
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import in_si, si
-from dea_fenicsx.support.validation import is_finite, is_positive
+from dea_fenicsx.support.validation import is_finite, is_positive, positive
 
 GAS_CONSTANT = 8.31446261815324
 """In J/(mol K), exact."""
@@ -214,7 +214,7 @@ class Thermal:
     expansion
         Linear thermal expansion in 1/K.
     heat_capacity
-        In J/(K m^3) of the undeformed material; `AdiabaticRise` needs it.
+        In J/(K m^3) of the undeformed material; `adiabatic_rise` needs it.
     """
 
     reference: float
@@ -241,6 +241,28 @@ class Thermal:
     def stretch(self, kelvin: Any) -> Any:
         """Stretch in all directions of the material without load."""
         return 1 + self.expansion * (kelvin - self.reference)
+
+    def adiabatic_rise(self, seconds: Any, watts: Any, cubic_metres: float) -> np.ndarray:
+        """By how many K a region would be warmer at each time if its heat stayed in it.
+
+        Parameters
+        ----------
+        seconds, watts
+            Times, and the power that turns into heat there, such as the column of `Dissipation` in
+            a history; it is taken as linear in between.
+        cubic_metres
+            Undeformed volume of the region.
+
+        Raises
+        ------
+        InputError
+            If no heat capacity is given.
+        """
+        if self.heat_capacity is None:
+            raise InputError("Thermal has no heat_capacity, which a rise needs; give it in J/(K m^3).")
+        positive(cubic_metres, "The volume", "a number > 0 in m^3")
+        heat = integrate.cumulative_trapezoid(watts, seconds, initial=0.0)
+        return np.asarray(heat / (self.heat_capacity * cubic_metres))
 
     def check(self, kelvin: Any, what: str) -> None:
         """Raise InputError if a temperature, or one of several, lies outside of the range."""

@@ -55,7 +55,7 @@ class Temperature(InRegions, Prescribed):
                 x = place_of(scene.kinematics, ufl.SpatialCoordinate(scene.device.mesh))
                 self.symbolic(x, name)
             else:
-                finite(self.kelvin, f"The temperature of {label!r}")
+                finite(self.kelvin, f"The temperature kelvin of {label!r}")
                 thermal.check(self.kelvin, f"The temperature of {name!r}")
         others = (*scene.prescribed, *scene.loads, *scene.supports)
         if any(item is not self and item.moved_by == self.ramp
