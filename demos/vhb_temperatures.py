@@ -4,7 +4,8 @@ Cyclic tests at six temperatures (Liao et al. 2020) give a spectrum of viscous b
 degrees and the factors by which their relaxation times change, each by itself and by the law of
 Williams, Landel and Ferry (WLF).  Moduli are entropic.  Then temperatures are left out in turn: the
 fit to all others predicts the tests there.  The permittivity up to 10 Hz gets a straight line, and
-is predicted likewise.  At last the material predicts a cycle at 50 degrees, where nothing is fitted.
+is predicted likewise.  At last the material predicts a cycle at 50 degrees, where nothing is
+fitted.
 
 Stretches are exact; nothing here needs a mesh.
 """
@@ -40,7 +41,8 @@ def table(path):
 def tests_by_temperature():
     """Cyclic tests at each temperature in K."""
     rows = table(DATA / "vhb4905_cyclic_temperatures_liao2020.csv")
-    found = {REFERENCE: read_cycles(OTHERS / "vhb4905_cyclic_liao2020.csv", "uniaxial", (0, 1, 2, 3))}
+    at_20 = read_cycles(OTHERS / "vhb4905_cyclic_liao2020.csv", "uniaxial", (0, 1, 2, 3))
+    found = {REFERENCE: at_20}
     for name in np.unique(rows[:, 0]):
         one = rows[rows[:, 0] == name]
         test = RateData.at_rate("uniaxial", one[0, 2], one[:, 3], one[:, 4], f"{name:.0f}")

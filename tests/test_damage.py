@@ -131,7 +131,9 @@ def test_film_under_voltage_after_a_first_pull():
         block((2, 2)), {"film": RUBBER}, [dea.Electrode("top", 1.2e4), dea.Ground("bottom")], held,
         loads=[dea.DeadLoad("x_max", (6e4, 0.0))], kinematics=dea.PlaneStrain(),
     )  # fmt: skip
-    path = [dea.Ramp("load", 1.0, steps=3), dea.Ramp("load", 0.2, steps=3), dea.Ramp("voltage", steps=2)]
+    path = [
+        dea.Ramp("load", 1.0, steps=3), dea.Ramp("load", 0.2, steps=3), dea.Ramp("voltage", steps=2)
+    ]  # fmt: skip
     record = {"x": dea.MeanStretch(("x_min", "x_max"), "x")}
     run = dea.solve(scene, path, record, quiet=True, options=TIGHT)
     peak = undamaged(first_stretch())[0]

@@ -39,7 +39,8 @@ def test_laws_by_hand():
     """Factors at 313.15 K of a reference of 293.15 K."""
     by_hand = {
         "entropic": 313.15 / 293.15, "linear": 1 - 0.08, "table": 4.5 / float(TABLE._curve(WARM)),
-        "WLF": 10 ** (-8 * 20 / 120), "Arrhenius": math.exp(6e4 / 8.314462618 * (1 / 313.15 - 1 / WARM)),
+        "WLF": 10 ** (-8 * 20 / 120),
+        "Arrhenius": math.exp(6e4 / 8.314462618 * (1 / 313.15 - 1 / WARM)),
     }  # fmt: skip
     for name, law in LAWS.items():
         assert law.factor(WARM, WARM) == pytest.approx(1.0, rel=1e-14)
@@ -50,7 +51,8 @@ def test_laws_by_hand():
 def test_laws_are_the_same_in_elements(name):
     for kelvin in (254.0, 290.0, 313.15, 350.0):
         found = LAWS[name].factor(ufl.as_ufl(kelvin), WARM, SymbolicNumbers)
-        assert float(found if isinstance(found, float) else found(())) == pytest.approx(float(LAWS[name].factor(kelvin, WARM)), rel=1e-13)
+        value = float(found if isinstance(found, float) else found(()))
+        assert value == pytest.approx(float(LAWS[name].factor(kelvin, WARM)), rel=1e-13)
 
 
 def test_temperatures_are_kelvin_or_quantities():
@@ -62,7 +64,8 @@ def test_temperatures_are_kelvin_or_quantities():
 
 
 @pytest.mark.parametrize("law", [
-    dea.IdealDielectric(4.0), dea.Electrostriction(4.0, 1.0, 0.5), dea.SaturatingDielectric(4.0, 1e-3),
+    dea.IdealDielectric(4.0), dea.Electrostriction(4.0, 1.0, 0.5),
+    dea.SaturatingDielectric(4.0, 1e-3),
     dea.TabulatedPermittivity([1.0, 2.0, 3.0], [4.0, 3.5, 3.3]),
 ], ids=lambda law: type(law).__name__)  # fmt: skip
 def test_charge_of_any_dielectric_grows_by_the_factor(law):
@@ -211,7 +214,8 @@ def bend(comm):
         supports=[dea.FreeBody()], kinematics=dea.PlaneStrain(),
         prescribed=[dea.Temperature("film", lambda x: WARM + 2e4 * (x[1] - 0.5e-3))],
     )  # fmt: skip
-    run = dea.solve(scene, dea.Ramp(steps=2), {"k": dea.Curvature((0.0, 0.0), (10e-3, 0.0))}, quiet=True)
+    bottom = dea.Curvature((0.0, 0.0), (10e-3, 0.0))
+    run = dea.solve(scene, dea.Ramp(steps=2), {"k": bottom}, quiet=True)
     return float(run["k_per_m"])
 
 
@@ -230,12 +234,13 @@ def test_strip_with_a_gradient_of_temperature_bends(on_ranks):
 RUBBER = dea.Material(dea.NeoHookean(5e4), dea.IdealDielectric(4.7), thermal=THERMAL)
 BAD = {
     "above the data": (lambda: RUBBER.at(360.0), "is 360.0 K, but the data .* to 353.15 K"),
-    "a scene below": (lambda: heated(RUBBER, start=200.0), "temperature of 'film' in the scene is 2"),
+    "a scene below": (lambda: heated(RUBBER, start=200.0), "of 'film' in the scene is 200.0 K"),
     "a ramp above": (lambda: heated(RUBBER, 400.0), "is 400.0 K, but the data of the material"),
     "no thermal": (lambda: heated(replace(RUBBER, thermal=None)), "give the material thermal="),
     "no number": (lambda: heated(RUBBER, math.nan), "must be a finite number"),
     "a table too short": (
-        lambda: heated(replace(RUBBER, thermal=replace(THERMAL, high=370.0))), "is known from 253.15 to"
+        lambda: heated(replace(RUBBER, thermal=replace(THERMAL, high=370.0))),
+        "is known from 253.15 to",
     ),
     "WLF at its end": (
         lambda: heated(replace(RUBBER, thermal=replace(THERMAL, shift=dea.WLF(8.0, 30.0)))),
@@ -272,5 +277,5 @@ def test_bad_input_is_refused_in_one_sentence(case):
 
 
 def test_a_path_that_leaves_the_data_ends_with_a_sentence():
-    with pytest.raises(dea.InputError, match="at factor 1.5 of 'temperature' is 358.15 K"):
+    with pytest.raises(dea.InputError, match=r"at factor 1\.5 of .temperature. is 358\.15 K"):
         dea.solve(heated(RUBBER), dea.Ramp("temperature", 1.5, steps=1), quiet=True)

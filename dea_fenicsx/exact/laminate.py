@@ -5,8 +5,9 @@ Classical laminate theory.  In each layer the stress along and across is
     s_x = Q (e_x + nu e_y) - p,   Q = E/(1 - nu^2),   e = e_0 + kappa z,
 
 and the field's push p in the plane is eps E^2/2 (1 + nu/(1 - nu)): half from the field's own
-stress and, since the faces are free, half (nu = 1/2) from its squeezing the film.  A permittivity
-that changes with strain adds d ln eps/de_x to the first 1 and takes d ln eps/de_z off the second.  Without loads
+stress and, since the faces are free, half (nu = 1/2) from its squeezing the film.  A
+permittivity that changes with strain adds d ln eps/de_x to the first 1, and takes d ln eps/de_z off
+the second.  Without loads
 the resultants N and M vanish.  Two layers that are narrow give Timoshenko's bimetal (J. Opt. Soc.
 Am. 11 (1925) 233), a thin layer on a thick one Stoney's formula (Proc. R. Soc. A 82 (1909) 172).
 """

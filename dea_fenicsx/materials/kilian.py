@@ -21,9 +21,9 @@ stress differs from that of the formula by less than 1e-6 of it where a stretch 
 @dataclass(frozen=True)
 @in_si(mu="Pa", lam_m="", a="", beta="")
 class VanDerWaals:
-    """W = mu {-(lam_m^2 - 3)[ln(1 - z) + z] - 2/3 a [(I - 3)/2]^(3/2)}, z^2 = (I - 3)/(lam_m^2 - 3).
+    """W = mu {-(lam_m^2 - 3)[ln(1 - z) + z] - 2/3 a [(I - 3)/2]^(3/2)}.
 
-    I = (1 - beta) I1 + beta I2.
+    z^2 = (I - 3)/(lam_m^2 - 3),  I = (1 - beta) I1 + beta I2.
 
     Parameters
     ----------

@@ -130,13 +130,13 @@ def _plain(name: str) -> str:
 def get(name: str) -> Material:
     """The material of a preset; see `preset`.
 
-    A preset with the mark M, whose constants nobody has compared with their source, gives a warning.
+    A preset with the mark M, whose constants nobody compared with their source, gives a warning.
     """
     found = preset(name)
     if found.mark == UNVERIFIED:
         warnings.warn(
-            f"The constants of {name!r} are {MARKS[UNVERIFIED]} ({found.source}); compare them with "
-            "their source, or take a preset with another mark.",
+            f"The constants of {name!r} are {MARKS[UNVERIFIED]} ({found.source}); compare them "
+            "with their source, or take a preset with another mark.",
             stacklevel=2,
         )
     return found.material

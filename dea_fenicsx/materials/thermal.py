@@ -259,7 +259,7 @@ class Thermal:
             If no heat capacity is given.
         """
         if self.heat_capacity is None:
-            raise InputError("Thermal has no heat_capacity, which a rise needs; give it in J/(K m^3).")
+            raise InputError("Thermal has no heat_capacity for a rise; give it in J/(K m^3).")
         positive(cubic_metres, "The volume", "a number > 0 in m^3")
         heat = integrate.cumulative_trapezoid(watts, seconds, initial=0.0)
         return np.asarray(heat / (self.heat_capacity * cubic_metres))
@@ -278,8 +278,8 @@ class Thermal:
         numbers = self.low, self.reference, self.high
         if not all(map(is_finite, numbers)) or not 0 < numbers[0] <= numbers[1] <= numbers[2]:
             return [
-                f"Thermal has low, reference and high {', '.join(map(shown, numbers))} K, but needs "
-                "0 < low <= reference <= high"
+                f"Thermal has low, reference and high {', '.join(map(shown, numbers))} K, but "
+                "needs 0 < low <= reference <= high"
             ]
         for name in ("modulus", "permittivity", "shift"):
             law = getattr(self, name)
@@ -291,8 +291,8 @@ class Thermal:
             if law is not None and (found := self._faults_in_range(name, law)):
                 return found
         if not is_finite(self.expansion) or not min(map(self.stretch, (self.low, self.high))) > 0:
-            return [f"expansion is {shown(self.expansion)}, but must be a finite number in 1/K with "
-                    "a stretch > 0 from low to high"]  # fmt: skip
+            return [f"expansion is {shown(self.expansion)}, but must be a finite number in 1/K "
+                    "with a stretch > 0 from low to high"]  # fmt: skip
         if self.heat_capacity is not None and not is_positive(self.heat_capacity):
             return [f"heat_capacity is {shown(self.heat_capacity)}, but must be a number > 0 in "
                     "J/(K m^3), or None"]  # fmt: skip

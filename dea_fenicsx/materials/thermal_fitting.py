@@ -1,4 +1,4 @@
-"""Shift factors and a spectrum of relaxation times, from tests over time at several temperatures."""
+"""Shift factors and a spectrum of relaxation times, from tests at several temperatures."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from dea_fenicsx.materials.thermal import WLF, Entropic, Scaled, Thermal, Therma
 from dea_fenicsx.materials.viscous import Maxwell
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import finite
+
+ENTROPIC = Entropic()
 
 PER_DECADE = 8
 """Relaxation times per decade at which springs are computed; cubic splines go through them."""
@@ -33,7 +35,7 @@ class ThermalFit:
     Attributes
     ----------
     material
-        Equilibrium and branches at the reference, with their `Thermal`; without electric properties.
+        Equilibrium and branches at the reference, with their `Thermal`; not electric.
     shift
         The WLF law.
     shifts
@@ -54,7 +56,7 @@ class ThermalFit:
 
 def fit_temperatures(
     tests: Mapping[float, Sequence[RateData]], reference: float, equilibrium: Elastic,
-    times: Sequence[float], modulus: ThermalLaw | None = Entropic(),
+    times: Sequence[float], modulus: ThermalLaw | None = ENTROPIC,
 ) -> ThermalFit:  # fmt: skip
     """Fit moduli of a spectrum of Maxwell branches, and how their times change with temperature.
 
@@ -129,7 +131,8 @@ class _Spectrum:
             else:
                 self.stress[kelvin] = weight * b
             both = [(s[d.measured], d) for s, d in zip(springs, some, strict=True)]
-            self.curves[kelvin] = CubicSpline(grid, weight * np.concatenate([s for s, _ in both]), 1)
+            curves = weight * np.concatenate([s for s, _ in both])
+            self.curves[kelvin] = CubicSpline(grid, curves, axis=1)
             self.rest[kelvin] = weight * np.concatenate([
                 nominal_stress(equilibrium, d.test, d.stretch[d.measured]) for _, d in both
             ])  # fmt: skip
@@ -198,4 +201,5 @@ class _Spectrum:
             Maxwell(float(mu), float(tau))
             for mu, tau in zip(x[1:][kept], self.times[kept], strict=True)
         )
-        return Material(Scaled(float(max(x[0], 1e-9)), self.model), viscous=branches, thermal=thermal)
+        elastic = Scaled(float(max(x[0], 1e-9)), self.model)
+        return Material(elastic, viscous=branches, thermal=thermal)

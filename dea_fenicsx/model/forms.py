@@ -174,7 +174,9 @@ class Forms:
         mesh = self._mesh
         each = ufl.TestFunction(dolfinx.fem.functionspace(mesh, ("DG", 0)))
         volumes = sum(self.integral(k, each) for k in range(len(self.points)))
-        swelling = sum(self.integral(k, (p.elastic_J - 1) * each) for k, p in enumerate(self.points))
+        swelling = sum(
+            self.integral(k, (p.elastic_J - 1) * each) for k, p in enumerate(self.points)
+        )
         compat.compile_together(
             self.residual, lambda: [*self._tangents(), swelling, volumes]
         )

@@ -251,7 +251,8 @@ def _groups(scene: Scene, fields_of_problem: Sequence[Field]) -> dict[tuple, lis
         stretched = any(name in item.regions for item in scene.declared.initial_stretches)
         kind = (*_kind(m), len(debye_terms(scene, name)))
         if name in scene.thermal_regions:
-            kind = (*kind, m.thermal, *(one for one in scene.declared.heated if name in one.regions))
+            heated = (one for one in scene.declared.heated if name in one.regions)
+            kind = (*kind, m.thermal, *heated)
         if charged & set(alive):
             kind = (*kind, type(m.electric), m.dielectric.form())
         found.setdefault((kind, alive, m.bulk_modulus is not None, stretched), []).append(name)

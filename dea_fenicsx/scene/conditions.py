@@ -28,6 +28,6 @@ __all__ = [
     "Condition", "DeadLoad", "DeadPressure", "Discretisation", "Displacement", "ElasticFoundation",
     "Electrode", "Fix", "FollowerPressure", "Force", "FreeBody", "Gravity", "Ground", "Load",
     "MeanStrain", "MembranePressure", "Moment", "Obstacle", "Periodic", "PreStretch",
-    "Prescribed", "Rigid", "Source", "Spring", "Stretch", "Support", "Taper", "Temperature", "ThinFilm",
-    "Torque", "TorsionSpring", "Turn", "Twist",
+    "Prescribed", "Rigid", "Source", "Spring", "Stretch", "Support", "Taper", "Temperature",
+    "ThinFilm", "Torque", "TorsionSpring", "Turn", "Twist",
 ]  # fmt: skip

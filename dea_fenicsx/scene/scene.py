@@ -58,8 +58,8 @@ class Scene:
     elements
         The finite elements, see `Discretisation`.
     temperature
-        Temperature of all regions in K at first; None for the reference of each material.  Materials
-        without `thermal` do not notice it.  `Temperature` changes it.
+        Temperature of all regions in K at first; None for the reference of each material.
+        Materials without `thermal` do not notice it.  `Temperature` changes it.
 
     Raises
     ------

@@ -23,8 +23,8 @@ class Temperature(InRegions, Prescribed):
     """The temperature of a region, which its ramp brings from that at first to a given one.
 
     At ramp factor t the temperature is T_0 + t (kelvin - T_0), with the temperature T_0 of
-    ``Scene(temperature=...)``, or the reference of the material where the scene tells none.  Nothing
-    conducts heat: the temperature is what is given.  The mesh shows the body at T_0.
+    ``Scene(temperature=...)``, or the reference of the material where the scene tells none.
+    Nothing conducts heat: the temperature is what is given.  The mesh shows the body at T_0.
 
     Parameters
     ----------
