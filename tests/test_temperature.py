@@ -18,6 +18,7 @@ from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.materials.stretches import nominal_stress
 from dea_fenicsx.model.heat import SymbolicNumbers
 from dea_fenicsx.model.problem import Problem
+from dea_fenicsx.run.reuse import _kind
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 COLD, WARM, HOT = 283.15, 293.15, 333.15
@@ -157,6 +158,15 @@ def test_scene_at_a_temperature_is_one_of_the_material_there():
     found = [dea.solve(s, PATH[:2], RECORD, quiet=True, options=TIGHT) for s in (told, there)]
     for name in ("x", "Q_C"):
         assert float(found[0][name]) == pytest.approx(float(found[1][name]), rel=1e-10)
+
+
+def test_another_expansion_is_no_constant_of_the_same_problem():
+    """A built problem is not used again for a material that changes otherwise with temperature."""
+    film = dea.Material(dea.Gent(5e4, 80.0), dea.IdealDielectric(4.7), thermal=THERMAL)
+    wider = replace(film, thermal=replace(THERMAL, expansion=2e-3))
+    softer = replace(film, damage=dea.OgdenRoxburgh(2.0, 1e4))
+    kinds = {_kind(m) for m in (film, wider, softer, replace(film, thermal=None))}
+    assert len(kinds) == 4
 
 
 def test_forces_of_a_ramp_are_the_derivative_of_the_residual():
