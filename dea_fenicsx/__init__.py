@@ -34,7 +34,10 @@ if TYPE_CHECKING:
     from dea_fenicsx.gradients.adjoint import Gradient
     from dea_fenicsx.gradients.variables import ShapeChange
     from dea_fenicsx.materials import (
+        WLF,
+        Alexander,
         Along,
+        Arrhenius,
         ArrudaBoyce,
         BlatzKo,
         Breakdown,
@@ -42,6 +45,7 @@ if TYPE_CHECKING:
         Conductor,
         Cylindrical,
         Electrostriction,
+        Entropic,
         ExtendedTube,
         Gent,
         Helix,
@@ -49,6 +53,7 @@ if TYPE_CHECKING:
         IdealDielectric,
         KumarLopezPamies,
         LangevinDielectric,
+        LinearChange,
         LinearPermittivity,
         Material,
         Maxwell,
@@ -56,13 +61,17 @@ if TYPE_CHECKING:
         NeoHookean,
         Ogden,
         OgdenHill,
+        OgdenRoxburgh,
         PolynomialPermittivity,
         Reinforced,
         SaturatingDielectric,
         SplineEnergy,
         StandardReinforcing,
+        TabulatedChange,
         TabulatedPermittivity,
+        Thermal,
         TransverselyIsotropic,
+        VanDerWaals,
         ViscousBranch,
         WeibullBreakdown,
         Wound,
@@ -84,7 +93,7 @@ if TYPE_CHECKING:
         FrictionWork,
     )
     from dea_fenicsx.measure.currents import ChargeLoss, Current
-    from dea_fenicsx.measure.energy import Dissipation, Energy
+    from dea_fenicsx.measure.energy import DamageLoss, Dissipation, Energy
     from dea_fenicsx.measure.failures import ElectricalBreakdown, LossOfTension, StretchLimit
     from dea_fenicsx.measure.in_motion import AngularMomentum, KineticEnergy, Momentum
     from dea_fenicsx.measure.line import AlongLine, Curvature
@@ -168,6 +177,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
     from dea_fenicsx.scene.table_law import TableLaw
     from dea_fenicsx.scene.taper import Taper
+    from dea_fenicsx.scene.temperature import Temperature
     from dea_fenicsx.scene.torsion import TorsionSpring
     from dea_fenicsx.solvers.options import NewtonOptions
     from dea_fenicsx.studies.samples import LatinHypercube
@@ -200,6 +210,7 @@ _HOME = {
     "scene.sources": ("Source",),
     "scene.springs": ("BistableLaw", "CubicLaw", "ElasticFoundation", "Spring"),
     "scene.table_law": ("TableLaw",),
+    "scene.temperature": ("Temperature",),
     "scene.torsion": ("TorsionSpring",),
     "scene.supports": ("Clamp", "Fix", "FreeBody"),
     "calibration.fitting": ("calibrate",),
@@ -230,6 +241,8 @@ _HOME = {
         "IdealDielectric", "KumarLopezPamies", "Material", "Maxwell", "MooneyRivlin", "NeoHookean",
         "Ogden", "OgdenHill", "Reinforced", "SplineEnergy", "StandardReinforcing",
         "TransverselyIsotropic", "ViscousBranch", "Wound", "Yeoh",
+        "Alexander", "Arrhenius", "Entropic", "LinearChange", "OgdenRoxburgh", "TabulatedChange",
+        "Thermal", "VanDerWaals", "WLF",
     ),
     "mesh.device": ("Device", "device", "read_gmsh"),
     "mesh.from_dolfinx": ("from_dolfinx",),
@@ -246,7 +259,7 @@ _HOME = {
         "ContactArea", "ContactForce", "ContactGap", "ContactPressure", "FrictionWork",
     ),
     "measure.currents": ("ChargeLoss", "Current"),
-    "measure.energy": ("Dissipation", "Energy"),
+    "measure.energy": ("DamageLoss", "Dissipation", "Energy"),
     "measure.line": ("AlongLine", "Curvature"),
     "measure.over_region": ("CentreOfMass", "Expression", "OverRegion"),
     "measure.periodic_force": ("PeriodicForce",),

@@ -101,6 +101,19 @@ def check_fit(out, printed):
     assert "R^2" in printed
 
 
+def check_vhb_temperatures(out, printed):
+    """Longer times when it is colder; a temperature left out is predicted nearly as well."""
+    s = summary(out)
+    shifts = [s["log10_shift"][f"{253.15 + 20 * k:g}"] for k in range(6)]
+    assert shifts == sorted(shifts, reverse=True) and shifts[0] > 3.5
+    assert len((out / "temperatures.csv").read_text().splitlines()) == 7
+    (predicted,) = s["predicted_relative_rms_error"].values()
+    assert predicted < 1.5 * s["relative_rms_error"]["313.15"] < 0.15
+    assert abs(s["predicted_eps_r_relative_error"]["313.15"]) < 0.01
+    assert s["at_50_degrees_relative_rms_error"] < 0.1
+    assert (out / "temperatures.png").exists()
+
+
 def check_viscous_fit(out, printed):
     """Fitted constants do better than the literature's, also in the test that was left out."""
     s = summary(out)

@@ -112,6 +112,27 @@ def of_dielectric(kind):
     )
 
 
+def thermal(**given):
+    """Give a rubber a temperature."""
+    rubber = dea.Material(
+        dea.NeoHookean(5e4), dea.IdealDielectric(3.0), thermal=dea.Thermal(**given))  # fmt: skip
+    return scene(materials={"film": rubber})
+
+
+def of_temperature(kind):
+    """Give a rubber a law of temperature of a class."""
+    return lambda **given: thermal(reference=293.15, low=273.15, high=353.15, modulus=kind(**given))
+
+
+def heated(kind):
+    """Heat a rubber."""
+    rubber = dea.Material(
+        dea.NeoHookean(5e4), dea.IdealDielectric(3.0),
+        thermal=dea.Thermal(293.15, 273.15, 353.15),
+    )  # fmt: skip
+    return lambda **given: scene(materials={"film": rubber}, prescribed=[kind(**given)])
+
+
 def fibre(kind):
     """Give a rubber a family of fibres of a class."""
     return lambda **given: of_material(dea.Reinforced)(
@@ -164,6 +185,20 @@ FIELDS = {
     dea.Yeoh: (of_material(dea.Yeoh), dict(C10=2e4, C20=10.0, C30=1.0)),
     dea.Ogden: (of_material(dea.Ogden), dict(mu=(5e4,), alpha=(2.0,))),
     dea.ArrudaBoyce: (of_material(dea.ArrudaBoyce), dict(mu=5e4, lam_m=3.0)),
+    dea.Alexander: (
+        of_material(dea.Alexander), dict(C1=1e4, C2=1e4, C3=1e3, k=1e-4, gamma=1.0)),
+    dea.VanDerWaals: (of_material(dea.VanDerWaals), dict(mu=5e4, lam_m=8.0, a=0.2)),
+    dea.OgdenRoxburgh: (
+        lambda **g: scene(materials={"film": dea.Material(
+            dea.NeoHookean(5e4), dea.IdealDielectric(3.0), damage=dea.OgdenRoxburgh(**g))}),
+        dict(r=2.0, m=1e3)),
+    dea.Thermal: (thermal, dict(reference=293.15, low=273.15, high=353.15)),
+    dea.LinearChange: (of_temperature(dea.LinearChange), dict(per_kelvin=1e-3)),
+    dea.TabulatedChange: (
+        of_temperature(dea.TabulatedChange), dict(kelvin=[270.0, 360.0], values=[1.0, 2.0])),
+    dea.WLF: (of_temperature(dea.WLF), dict(C1=8.0, C2=100.0)),
+    dea.Arrhenius: (of_temperature(dea.Arrhenius), dict(joule_per_mole=5e4)),
+    dea.Temperature: (heated(dea.Temperature), dict(where="film", kelvin=310.0)),
     dea.ExtendedTube: (of_material(dea.ExtendedTube), dict(Gc=1e5, Ge=1e5, delta=0.1, beta=0.5)),
     dea.SplineEnergy: (of_material(dea.SplineEnergy), dict(
         slope_1=1e5, knots_1=(1.0, 2.0), curvature_1=(1e5, 1e5),
@@ -248,6 +283,7 @@ FIELDS = {
                 dea.NeoHookean(1e4), flow=dea.KumarLopezPamies(**g))])}),
         dict(eta_0=1e4, eta_inf=1e3)),
     dea.Dissipation: (recorded(dea.Dissipation), {}),
+    dea.DamageLoss: (recorded(dea.DamageLoss), {}),
     dea.NewtonOptions: (lambda **g: solve(options=dea.NewtonOptions(**g)), {}),
     dea.LossOfTension: (lambda **g: solve(failures=[dea.LossOfTension(**g)]), dict(normal="y")),
     dea.StretchLimit: (lambda **g: solve(failures=[dea.StretchLimit(**g)]), dict(stretch=2.0)),

@@ -23,7 +23,10 @@ from dea_fenicsx.scene.kinematics import Helical, Kinematics
 
 PACKAGE = Path(dea.__file__).parent
 MU, EDGE = 50e3, 1e-3
-RUBBER = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(3.0), density=1e3)
+RUBBER = dea.Material(
+    dea.NeoHookean(MU), dea.IdealDielectric(3.0), density=1e3,
+    thermal=dea.Thermal(293.15, 273.15, 353.15),
+)  # fmt: skip
 TIGHT = dea.NewtonOptions(tolerance=1e-12)
 
 
@@ -213,6 +216,7 @@ EXAMPLES = {
     "Gravity": ((0.0, 0.0, -9.81),), "Centrifugal": (10.0,),
     "BodyForce": ("film", (0.0, 0.0, 1.0)),
     "MembranePressure": ("film", 5.0, (0.0, 0.0, -1.0)),
+    "Temperature": ("film", 310.0),
 }  # fmt: skip
 
 
@@ -222,6 +226,7 @@ class Setting:
     def __init__(self, device, kinematics):
         self.device, self.kinematics, self.materials = device, kinematics, {"film": RUBBER}
         self.electrodes = self.supports = self.prescribed = self.loads = ()
+        self.temperature = None
 
 
 def test_every_condition_has_an_example():

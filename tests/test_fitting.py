@@ -175,3 +175,13 @@ def test_wrong_units_warn(factor, word):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         fit(NeoHookean, data())
+
+
+def test_constants_from_memory_give_a_warning():
+    """They do so where they are used, not where presets are listed."""
+    with pytest.warns(UserWarning, match="from memory of the literature, unverified"):
+        materials.get("vhb4910-suo")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        materials.preset("vhb4910-suo")
+        materials.get("vhb4910-wang2016")

@@ -33,6 +33,28 @@ def test_two_layers_in_plane_strain_are_timoshenkos(ratio):
     assert Laminate(plies).curvature(100.0) == pytest.approx(exact, rel=1e-12)
 
 
+def test_layers_with_electrostriction_act_as_the_film_does():
+    """An incompressible film acts as one of eps_r - a1/2 (Landau and Lifshitz)."""
+    changing = dea.Material(dea.NeoHookean(MU), dea.Electrostriction(EPS_R, 1.2, 0.7))
+    same = dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(EPS_R - 0.6))
+    found = [
+        Laminate([Ply(STIFF, T), Ply(rubber, T, driven=True)], "free").curvature(200.0)
+        for rubber in (changing, same)
+    ]  # fmt: skip
+    assert found[0] == pytest.approx(found[1], rel=1e-12)
+
+
+def test_layers_that_saturate_push_with_the_displacement():
+    """p = D E of the dielectric, which is less than eps E^2."""
+    law = dea.SaturatingDielectric(EPS_R, 1e-3)
+    ply = Ply(dea.Material(dea.NeoHookean(MU), law), T, driven=True)
+    volts = np.array([100.0, 4e3])
+    D = 1e-3 * np.tanh(EPS_R * EPSILON_0 * volts / T / 1e-3)
+    assert ply.push(volts) == pytest.approx(D * volts / T, rel=1e-10)
+    with pytest.raises(dea.InputError, match="take stress="):
+        ply.push(100.0, "pressure")
+
+
 @pytest.mark.parametrize("across, modulus", [("held", 4 * 3 * MU), ("free", 6 * 3 * MU)])
 def test_a_thin_layer_is_stoneys(across, modulus):
     """To first order in the thickness ratio: E/(1 - nu^2) = 4 mu held, E/(1 - nu) = 6 mu free."""

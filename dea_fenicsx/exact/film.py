@@ -26,7 +26,7 @@ from dea_fenicsx.materials.base import is_compressible, is_isotropic
 from dea_fenicsx.materials.stretches import margin, taylor
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
-from dea_fenicsx.support.units import in_si
+from dea_fenicsx.support.units import in_si, si
 from dea_fenicsx.support.validation import one_of, positive
 
 
@@ -37,6 +37,10 @@ class Held:
 
     stretch: float
 
+    def widened(self, wider: float) -> Held:
+        """The same of a film whose unloaded size is larger by a factor in all directions."""
+        return Held(self.stretch / wider)
+
 
 @dataclass(frozen=True)
 @in_si(pascal="Pa")
@@ -45,6 +49,10 @@ class Dead:
 
     pascal: float
 
+    def widened(self, wider: float) -> Dead:
+        """The same of a film whose unloaded size is larger by a factor in all directions."""
+        return Dead(self.pascal / wider**2)
+
 
 @dataclass(frozen=True)
 @in_si(pascal="Pa")
@@ -52,6 +60,10 @@ class TrueStress:
     """A constant true stress in Pa."""
 
     pascal: float
+
+    def widened(self, wider: float) -> TrueStress:
+        """The same of a film whose unloaded size is larger by a factor in all directions."""
+        return self
 
 
 Side = Held | Dead | TrueStress
@@ -235,6 +247,32 @@ class Film:
         return R[:2] / np.exp(e.sum(axis=0)) - self.push(e)[:2] * M
 
     # ------------------------------------------------------------------ loads and states
+
+    def at(self, kelvin: float, start: float | None = None) -> Film:
+        """The film at a temperature in K; its stretches then count from those without load there.
+
+        The thickness and the sides of this film are those of the unloaded film at the temperature
+        `start` in K, the reference of its material if None.  Kept sides and dead loads stay as they
+        are while the film expands by s = `Material.thermal`'s stretch: a `Held(l)` becomes
+        ``Held(l/s)``, a `Dead(p)` a ``Dead(p/s^2)``, and the thickness is s times as large.  So the
+        stretch of this film is s times that of the new one.
+
+        Raises
+        ------
+        InputError
+            If the material has no `thermal`, or its data do not reach that far.
+        """
+        material = self.material.at(kelvin)
+        thermal = self.material.thermal
+        assert thermal is not None
+        start = thermal.reference if start is None else si(start, "K", "The first temperature")
+        thermal.check(start, "The first temperature")
+        kelvin = si(kelvin, "K", "The temperature")
+        wider = thermal.stretch(kelvin) / thermal.stretch(start)
+        first, second = (side.widened(wider) for side in self.sides)
+        return replace(
+            self, material=material, thickness=wider * self.thickness, first=first, second=second
+        )
 
     def prestretched(self, first: float, second: float) -> Film:
         """The same film with the sides not held under dead loads that give these stretches.

@@ -5,7 +5,9 @@ Classical laminate theory.  In each layer the stress along and across is
     s_x = Q (e_x + nu e_y) - p,   Q = E/(1 - nu^2),   e = e_0 + kappa z,
 
 and the field's push p in the plane is eps E^2/2 (1 + nu/(1 - nu)): half from the field's own
-stress and, since the faces are free, half (nu = 1/2) from its squeezing the film.  Without loads
+stress and, since the faces are free, half (nu = 1/2) from its squeezing the film.  A
+permittivity that changes with strain adds d ln eps/de_x to the first 1, and takes d ln eps/de_z off
+the second.  Without loads
 the resultants N and M vanish.  Two layers that are narrow give Timoshenko's bimetal (J. Opt. Soc.
 Am. 11 (1925) 233), a thin layer on a thick one Stoney's formula (Proc. R. Soc. A 82 (1909) 172).
 """
@@ -18,6 +20,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from dea_fenicsx.exact.film_field import FilmField
 from dea_fenicsx.exact.states import STRESSES, Stress, without_time
 from dea_fenicsx.materials import Material
 from dea_fenicsx.support.errors import InputError
@@ -53,6 +56,13 @@ class Ply:
         positive(self.thickness, "Ply: thickness", "positive, in m")
         if self.driven and not self.material.is_dielectric:
             raise InputError("Ply: a driven layer must be dielectric; give it an IdealDielectric.")
+        if self.driven:
+            field = FilmField(self.material.dielectric)
+            if self.material.bulk_modulus is not None and not field.law.is_linear:
+                raise InputError(
+                    f"Ply: {type(field.law).__name__} in a layer with a bulk modulus is not known "
+                    "in closed form; leave bulk_modulus out, or take finite elements."
+                )
         faults = self.material.faults()
         if faults:
             raise InputError(f"Ply: {faults[0]}.")
@@ -73,10 +83,19 @@ class Ply:
         """p in Pa; with stress ``"pressure"`` eps E^2 presses on the faces and nothing pulls."""
         if not self.driven:
             return np.zeros_like(np.asarray(volts, dtype=float))
-        permittivity = self.material.dielectric.constant_permittivity("A laminate")
-        maxwell = permittivity * (np.asarray(volts) / self.thickness) ** 2
+        law, E = self.material.dielectric, np.abs(np.asarray(volts, dtype=float)) / self.thickness
         side = self.poisson / (1 - self.poisson)
-        return maxwell * ((1 + side) / 2 if stress == "field" else side)
+        if stress == "pressure":
+            if not law.is_ideal:
+                raise InputError(
+                    f"A laminate: the stress is 'pressure', but that of {type(law).__name__} is no "
+                    'pressure on the electrodes; take stress="field".'
+                )
+            return law.permittivity() * E**2 * side
+        field, at_rest = FilmField(law), np.zeros((3, 1))
+        _, g, _ = field.strain_part(at_rest)
+        pull, squeeze = (1 + g[0, 0]) / 2, (1 - g[2, 0]) / 2
+        return field.maxwell(at_rest, E.reshape(1, -1)).reshape(E.shape) * (pull + side * squeeze)
 
 
 @dataclass(frozen=True)

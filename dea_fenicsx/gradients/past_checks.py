@@ -24,6 +24,11 @@ def check_past(problem: Problem, recorded: Recorded, found: Iterable[Variable]) 
     parts = {
         "charges that leak, relax or come from a source": bool(problem.charges),
         "friction": bool(problem.frictions),
+        "rubbers that soften": bool(problem.forms.damages),
+        "relaxation times that change with temperature": any(
+            kernel.heat is not None and kernel.heat.thermal.shift is not None
+            and kernel.branches for kernel in problem.kernels
+        ),
         "rigid parts": bool(problem.rigid),
         "springs of a free body": bool(problem.springs.rows.size),
         "viscous branches that are solved at each quadrature point (only Maxwell branches are "

@@ -9,9 +9,11 @@ All constants are in SI units.
 """
 
 from dea_fenicsx.materials.air import Air
+from dea_fenicsx.materials.alexander import Alexander
 from dea_fenicsx.materials.base import EPSILON_0, Elastic, Strain
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
 from dea_fenicsx.materials.curve_data import TestData, read_data
+from dea_fenicsx.materials.damage import OgdenRoxburgh
 from dea_fenicsx.materials.dielectrics import (
     LinearPermittivity,
     PolynomialPermittivity,
@@ -37,6 +39,7 @@ from dea_fenicsx.materials.fitted import Fit
 from dea_fenicsx.materials.fitting import fit
 from dea_fenicsx.materials.flow_laws import FlowLaw, KumarLopezPamies
 from dea_fenicsx.materials.foams import BlatzKo, OgdenHill
+from dea_fenicsx.materials.kilian import VanDerWaals
 from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.networks import ExtendedTube
 from dea_fenicsx.materials.ogden import Ogden
@@ -51,6 +54,16 @@ from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.presets import Preset, get, names, preset
 from dea_fenicsx.materials.rate_data import RateData, rate_errors, rate_stress, read_cycles
 from dea_fenicsx.materials.spline import SplineEnergy
+from dea_fenicsx.materials.thermal import (
+    WLF,
+    Arrhenius,
+    Entropic,
+    LinearChange,
+    TabulatedChange,
+    Thermal,
+    ThermalLaw,
+)
+from dea_fenicsx.materials.thermal_fitting import ThermalFit, fit_temperatures
 from dea_fenicsx.materials.viscous import Maxwell, ViscousBranch
 from dea_fenicsx.materials.viscous_fitting import RateFit, fit_rates
 from dea_fenicsx.materials.weibull import WeibullBreakdown
@@ -68,6 +81,8 @@ __all__ = [
     "Gent",
     "ArrudaBoyce",
     "ExtendedTube",
+    "VanDerWaals",
+    "Alexander",
     "SplineEnergy",
     "OgdenHill",
     "BlatzKo",
@@ -98,6 +113,14 @@ __all__ = [
     "mixed_permittivity",
     "Air",
     "Material",
+    "OgdenRoxburgh",
+    "Thermal",
+    "ThermalLaw",
+    "Entropic",
+    "LinearChange",
+    "TabulatedChange",
+    "WLF",
+    "Arrhenius",
     "Maxwell",
     "ViscousBranch",
     "FlowLaw",
@@ -112,6 +135,8 @@ __all__ = [
     "TestData",
     "read_data",
     "fit_rates",
+    "fit_temperatures",
+    "ThermalFit",
     "RateFit",
     "RateData",
     "read_cycles",

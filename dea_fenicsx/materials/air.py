@@ -6,8 +6,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from dea_fenicsx.materials.base import EPSILON_0, Elastic, Strain
+from dea_fenicsx.materials.damage import OgdenRoxburgh
 from dea_fenicsx.materials.electric import Dielectric, Electric
 from dea_fenicsx.materials.material import Material
+from dea_fenicsx.materials.thermal import Thermal
 from dea_fenicsx.materials.viscous import Branch
 from dea_fenicsx.support.type_checks import is_number, shown
 
@@ -99,6 +101,8 @@ class Air(Material):
     electric: Electric | None = field(default=Vacuum(), init=False, repr=False)
     bulk_modulus: float | None = field(default=None, init=False, repr=False)
     viscous: tuple[Branch, ...] = field(default=(), init=False, repr=False)
+    damage: OgdenRoxburgh | None = field(default=None, init=False, repr=False)
+    thermal: Thermal | None = field(default=None, init=False, repr=False)
     stiffness: float = field(default=1e-11, kw_only=True)
     smoothing: float = field(default=0.0, kw_only=True)
 

@@ -52,6 +52,10 @@ class Strain(Protocol):
         """x where it is positive, else 0."""
         ...
 
+    def erf_integral(self, x: Any) -> Any:
+        """x erf x + exp(-x^2)/sqrt(pi), whose slope is the error function."""
+        ...
+
     def I4(self, direction: Any) -> Any:
         """a . C a, the square of the stretch along a `Direction` with the unit vector a."""
         ...

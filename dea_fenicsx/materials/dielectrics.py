@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -226,6 +226,10 @@ class TabulatedPermittivity(OverStretch):
         for k in range(len(starts) - 2, -1, -1):
             found = s.choose(x, float(starts[k + 1]), polynomial(k), found)
         return found
+
+    def times(self, factor: float) -> TabulatedPermittivity:
+        """A copy with all permittivities larger by a factor."""
+        return replace(self, eps_r_at=tuple(factor * eps for eps in self.eps_r_at))
 
     def coenergy(self, s: FieldPoint) -> Any:
         """eps e.e/2"""

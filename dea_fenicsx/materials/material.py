@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dea_fenicsx.materials.base import Elastic, constants, is_compressible
+from dea_fenicsx.materials.damage import OgdenRoxburgh, Softened
 from dea_fenicsx.materials.electric import Dielectric, Electric
+from dea_fenicsx.materials.thermal import Scaled, Thermal
 from dea_fenicsx.materials.viscous import Branch, Maxwell, ViscousBranch
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
@@ -38,6 +40,12 @@ class Material:
     density
         Mass per undeformed volume in kg/m^3.  Vibration and motion need it; None where nothing
         does.
+    thermal
+        How it changes with temperature; None for a material that does not.  Its constants are then
+        those at ``thermal.reference``.  See `at`, and `Scene(temperature=...)`.
+    damage
+        How its equilibrium softens by the largest energy so far; None for a rubber that does not.
+        Exact states are those of the first loading; `softened` is for those after it.
     """
 
     elastic: Elastic
@@ -46,6 +54,8 @@ class Material:
     name: str = ""
     viscous: tuple[Branch, ...] = ()
     density: float | None = None
+    thermal: Thermal | None = None
+    damage: OgdenRoxburgh | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.viscous, list):
@@ -131,7 +141,62 @@ class Material:
             found.append(
                 f"the density is {shown(self.density)}, but must be a number > 0 in kg/m^3, or None"
             )
+        if self.thermal is not None:
+            found += self.thermal.faults() if isinstance(self.thermal, Thermal) else [
+                f"thermal is {shown(self.thermal)}, but must be Thermal(...), or None"
+            ]  # fmt: skip
+        if self.damage is not None:
+            found += self.damage.faults() if isinstance(self.damage, OgdenRoxburgh) else [
+                f"damage is {shown(self.damage)}, but must be OgdenRoxburgh(r, m), or None"
+            ]  # fmt: skip
         return found
+
+    def softened(self, peak: float) -> Material:
+        """The material after a largest energy density in Pa, which then softens no more.
+
+        Raises
+        ------
+        InputError
+            If the material has no `damage`, or the energy is negative.
+        """
+        if self.damage is None:
+            raise InputError("The material does not soften; give it damage=OgdenRoxburgh(r, m).")
+        bulk = None if is_compressible(self.elastic) else self.bulk_modulus
+        elastic = Softened(self.elastic, self.damage, si(peak, "Pa", "The largest energy"))
+        made = replace(self, elastic=elastic, bulk_modulus=bulk, damage=None)
+        if faults := made.faults():
+            raise InputError(f"The softened material: {faults[0]}.")
+        return made
+
+    def at(self, kelvin: float) -> Material:
+        """The material with its constants at a temperature in K, which then no longer changes.
+
+        Its undeformed state is the unloaded one at this temperature.
+
+        Raises
+        ------
+        InputError
+            If the material has no `thermal`, or its data do not reach that far.
+        """
+        kelvin = si(kelvin, "K", "The temperature")
+        if self.thermal is None:
+            raise InputError("The material does not change with temperature; give it thermal=...")
+        if faults := self.faults():
+            raise InputError(f"{type(self.elastic).__name__}: {faults[0]}.")
+        self.thermal.check(kelvin, "The temperature")
+        stiffer = float(self.thermal.modulus_factor(kelvin))
+        slower = float(self.thermal.time_factor(kelvin))
+        electric = self.electric
+        if isinstance(electric, Dielectric):
+            electric = electric.times(float(self.thermal.permittivity_factor(kelvin)))
+        made = replace(
+            self, elastic=Scaled(stiffer, self.elastic), electric=electric, thermal=None,
+            viscous=tuple(branch.scaled(stiffer, slower) for branch in self.viscous),
+            bulk_modulus=None if is_compressible(self.elastic) else self.bulk_modulus,
+        )  # fmt: skip
+        if faults := made.faults():
+            raise InputError(f"The material at {kelvin:g} K: {faults[0]}.")
+        return made
 
     def parameters(self) -> dict[str, float]:
         """The elastic model's constants by name."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+import warnings
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -32,6 +33,9 @@ MARKS = {
     "D": "derived by least squares from data read at the source",
 }
 
+
+UNVERIFIED = "M"
+"""The mark of presets that give a warning where they are used."""
 
 MOST_TOLD = 4
 """Number of sets for one rubber that a message tells."""
@@ -124,8 +128,18 @@ def _plain(name: str) -> str:
 
 
 def get(name: str) -> Material:
-    """The material of a preset; see `preset`."""
-    return preset(name).material
+    """The material of a preset; see `preset`.
+
+    A preset with the mark M, whose constants nobody compared with their source, gives a warning.
+    """
+    found = preset(name)
+    if found.mark == UNVERIFIED:
+        warnings.warn(
+            f"The constants of {name!r} are {MARKS[UNVERIFIED]} ({found.source}); compare them "
+            "with their source, or take a preset with another mark.",
+            stacklevel=2,
+        )
+    return found.material
 
 
 @cache

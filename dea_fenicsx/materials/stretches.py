@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from scipy import special
 
 from dea_fenicsx.materials.base import Elastic, is_compressible
 from dea_fenicsx.support.errors import InputError
@@ -150,6 +151,13 @@ class PrincipalStrain:
     @staticmethod
     def exp(x: Series) -> Series:
         return x.exp()
+
+    @staticmethod
+    def erf_integral(x: Any) -> Any:
+        at = x.c[0] if isinstance(x, Series) else np.asarray(x, dtype=float)
+        bell = np.exp(-at * at) / np.sqrt(np.pi)
+        value = at * special.erf(at) + bell
+        return x._of(value, special.erf(at), 2 * bell) if isinstance(x, Series) else value
 
     @staticmethod
     def positive(x: Series) -> Series:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from dea_fenicsx.materials.base import Elastic, is_compressible, is_isotropic
 from dea_fenicsx.materials.flow_laws import FlowLaw
+from dea_fenicsx.materials.thermal import Scaled
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import in_si
@@ -44,6 +45,11 @@ class Maxwell:
 
     mu: float
     tau: float
+    changes_by_points: ClassVar[bool] = False
+
+    def scaled(self, stiffer: float, slower: float) -> Maxwell:
+        """The same with the modulus and the relaxation time times two factors."""
+        return Maxwell(stiffer * self.mu, slower * self.tau)
 
     def faults(self) -> list[str]:
         """What is unphysical about the constants, each as 'tau is -5, but must be > 0'."""
@@ -88,6 +94,7 @@ class ViscousBranch:
     spring: Elastic
     tau: float | None = None
     flow: FlowLaw | None = None
+    changes_by_points: ClassVar[bool] = True
 
     @property
     def mu(self) -> float:
@@ -107,6 +114,15 @@ class ViscousBranch:
         eta, by_strain, by_stress = self.flow.viscosity(I1, J2)
         rate = self.mu / eta
         return rate, -rate / eta * by_strain, -rate / eta * by_stress
+
+    def scaled(self, stiffer: float, slower: float) -> ViscousBranch:
+        """The same with the spring's energy and the relaxation time times two factors."""
+        if self.tau is None:
+            raise InputError(
+                "A viscous branch with a flow law does not change with temperature; give it a "
+                "relaxation time tau."
+            )
+        return ViscousBranch(Scaled(stiffer, self.spring), slower * self.tau)
 
     def relaxation_times(self) -> tuple[float, float]:
         """The shortest and the longest relaxation time of small strains in s."""

@@ -225,7 +225,7 @@ def _flux(
 
     def integrand(p: Any) -> Any:
         if p.kernel.electric.is_ideal:
-            return p.kernel.eps * density
+            return p.heated.permittivity * p.kernel.eps * density
         displaced = p.displacement_field if whole else p.displacement_of(a)
         gradient = kinematics.gradient(b, x, helix)
         return -rate * ufl.dot(displaced, gradient) * kinematics.weight(x)

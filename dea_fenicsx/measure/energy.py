@@ -16,6 +16,7 @@ from dea_fenicsx.model.kernels import measure
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.terms import EnergyTerm, Term
+from dea_fenicsx.model.terms.softening import lost
 from dea_fenicsx.model.terms.viscous import dissipation
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
@@ -193,6 +194,32 @@ class Dissipation:
     def bind(self, problem: Problem) -> Measurement:
         def density(k: int, point: MaterialPoint) -> list[Any]:
             return [dissipation(point)] if problem.kernels[k].is_viscous else []
+
+        form = over_regions(problem, self.regions, density)
+        return integral(problem, form) if form != 0 else lambda: 0.0
+
+
+@dataclass(frozen=True)
+class DamageLoss:
+    """Energy in J that the softening of rubbers has taken for good, see `OgdenRoxburgh`.
+
+    Parameters
+    ----------
+    regions
+        Name of a region, or several; all if None.
+
+    Raises
+    ------
+    InputError
+        When it is bound: for a region that there is not.
+    """
+
+    regions: str | tuple[str, ...] | None = None
+    unit = "J"
+
+    def bind(self, problem: Problem) -> Measurement:
+        def density(k: int, point: MaterialPoint) -> list[Any]:
+            return [lost(point)] if problem.kernels[k].damage is not None else []
 
         form = over_regions(problem, self.regions, density)
         return integral(problem, form) if form != 0 else lambda: 0.0

@@ -16,9 +16,9 @@ def evaluated_at(
 ) -> Callable[[Any, np.ndarray], np.ndarray]:
     """How to evaluate a vector-valued expression of a kernel at one point of each cell.
 
-    The history of viscous branches is known at the quadrature points alone.  With branches the
-    expression is evaluated there, and the polynomial of degree 1 that fits these values best gives
-    the value at the point, with an error of the second order in the cell's size.
+    The history of viscous branches and of damage is known at the quadrature points alone.  With one
+    the expression is evaluated there, and the polynomial of degree 1 that fits these values best
+    gives the value at the point, with an error of the second order in the cell's size.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def evaluated_at(
         Takes the mesh and local cells; gives values of shape (cells, numbers).
     """
     numbers = expression.ufl_shape[0]
-    if not kernel.is_viscous:
+    if not kernel.has_history:
         found = compat.expression(expression, at[None, :])
         return lambda mesh, cells: np.asarray(found(mesh, cells)).reshape(len(cells), numbers)
     everywhere = compat.expression(expression, quadrature)
@@ -76,7 +76,7 @@ def evaluated_within(
         Takes the mesh and local cells; gives values of shape (cells, 1 + n, numbers).
     """
     numbers = expression.ufl_shape[0]
-    if not kernel.is_viscous:
+    if not kernel.has_history:
         return compat.expression(expression, np.vstack([middle[None, :], points]))
     everywhere = compat.expression(expression, quadrature)
     terms = np.hstack([np.ones((len(quadrature), 1)), quadrature - middle])
@@ -136,7 +136,7 @@ def evaluated_at_each(
         shape (cells, numbers).
     """
     numbers = expression.ufl_shape[0]
-    if not kernel.is_viscous:
+    if not kernel.has_history:
         found = compat.expression(expression, points)
 
         def at_once(mesh: Any, cells: np.ndarray, which: np.ndarray) -> np.ndarray:

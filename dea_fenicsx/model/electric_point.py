@@ -22,11 +22,13 @@ class ElectricPoint:
     def __init__(self, at: Any, pulled: Any) -> None:
         # We do not keep the material point itself, which keeps this one: the mesh of a scene that
         # is gone would otherwise live until Python looks for such circles.
-        self.law, self._strain, self._total = at.kernel.electric, at.strain, at.total
+        self.law, self._strain = at.kernel.electric, at.strain
+        self._total = at.elastic_F if at.kernel.is_incompressible else at.total
+        self._factor = at.heated.permittivity
         self._J, self._cofactor = at.J, at.cofactor
         self._true = pulled / at.J
         self.e2 = ufl.variable(ufl.dot(pulled, pulled) / at.J**2)
-        self.ln_J = at.constant(0.0) if at.kernel.is_incompressible else ufl.ln(at.J)
+        self.ln_J = at.constant(0.0) if at.kernel.is_incompressible else ufl.ln(at.elastic_J)
         self.vacuum = at.constant(at.kernel.vacuum)
 
     @property
@@ -58,7 +60,7 @@ class ElectricPoint:
     @property
     def energy(self) -> Any:
         """J u, per undeformed volume."""
-        return self._J * self.law.coenergy(self)
+        return self._J * self._factor * self.law.coenergy(self)
 
     @property
     def displacement(self) -> Any:
@@ -69,4 +71,4 @@ class ElectricPoint:
             total = self._total
             back = ufl.dot(total, ufl.dot(ufl.transpose(total), along))
             found = found + 2 * ufl.diff(u, self.E2) * back
-        return ufl.dot(ufl.transpose(self._cofactor), found)
+        return ufl.dot(ufl.transpose(self._cofactor), self._factor * found)

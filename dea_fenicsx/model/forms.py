@@ -16,6 +16,8 @@ from dea_fenicsx.model.body_forces import Body
 from dea_fenicsx.model.cavities import Cavities
 from dea_fenicsx.model.charge_memory import LeakMemory
 from dea_fenicsx.model.contact import Contacts
+from dea_fenicsx.model.damage import Damages
+from dea_fenicsx.model.heat import Temperatures
 from dea_fenicsx.model.kernels import Kernel, kernels, measure
 from dea_fenicsx.model.loads import Loads, Surface, loaded_sides
 from dea_fenicsx.model.material_point import MaterialPoint
@@ -66,6 +68,10 @@ class Forms:
         Quadrature points of the reference cell.
     compiled, prober
         The compiled residual, and what evaluates a state at the quadrature points; from `compile`.
+    temperatures
+        Temperatures at the quadrature points, from `compile`, too.
+    damages
+        What remembers the largest energies, from `compile`, too.
     cell_volumes, volume
         Volume of each owned cell, and of the whole device, dimensionless; from `compile`, too.
     incompressible_cells
@@ -76,6 +82,8 @@ class Forms:
     prober: Prober
     memory: Memory
     leaks: LeakMemory
+    temperatures: Temperatures
+    damages: Damages
     cell_volumes: np.ndarray
     volume: float
 
@@ -145,7 +153,7 @@ class Forms:
                 self.loads.add_travel(ramp, contact.factor, work)
 
     def _add_strains(self, springs: Sequence[SpringWork]) -> None:
-        """What ramps strain: springs, and regions with a pre-stretch."""
+        """What ramps strain: springs, and regions with a pre-stretch or a temperature."""
         space = self._space
         for spring in springs:
             if spring.ramp is not None:
@@ -155,8 +163,8 @@ class Forms:
         for k, point in enumerate(self.points):
             for ramp, rate in point.rates.items():
                 work = -ufl.derivative(self.integral(k, rate), space.w, space.test)
-                work -= self._following(k, partial(ufl.diff, v=point.stretch_factors[ramp]))
-                self.loads.add_strain(ramp, self.kernels[k].prestretch[ramp][0], work)
+                work -= self._following(k, partial(ufl.diff, v=point.strain_factors[ramp]))
+                self.loads.add_strain(ramp, self.kernels[k].strain_factors[ramp], work)
 
     def compile(self) -> None:
         """Compile what every run evaluates: the residual, the probe and cell volumes.  Collective.
@@ -166,7 +174,9 @@ class Forms:
         mesh = self._mesh
         each = ufl.TestFunction(dolfinx.fem.functionspace(mesh, ("DG", 0)))
         volumes = sum(self.integral(k, each) for k in range(len(self.points)))
-        swelling = sum(self.integral(k, (p.J - 1) * each) for k, p in enumerate(self.points))
+        swelling = sum(
+            self.integral(k, (p.elastic_J - 1) * each) for k, p in enumerate(self.points)
+        )
         compat.compile_together(
             self.residual, lambda: [*self._tangents(), swelling, volumes]
         )
@@ -178,7 +188,11 @@ class Forms:
         for term in self.terms:
             term.settle(self.volume)
         self.prober = Prober(mesh, self.kernels, self.points, self.quadrature)
-        self.memory = Memory(mesh, self.kernels, self.points, self.quadrature)
+        self.temperatures = Temperatures(mesh, self.kernels, self.quadrature)
+        self.memory = Memory(
+            mesh, self.kernels, self.points, self.quadrature, self.temperatures
+        )
+        self.damages = Damages(mesh, self.kernels, self.points, self.quadrature)
         self.leaks = LeakMemory(mesh, self.kernels, self.points, self.quadrature, self._scales)
         self.sheets.compile(self._flux)
         self.contacts.frictions.compile()
@@ -278,7 +292,7 @@ class Forms:
         return not self.unsymmetric
 
     def swelling(self) -> np.ndarray:
-        """Change of volume int (J - 1) dX of each owned cell, dimensionless."""
+        """Change of volume int (J - 1) dX of each owned cell beyond its thermal expansion."""
         return _cell_values(self._swelling)[: len(self.cell_volumes)]
 
     def load_vector(self, ramp: str) -> np.ndarray:

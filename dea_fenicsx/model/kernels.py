@@ -18,6 +18,7 @@ import ufl
 
 from dea_fenicsx.materials import EPSILON_0, Dielectric, Elastic, Material, Maxwell
 from dea_fenicsx.materials.base import constants, is_compressible, parts, shape
+from dea_fenicsx.materials.damage import OgdenRoxburgh
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.air import BoundAir, bound_air
 from dea_fenicsx.model.fields import Field, Role
@@ -26,8 +27,10 @@ from dea_fenicsx.model.flowing_branches import (
     flow_functions,
     flowing_branches,
     quadrature_functions,
+    quadrature_space,
     symmetric,
 )
+from dea_fenicsx.model.heat import BoundHeat, bound_heat
 from dea_fenicsx.model.late_charges import (
     BoundDebye,
     BoundLeak,
@@ -70,6 +73,22 @@ class BoundBranch:
 
 
 @dataclass(frozen=True)
+class BoundDamage:
+    """The softening of a kernel.
+
+    Attributes
+    ----------
+    law
+        The law with cell-wise constants.
+    peak
+        The largest energy before this step in Pa, at quadrature points; shared by all kernels.
+    """
+
+    law: OgdenRoxburgh
+    peak: Any
+
+
+@dataclass(frozen=True)
 class Kernel:
     """Regions that share one integral.
 
@@ -106,6 +125,10 @@ class Kernel:
         Whether the regions are films, whose pressure is eliminated.
     length
         The unit of length in m.
+    heat
+        Its temperature; None where this is the reference of the material at all loads.
+    damage
+        Its softening; None where it does not soften.
     """
 
     elastic: Elastic
@@ -124,6 +147,16 @@ class Kernel:
     air: BoundAir | None = None
     is_membrane: bool = False
     length: float = 1.0
+    heat: BoundHeat | None = None
+    damage: BoundDamage | None = None
+
+    @property
+    def strain_factors(self) -> dict[str, Any]:
+        """The factor of each ramp that strains or heats it by itself."""
+        found = {ramp: factor for ramp, (factor, _) in self.prestretch.items()}
+        if self.heat is not None and self.heat.ramp is not None:
+            found[self.heat.ramp] = self.heat.factor
+        return found
 
     @property
     def is_foam(self) -> bool:
@@ -134,6 +167,11 @@ class Kernel:
     def is_viscous(self) -> bool:
         """Whether it has viscous branches of any kind."""
         return self.viscous_branches > 0
+
+    @property
+    def has_history(self) -> bool:
+        """Whether its stress depends on what is kept at the quadrature points."""
+        return self.is_viscous or self.damage is not None
 
     @property
     def viscous_branches(self) -> int:
@@ -160,14 +198,9 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
 
     histories, flows = quadrature_functions(scene), flow_functions(scene)
     leak, delayed = leak_functions(scene), polarisation_functions(scene)
+    heats, worn = _heats(scene), _worn(scene)
     made = []
     charged = {field.name for field in fields_of_problem if field.role is Role.POTENTIAL}
-
-    def log_stretch(ramp: str, axis: int, name: str) -> float:
-        return sum(
-            float(np.log(item.stretches[axis])) for item in prestretches
-            if item.ramp == ramp and name in item.regions
-        )  # fmt: skip
 
     for (_, alive, stiff, stretched), names in groups.items():
         cells = {n: device.cells_of(n) for n in names}
@@ -189,10 +222,7 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 electric=electric,
                 vacuum=EPSILON_0 / scales.permittivity,
                 kappa=cellwise(bulk_modulus) if stiff else None,
-                prestretch={
-                    r: (factors[r], [cellwise(partial(log_stretch, r, a)) for a in range(3)])
-                    for r in ramps
-                },
+                prestretch={r: (factors[r], _log_stretches(scene, r, cellwise)) for r in ramps},
                 regions=tuple(names),
                 cells=together[together < owned],
                 fields=alive,
@@ -204,6 +234,8 @@ def kernels(scene: Scene, scales: Scales, fields_of_problem: Sequence[Field]) ->
                 relaxation=delayed_polarisations(scene, scales, cellwise, names[0], delayed),
                 air=bound_air(scene, scales, cellwise, names),
                 is_membrane=scene.kinematics.is_membrane, length=scales.length,
+                damage=_damage(scene, names, cellwise, worn),
+                heat=bound_heat(scene, names[0], scales.length, heats),
             )
         )
     return made
@@ -218,6 +250,9 @@ def _groups(scene: Scene, fields_of_problem: Sequence[Field]) -> dict[tuple, lis
         alive = tuple(field.name for field in fields_of_problem if field.lives_in(name))
         stretched = any(name in item.regions for item in scene.declared.initial_stretches)
         kind = (*_kind(m), len(debye_terms(scene, name)))
+        if name in scene.thermal_regions:
+            heated = (one for one in scene.declared.heated if name in one.regions)
+            kind = (*kind, m.thermal, *heated)
         if charged & set(alive):
             kind = (*kind, type(m.electric), m.dielectric.form())
         found.setdefault((kind, alive, m.bulk_modulus is not None, stretched), []).append(name)
@@ -248,7 +283,41 @@ def _branches(
 def _kind(material: Material) -> tuple:
     """The kinds of the models of a material: those of one kind may share a kernel."""
     closed = tuple(isinstance(branch, Maxwell) for branch in material.viscous)
-    return type(material.elastic), shape(material.elastic), closed
+    return type(material.elastic), shape(material.elastic), closed, material.damage is None
+
+
+def _log_stretches(scene: Scene, ramp: str, cellwise: Callable) -> list[Any]:
+    """Cell-wise logarithms of the three stretches of a ramp's pre-stretches."""
+
+    def value(axis: int, name: str) -> float:
+        return sum(
+            float(np.log(item.stretches[axis])) for item in scene.declared.initial_stretches
+            if item.ramp == ramp and name in item.regions
+        )  # fmt: skip
+
+    return [cellwise(partial(value, axis)) for axis in range(3)]
+
+
+def _heats(scene: Scene) -> dict[str, Any]:
+    """The factor of each ramp that heats something, as a constant of the forms."""
+    mesh = scene.device.mesh
+    return {one.ramp: dolfinx.fem.Constant(mesh, 0.0) for one in scene.declared.heated}
+
+
+def _worn(scene: Scene) -> Any:
+    """The function of the largest energies at quadrature points; None where nothing softens."""
+    softens = any(m.damage is not None for m in scene.materials.values())
+    return dolfinx.fem.Function(quadrature_space(scene, ())) if softens else None
+
+
+def _damage(
+    scene: Scene, regions: Sequence[str], cellwise: Callable, worn: Any
+) -> BoundDamage | None:
+    """The softening of a kernel with some regions; they all soften or none does."""
+    laws = {name: scene.materials[name].damage for name in regions}
+    if laws[regions[0]] is None:
+        return None
+    return BoundDamage(_bind(laws, cellwise), worn)  # type: ignore[arg-type]
 
 
 def _bind(elastics: dict[str, Elastic], cellwise: Callable) -> Elastic:

@@ -17,6 +17,7 @@ from typing import Any
 import ufl
 
 from dea_fenicsx.model.electric_point import ElectricPoint
+from dea_fenicsx.model.heat import Heated
 from dea_fenicsx.model.kernels import BoundDebye, Kernel
 from dea_fenicsx.model.tension_field import TensionField
 from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, StrainOf, cofactor
@@ -46,6 +47,13 @@ class MaterialPoint:
         Deformation gradient, its determinant and cofactor, from the mesh as it is.
     total
         F times the pre-stretch: what the material has undergone.
+    heated
+        The factors of its temperature.
+    elastic_F, elastic_J
+        What strains the material beyond its unloaded state at its temperature: `total` (in a
+        region with a bulk modulus F) and J without the thermal expansion.
+    swelling
+        Volume of the unloaded material at its temperature per volume of the mesh.
     stretch_factors
         Factor of each ramp of a pre-stretch, as a variable.
     strain
@@ -77,13 +85,25 @@ class MaterialPoint:
         self.cofactor, self.J = cofactor(self.F)
         if kernel.is_membrane:  # by its thickness stretch
             self.J = self.constant(1.0)
+        self._heating: dict[str, Any] = {}
         self.stretch_factors = {r: ufl.variable(t) for r, (t, _) in kernel.prestretch.items()}
         self.total = self._stretched(self.F)
+        self.heated = Heated(kernel.heat)
+        if self.heated.factor is not None:
+            assert kernel.heat is not None and kernel.heat.ramp is not None
+            self._heating = {kernel.heat.ramp: self.heated.factor}
         self.per_stress = self.constant(1 / stress)
         scale = 1 if kernel.is_incompressible or kernel.is_foam else self.J ** (-2 / 3)
         place = place_of(kinematics, self._x)
-        undergone = self.total if kernel.is_incompressible else self.F
-        self.strain = StrainOf(undergone, scale, place, self.constant(kernel.length))
+        self.elastic_F = self.total if kernel.is_incompressible else self.F
+        self.elastic_J, self.swelling = self.J, 1.0
+        if self.heated.swells:
+            self.swelling = self.heated.stretch**3
+            self.elastic_F = self.elastic_F / self.heated.stretch
+            self.elastic_J = self.J / self.swelling
+        # the volume-preserving part knows nothing of an expansion
+        strained = self.F if kernel.kappa is not None and not kernel.is_foam else self.elastic_F
+        self.strain = StrainOf(strained, scale, place, self.constant(kernel.length))
         self.p = fields["p"]
 
     def constant(self, value: float) -> Any:
@@ -200,8 +220,13 @@ class MaterialPoint:
 
     @cached_property
     def rates(self) -> dict[str, Any]:
-        """Derivatives of the energy by the factors of pre-stretches."""
-        return {ramp: ufl.diff(self.energy, t) for ramp, t in self.stretch_factors.items()}
+        """Derivatives of the energy by the factors of pre-stretches and of temperatures."""
+        return {ramp: ufl.diff(self.energy, t) for ramp, t in self.strain_factors.items()}
+
+    @property
+    def strain_factors(self) -> dict[str, Any]:
+        """Factor of each ramp of a pre-stretch or of a temperature, as a variable."""
+        return {**self.stretch_factors, **self._heating}
 
     @property
     def cauchy_stress(self) -> Any:

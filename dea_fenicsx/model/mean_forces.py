@@ -85,6 +85,7 @@ class _WayPoint:
             self.strain = StrainOfC(ufl.dot(U, ufl.dot(self.C, U)))
         else:
             self.strain = StrainOfC(self.C, self.J ** (-2 / 3))
+        self.heated, self.swelling, self.elastic_J = at.heated, at.swelling, self.J
         self._fields = None
         if self.kernel.eps is not None:
             self._fields = before(at.nominal_field), at.nominal_field
@@ -195,6 +196,10 @@ def check_conserving(scene: Scene) -> None:
         what = "a permittivity that changes with strain or field"
     elif any(m.is_air for m in scene.materials.values()):
         what = "air"
+    elif any(m.damage is not None for m in scene.materials.values()):
+        what = "a rubber that softens"
+    elif scene.thermal_regions:
+        what = "a temperature"
     elif declared.rigid_moments:
         what = "moments on rigid parts, whose work depends on the path"
     elif declared.contacts:

@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.model.flow import Flow
+from dea_fenicsx.model.heat import Temperatures
 from dea_fenicsx.model.kernels import Kernel
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.viscous_history import (
@@ -44,6 +45,8 @@ class Memory:
         Regions that share one integral, and for each the fields at a point, symbolic.
     quadrature
         Quadrature points of the reference cell.
+    temperatures
+        Temperatures there.
 
     Attributes
     ----------
@@ -59,8 +62,9 @@ class Memory:
         kernels: Sequence[Kernel],
         points: Sequence[MaterialPoint],
         quadrature: np.ndarray,
+        temperatures: Temperatures,
     ) -> None:
-        self._mesh = mesh
+        self._mesh, self._temperatures = mesh, temperatures
         self._kernels = [k for k in kernels if k.branches]
         self.branches = max((k.viscous_branches for k in kernels), default=0)
         self._shown: ViscousHistory | None = None
@@ -77,13 +81,31 @@ class Memory:
         ]  # fmt: skip
 
     @property
-    def _rates(self) -> np.ndarray:
-        """One over the relaxation time of each Maxwell branch in each local cell, 0 elsewhere."""
+    def _cold_rates(self) -> np.ndarray:
+        """One over the relaxation time of each Maxwell branch in each local cell, 0 elsewhere.
+
+        It is that at the reference temperature.
+        """
         found = np.zeros((self.branches, self._cells))
         for kernel in self._kernels:
             for branch in kernel.branches:
                 tau = branch.tau.x.array
                 found[branch.place, tau > 0] = 1 / tau[tau > 0]
+        return found
+
+    @property
+    def _rates(self) -> np.ndarray:
+        """The same at the quadrature points at their temperatures, of (branches, cells, points).
+
+        Without temperatures the last axis has length 1.
+        """
+        found = self._cold_rates[..., None]
+        kernels = [k for k in self._temperatures.kernels if k.heat.thermal.shift is not None]
+        if kernels:
+            found = np.repeat(found, self._per_cell, axis=-1)
+        for kernel in kernels:
+            slower = kernel.heat.thermal.time_factor(self._temperatures.of(kernel))
+            found[:, kernel.cells] /= slower
         return found
 
     def __bool__(self) -> bool:
@@ -107,7 +129,7 @@ class Memory:
             for place, function in self._functions.items():
                 function.x.array[:] = tensors[place].ravel()
             self._shown = history
-        span, rates = min(history.span, RELAXED), self._rates
+        span, rates = min(history.span, RELAXED), self._cold_rates
         for kernel in self._kernels:
             for branch in kernel.branches:
                 branch.step.x.array[:] = span * rates[branch.place]
@@ -141,7 +163,7 @@ class Memory:
         if history.span == 0:
             return history.strains[0]
         span, C, H = min(history.span, RELAXED), self.strains(), combined(history)
-        found = unimodular((span * self._rates)[..., None, None] * C + H)
+        found = unimodular((span * self._rates)[..., None] * C + H)
         self._flow.put_strains(found, span, C, H)
         return found
 
@@ -215,10 +237,10 @@ class Memory:
         first, second = np.zeros_like(strains), np.zeros_like(strains)
         C = self.strains()
         for k, rate in enumerate(self._rates):
-            inside = np.flatnonzero(rate)
+            inside = np.flatnonzero(rate[:, 0])
             v = strains[k, inside]
             share = contracted(C[inside], inverse(v)) / 3
-            first[k, inside] = rate[inside, None, None] * (C[inside] - share[..., None] * v)
-            second[k, inside] = rate[inside, None, None] * first[k, inside]
+            first[k, inside] = rate[inside, :, None] * (C[inside] - share[..., None] * v)
+            second[k, inside] = rate[inside, :, None] * first[k, inside]
         self._flow.put_rates(first, second, C, strains)
         return second

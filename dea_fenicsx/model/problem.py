@@ -20,9 +20,10 @@ from dea_fenicsx.model.charge_memory import ChargeMemory
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.conditions import Conditions
 from dea_fenicsx.model.contact_start import depths
+from dea_fenicsx.model.damage import Damages
 from dea_fenicsx.model.fields import Role, declared_fields
 from dea_fenicsx.model.forms import Forms, assembled
-from dea_fenicsx.model.friction import FrictionHistory
+from dea_fenicsx.model.friction import FrictionHistory, Frictions
 from dea_fenicsx.model.load_balance import check_balance
 from dea_fenicsx.model.mass import Mass
 from dea_fenicsx.model.memory import Memory
@@ -123,9 +124,8 @@ class Problem:
         at_rest = np.where(self.conditions.fixed_values.fixed, 0.0, self.space.at_rest)
         unloaded = Factors(dict.fromkeys(scene.ramps, 0.0), scene.unit_volts)
         self.frictions = self.forms.contacts.frictions
-        self._rubbed = self.frictions.at_rest()
-        rubbed = {self.frictions.NAME: self._rubbed} if self.frictions else {}
-        self.rest = self.anchored(State(at_rest, unloaded, history=rubbed))
+        self._since: dict[str, Any] = {one.NAME: one.at_rest() for one in self.counted}
+        self.rest = self.anchored(State(at_rest, unloaded, history=dict(self._since)))
         self.commit(self.rest)
         self.depths = depths(scene, self.forms.contacts)
 
@@ -185,7 +185,7 @@ class Problem:
     @property
     def rubbed(self) -> FrictionHistory:
         """The friction up to the last accepted state."""
-        return self._rubbed
+        return self._since[self.frictions.NAME]
 
     # ------------------------------------------------------------- evaluation
 
@@ -198,6 +198,11 @@ class Problem:
     def memories(self) -> list[Memory | ChargeMemory]:
         """What remembers earlier times: that of viscous branches, and that of charges."""
         return [memory for memory in (self.forms.memory, self.charges) if memory]
+
+    @property
+    def counted(self) -> list[Frictions | Damages]:
+        """What counts from one accepted state to the next, whether time passes or not."""
+        return [one for one in (self.frictions, self.forms.damages) if one]
 
     @property
     def histories(self) -> dict[str, Any]:
@@ -230,8 +235,7 @@ class Problem:
     def commit(self, state: State) -> None:
         """Accept a state as the present one; slip is counted from it on.  Collective."""
         self.show(state)
-        if self.frictions:
-            self._rubbed = self.frictions.settled(self._history[self.frictions.NAME])
+        self._since = {o.NAME: o.settled(self._history[o.NAME]) for o in self.counted}
 
     def show(self, state: State) -> None:
         """Make a state the present one, within a block of `at`, which restores the old state."""
@@ -239,16 +243,15 @@ class Problem:
         self.factors = state.factors
         self.time = state.time
         self._history = state.history
-        if self.frictions:
-            rubbed = state.history.get(self.frictions.NAME, self._rubbed)
-            self._history = {**state.history, self.frictions.NAME: rubbed}
-            self.frictions.show(rubbed)
-        histories = self.histories
-        for memory in self.memories:
-            memory.show(histories[memory.NAME])
-        self.springs = self.turning.springs_of(state)
+        for one in self.counted:
+            self._history = {one.NAME: self._since[one.NAME], **self._history}
+            one.show(self._history[one.NAME])
         for ramp, constant in self.loads.constants:
             constant.value = state.factors[ramp]
+        self.forms.temperatures.check()
+        for memory in self.memories:
+            memory.show(self.histories[memory.NAME])
+        self.springs = self.turning.springs_of(state)
         if self.mass is not None or self.motion is not None:
             self.massive().show(self.motion)
         if history := self.history:
@@ -266,10 +269,7 @@ class Problem:
         If no dead load acts on a free body any more, springs keep the orientation that the body has
         in this state.  Friction counts the slip from the last accepted state.
         """
-        moved = state.with_factors(factors)
-        if self.frictions:
-            history = {**state.history, self.frictions.NAME: self._rubbed}
-            moved = replace(moved, history=history)
+        moved = replace(state.with_factors(factors), history={**state.history, **self._since})
         if self.turning.holds(moved.factors) and not self.turning.holds(state.factors):
             return self.turning.anchored(moved)
         return moved

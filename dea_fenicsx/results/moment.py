@@ -155,7 +155,7 @@ def width(problem: Problem, moment: Moment) -> int | None:
         if len(charge.closed) != len(problem.scene.electrodes):
             return None
         columns += problem.charges.columns * len(charge.times)
-    columns += problem.frictions.columns
+    columns += sum(one.columns for one in problem.counted)
     if moment.step is not None:
         columns += len(MOVING) * problem.W.dofmap.list.shape[1]
     return columns
@@ -171,9 +171,8 @@ def table_of(problem: Problem, cells: int) -> np.ndarray:
         assert isinstance(charge, ChargeHistory)
         wide = problem.charges.columns
         tables += [level[:cells].reshape(cells, wide) for level in charge.leaks]
-    if problem.frictions:
-        rubbed = problem.state.history[problem.frictions.NAME]
-        tables.append(problem.frictions.table(rubbed, cells))
+    for one in problem.counted:
+        tables.append(one.table(problem.state.history[one.NAME], cells))
     if (motion := problem.motion) is not None:
         places = problem.W.dofmap.list[:cells]
         tables += [getattr(motion, name)[places] for name in MOVING]
@@ -197,9 +196,10 @@ def history_of(problem: Problem, table: np.ndarray, moment: Moment) -> dict[str,
         found[charges.NAME] = ChargeHistory(
             tuple(leaks), tuple(np.array(q) for q in told.wires), told.times, told.closed
         )  # type: ignore[assignment]
-    if rubbing := problem.frictions:
-        columns = table[:, end : end + rubbing.columns]
-        found[rubbing.NAME] = rubbing.untabled(columns)  # type: ignore[assignment]
+    for one in problem.counted:
+        columns = table[:, end : end + one.columns]
+        found[one.NAME] = one.untabled(columns)  # type: ignore[assignment]
+        end += one.columns
     if moment.step is not None:
         found[MOTION] = _motion_of(problem, table, moment.step)  # type: ignore[assignment]
     return found

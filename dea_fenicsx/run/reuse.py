@@ -151,7 +151,9 @@ def _kind(material: Material) -> tuple[Any, ...]:
     elastic, electric = material.elastic, material.electric
     return type(elastic), shape(elastic), type(electric), _shape_of_field(material), (
         material.bulk_modulus is None
-    ), tuple(map(_branch_kind, material.viscous)), material.density
+    ), tuple(map(_branch_kind, material.viscous)), material.density, (
+        material.thermal, material.damage
+    )  # fmt: skip
 
 
 def _shape_of_field(material: Material) -> Any:

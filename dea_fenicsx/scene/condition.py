@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.device import Device, group_size
@@ -34,6 +34,8 @@ class Setting(Protocol):
     def prescribed(self) -> Sequence[Prescribed]: ...
     @property
     def loads(self) -> Sequence[Load]: ...
+    @property
+    def temperature(self) -> float | None: ...
 
 
 type Told = Sequence[tuple[Condition, Declaration]]
@@ -46,6 +48,9 @@ class Condition(ABC):
     A condition of one's own is a frozen dataclass below `Support`, `Prescribed` or `Load` that
     states its `declarations`.  Those of the latter two have a field ``ramp``.
     """
+
+    heats: ClassVar[bool] = False
+    """Whether its ramp changes temperatures and nothing else."""
 
     @property
     def surface_names(self) -> tuple[str, ...]:

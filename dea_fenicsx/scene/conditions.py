@@ -20,6 +20,7 @@ from dea_fenicsx.scene.sources import Source
 from dea_fenicsx.scene.springs import ElasticFoundation, Spring
 from dea_fenicsx.scene.supports import Clamp, Fix, FreeBody
 from dea_fenicsx.scene.taper import Taper
+from dea_fenicsx.scene.temperature import Temperature
 from dea_fenicsx.scene.torsion import TorsionSpring
 
 __all__ = [
@@ -27,6 +28,6 @@ __all__ = [
     "Condition", "DeadLoad", "DeadPressure", "Discretisation", "Displacement", "ElasticFoundation",
     "Electrode", "Fix", "FollowerPressure", "Force", "FreeBody", "Gravity", "Ground", "Load",
     "MeanStrain", "MembranePressure", "Moment", "Obstacle", "Periodic", "PreStretch",
-    "Prescribed", "Rigid", "Source", "Spring", "Stretch", "Support", "Taper", "ThinFilm", "Torque",
-    "TorsionSpring", "Turn", "Twist",
+    "Prescribed", "Rigid", "Source", "Spring", "Stretch", "Support", "Taper", "Temperature",
+    "ThinFilm", "Torque", "TorsionSpring", "Turn", "Twist",
 ]  # fmt: skip

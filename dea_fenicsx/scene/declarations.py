@@ -7,6 +7,7 @@ these declarations; the model reads them and knows no condition:
 `FixedDisplacement`    displacement of a facet group along one axis
 `HeldRigidMotions`     the rigid motions that all else leaves free are held
 `InitialStretch`       regions that were stretched before they became part of the device
+`HeatedRegions`        regions that are brought to a temperature
 `FixedGlobal`          value of an unknown that is one number for the whole device
 `GlobalForce`          what does work on such an unknown
 `SurfaceWork`          virtual work of a load on a facet group: `DeadTraction`, `DeadNormalPressure`
@@ -97,6 +98,23 @@ class InitialStretch(Declaration):
     def amounts(self) -> Mapping[str, tuple[float, ...]]:
         """Logarithms, since the ramp's factor is the power of each stretch."""
         return {"logarithms of stretches": tuple(float(np.log(s)) for s in self.stretches)}
+
+
+@dataclass(frozen=True)
+class HeatedRegions(Declaration):
+    """The temperature of regions in K at ramp factor 1: a number, or a function of the place.
+
+    That of each region at factor 0 is in `starts`.
+    """
+
+    regions: tuple[str, ...]
+    kelvin: float | Callable[[Any], Any]
+    starts: tuple[float, ...]
+    ramp: str
+
+    def amounts(self) -> Mapping[str, tuple[float, ...]]:
+        kelvin = self.kelvin
+        return {} if callable(kelvin) else {"K": tuple(kelvin - first for first in self.starts)}
 
 
 class GlobalUnknown(NamedTuple):

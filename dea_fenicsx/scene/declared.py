@@ -20,6 +20,7 @@ from dea_fenicsx.scene.declarations import (
     FixedPotential,
     FloatingPotential,
     GlobalForce,
+    HeatedRegions,
     HeldRigidMotions,
     InitialStretch,
     SheetResistance,
@@ -52,6 +53,8 @@ class Declared:
         Whether the rigid motions that all else leaves free are held.
     initial_stretches
         Stretches that regions had undergone.
+    heated
+        Regions that are brought to a temperature.
     fixed_globals, global_forces
         Values of global unknowns, and what does work on such unknowns, each with its condition.
     surface_works
@@ -80,6 +83,7 @@ class Declared:
     displacements: list[tuple[Condition, FixedDisplacement]]
     holds_rigid_motions: bool
     initial_stretches: list[InitialStretch]
+    heated: list[HeatedRegions]
     fixed_globals: list[tuple[Condition, FixedGlobal]]
     global_forces: list[tuple[Condition, GlobalForce]]
     surface_works: list[tuple[Condition, SurfaceWork]]
@@ -114,6 +118,7 @@ def gathered(scene: Setting) -> Declared:
         displacements=of_kind(told, FixedDisplacement),
         holds_rigid_motions=bool(of(HeldRigidMotions)),
         initial_stretches=of(InitialStretch),
+        heated=of(HeatedRegions),
         fixed_globals=of_kind(told, FixedGlobal),
         global_forces=of_kind(told, GlobalForce),
         surface_works=of_kind(told, SurfaceWork),

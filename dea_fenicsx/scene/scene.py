@@ -19,15 +19,18 @@ from dea_fenicsx.scene.fibre_checks import check_fibres
 from dea_fenicsx.scene.kinematics import Kinematics, ThreeD
 from dea_fenicsx.scene.membrane_checks import check_films, check_loads_of_membrane
 from dea_fenicsx.scene.sources import Source
+from dea_fenicsx.scene.temperature_checks import check_temperatures, heated_regions
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
+from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, known
 
 __all__ = ["SIMPLICES", "Scene", "finite", "known"]
 
 
 @dataclass(frozen=True, eq=False)
+@in_si(temperature="K")
 class Scene:
     """A device with its materials and everything imposed on it.
 
@@ -54,6 +57,9 @@ class Scene:
         `Helical(pitch)`.
     elements
         The finite elements, see `Discretisation`.
+    temperature
+        Temperature of all regions in K at first; None for the reference of each material.
+        Materials without `thermal` do not notice it.  `Temperature` changes it.
 
     Raises
     ------
@@ -71,6 +77,7 @@ class Scene:
     loads: Sequence[Load] = ()
     kinematics: Kinematics = field(default_factory=ThreeD)
     elements: Discretisation = field(default_factory=Discretisation)
+    temperature: float | None = None
 
     def __post_init__(self) -> None:
         check_declared(self)
@@ -92,6 +99,7 @@ class Scene:
         for condition in self.mechanics:
             condition.check_beside(self.declared.told)
         check_air(self)
+        check_temperatures(self, self.declared.heated, self.leaks)
         check_loads_of_membrane(self)
         if not self.supports and self.solids:
             raise InputError(
@@ -128,6 +136,11 @@ class Scene:
     def solids(self) -> dict[str, Material]:
         """The materials of all regions but the air."""
         return {name: m for name, m in self.materials.items() if not m.is_air}
+
+    @property
+    def thermal_regions(self) -> tuple[str, ...]:
+        """Regions whose temperature is not the reference of their material at all loads."""
+        return heated_regions(self, self.declared.heated)
 
     @property
     def has_potential(self) -> bool:
@@ -210,6 +223,11 @@ def _check_materials(scene: Scene) -> None:
                 f"Region {name!r} is given {type(material).__name__}, but needs a Material."
             )
         faults = material.faults()
+        if material.damage is not None and scene.kinematics.is_membrane:
+            raise InputError(
+                f"Region {name!r} softens, but a membrane takes no damage; leave it out, or take a "
+                "mesh in space."
+            )
         if faults:
             model = type(material.elastic).__name__
             raise InputError(f"Region {name!r}, {model}: {faults[0]}.")

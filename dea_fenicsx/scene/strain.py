@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import ufl
@@ -73,6 +74,10 @@ class StrainOf:
     @staticmethod
     def positive(x: Any) -> Any:
         return ufl.conditional(ufl.gt(x, 0), x, 0)
+
+    @staticmethod
+    def erf_integral(x: Any) -> Any:
+        return x * ufl.erf(x) + ufl.exp(-x * x) / math.sqrt(math.pi)
 
     def I4(self, direction: Any) -> Any:
         """a . C a with the unit vector a of a direction."""

@@ -45,6 +45,10 @@ DIMENSIONS = {
     "rad/s": "a speed in rad/s",
     "Pa*s": "a viscosity in Pa s",
     "1/Pa**2": "a number in 1/Pa^2",
+    "K": "a temperature in K",
+    "1/K": "a number in 1/K",
+    "J/mol": "an energy per mole in J/mol",
+    "J/K/m**3": "a heat capacity in J/(K m^3)",
 }
 """What can be expected: the SI unit (as pint writes it, empty for none), and in words."""
 

@@ -21,6 +21,7 @@ from dea_fenicsx.model.terms.membrane import (
     WrinkledElasticity,
 )
 from dea_fenicsx.model.terms.relaxation import DielectricRelaxation
+from dea_fenicsx.model.terms.softening import Softening
 from dea_fenicsx.model.terms.viscous import Viscous
 from dea_fenicsx.scene.scene import Scene
 
@@ -31,6 +32,8 @@ def terms_of(scene: Scene) -> list[Term]:
     """The terms of a scene, in the order in which they are added up."""
     augmentation = Augmentation(scene.elements.augmentation)
     found: list[Term] = [Elasticity(), Volume(), augmentation, Dielectric(), Viscous()]
+    if any(m.damage is not None for m in scene.materials.values()):
+        found.append(Softening())
     if scene.kinematics.is_membrane:
         found.append(ReferenceTension())
     if scene.kinematics.wrinkles:

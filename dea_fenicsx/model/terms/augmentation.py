@@ -34,6 +34,6 @@ class Augmentation(EnergyTerm):
 
     def density(self, at: MaterialPoint) -> Any:
         # The factor is a constant of the form, so another value needs no compilation.
-        stress = stress_size(at.kernel.elastic, at.strain, ufl.ln(at.J))
+        stress = stress_size(at.kernel.elastic, at.strain, ufl.ln(at.elastic_J))
         stiffness = at.per_stress * at.constant(self.factor) * stress
-        return stiffness / 2 * (at.J - 1) ** 2
+        return stiffness / 2 * (at.elastic_J - 1) ** 2

@@ -27,5 +27,5 @@ class Elasticity(EnergyTerm):
         elastic = at.kernel.elastic
         energy = elastic.energy(at.strain)
         if at.kernel.is_incompressible:
-            energy = energy - elastic.spherical_slope() * ufl.ln(at.J)
-        return at.per_stress * energy
+            energy = energy - elastic.spherical_slope() * ufl.ln(at.elastic_J)
+        return at.per_stress * at.heated.modulus * at.swelling * energy

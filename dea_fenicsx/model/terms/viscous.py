@@ -41,12 +41,12 @@ class Viscous(EnergyTerm):
     def density(self, at: MaterialPoint) -> Any:
         total: Any = 0
         for branch in at.kernel.branches:
-            share = branch.step + SMALLEST_SHARE
+            share = _share(at, branch)
             _, det = cofactor(share * at.strain.C + branch.tensor)
             total += branch.mu * (3 / (2 * share) * det ** (1 / 3))
             if at.kernel.is_incompressible:
-                total -= branch.mu * ufl.ln(at.J)
-        return at.per_stress * total
+                total -= branch.mu * ufl.ln(at.elastic_J)
+        return _stiffness(at) * total
 
     def work(self, at: MaterialPoint, virtual: Variation) -> Any:
         """F S : virtual(F), S = sum of mu C_v^-1: a third of the work of the density's variation.
@@ -58,19 +58,35 @@ class Viscous(EnergyTerm):
         for branch in branches:
             stress += branch.mu * _inverse_strain(at, branch)
         if not at.kernel.is_incompressible:  # there C is without the change of volume
-            return at.per_stress * ufl.inner(stress, virtual(at.strain.C)) / 2
-        own = ufl.inner(ufl.dot(at.total, stress), virtual(at.total))
-        return at.per_stress * (own - sum(b.mu for b in branches) * virtual(at.J) / at.J)
+            return _stiffness(at) * ufl.inner(stress, virtual(at.strain.C)) / 2
+        own = ufl.inner(ufl.dot(at.elastic_F, stress), virtual(at.elastic_F))
+        J = at.elastic_J
+        return _stiffness(at) * (own - sum(b.mu for b in branches) * virtual(J) / J)
 
     def stored(self, at: MaterialPoint) -> Any:
         """The energy of the springs, mu/2 [tr(C C_v^-1) - 3], with C_v at the end of the step."""
         branches = at.kernel.branches
-        return at.per_stress * sum(b.mu / 2 * (ufl.tr(_relative(at, b)) - 3) for b in branches)
+        return _stiffness(at) * sum(b.mu / 2 * (ufl.tr(_relative(at, b)) - 3) for b in branches)
+
+
+def _share(at: MaterialPoint, branch: BoundBranch) -> Any:
+    """Length of the step over the relaxation time at its temperature."""
+    return branch.step * at.heated.rate + SMALLEST_SHARE
+
+
+def _factor(at: MaterialPoint) -> Any:
+    """Factor of the temperature on the energy of a spring per volume of the mesh."""
+    return at.heated.modulus * at.swelling
+
+
+def _stiffness(at: MaterialPoint) -> Any:
+    """The same with the factor from Pa to the unit of stress."""
+    return at.per_stress * _factor(at)
 
 
 def _inverse_strain(at: MaterialPoint, branch: BoundBranch) -> Any:
     """C_v^-1 of a branch at the end of a step: det(M)^(1/3) M^-1 with M = r C + H, symmetric."""
-    M = (branch.step + SMALLEST_SHARE) * at.strain.C + branch.tensor
+    M = _share(at, branch) * at.strain.C + branch.tensor
     a, b, c, d, e, f = (M[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
     first = (b * c - f * f, e * f - d * c, d * f - e * b)
     power = (a * first[0] + d * first[1] + e * first[2]) ** (-2 / 3)
@@ -95,5 +111,5 @@ def dissipation(at: MaterialPoint) -> Any:
     for branch in at.kernel.branches:
         A = _relative(at, branch)
         square = ufl.tr(ufl.dot(A, A)) - ufl.tr(A) ** 2 / 3
-        total += branch.mu / (2 * branch.tau) * square
+        total += _factor(at) * branch.mu / (2 * branch.tau) * at.heated.rate * square
     return at.per_stress * total
