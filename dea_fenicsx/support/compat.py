@@ -32,6 +32,7 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
+from dea_fenicsx.support import dolfinx_objects, form_kinds
 from dea_fenicsx.support.compiling_ahead import compile_ahead
 from dea_fenicsx.support.errors import MachineError
 from dea_fenicsx.support.form_cache import cache_dir, compiling
@@ -40,7 +41,7 @@ __all__ = ["PETSc", "add_assembled", "collapse", "compile_form", "compile_togeth
            "coordinate_element", "copied_mesh", "create_vector", "dolfinx", "expression",
            "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
 
-VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+VERSION = dolfinx_objects.VERSION
 
 # On Q2 hexahedra these flags halve the time to assemble the tangent, compared with -O2, and -g0
 # halves the time to compile.  -freciprocal-math saves an eighth of the time of a product with the
@@ -194,13 +195,7 @@ def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.
 
     Returns a function ``(mesh, cells) -> values`` of shape (cells, points, components).
     """
-    # The labels of ufl.variable contain running numbers, so the code of each problem would be new.
-    try:
-        expr = map_expr_dag(_StripVariables(), expr)
-    except _HasDerivatives:
-        expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
-    with compiling(jit, _ranks_of(extract_unique_domain(expr))):
-        compiled = dolfinx.fem.Expression(expr, points, jit_options=jit_options())
+    compiled = _compiled_expression(expr, points)
     size = int(np.prod(expr.ufl_shape, dtype=int))
 
     def evaluate(mesh: Any, cells: np.ndarray) -> np.ndarray:
@@ -210,6 +205,40 @@ def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.
         return np.asarray(values).reshape(len(cells), len(points), size)
 
     return evaluate
+
+
+def _compiled_expression(expr: Any, points: np.ndarray) -> Any:
+    """A compiled expression, of DOLFINx."""
+    kind, options = form_kinds.kind_of_expression(expr, points), jit_options()
+    comm = _ranks_of(kind.domain if kind else extract_unique_domain(expr))
+    made = _kept(kind, options, comm)
+    if made is not None:
+        return dolfinx_objects.expression(kind, *made)
+    # The labels of ufl.variable contain running numbers, so the code of each problem would be new.
+    try:
+        expr = map_expr_dag(_StripVariables(), expr)
+    except _HasDerivatives:
+        expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
+    with compiling(jit, comm):
+        compiled = dolfinx.fem.Expression(expr, points, jit_options=options)
+    dolfinx_objects.keep_expression(kind, _plain(options), compiled)
+    return compiled
+
+
+def _kept(kind: form_kinds.Kind | None, options: dict[str, Any], comm: MPI.Comm) -> Any:
+    """What all ranks have kept for a kind, or None.  Collective.
+
+    A rank may have compiled more than the others, and to compile is collective.
+    """
+    found = form_kinds.kept(kind, _plain(options))
+    if comm.size > 1 and not comm.allreduce(found is not None, op=MPI.LAND):
+        return None
+    return found
+
+
+def _plain(options: dict[str, Any]) -> tuple:
+    """Options of the compiler that can be part of a key."""
+    return str(options["cache_dir"]), tuple(options["cffi_extra_compile_args"])
 
 
 def _ranks_of(domain: Any) -> MPI.Comm:
@@ -233,8 +262,15 @@ def geometry_dofmap(mesh: Any) -> np.ndarray:
 
 def compile_form(form: Any) -> Any:
     """Compile a UFL form with this package's options."""
-    with compiling(jit, _ranks_of(form.ufl_domains()[0])):
-        return dolfinx.fem.form(form, jit_options=jit_options())
+    kind, options = form_kinds.kind_of_form(form), jit_options()
+    comm = _ranks_of(kind.domain if kind else form.ufl_domains()[0])
+    made = _kept(kind, options, comm)
+    if made is not None:
+        return dolfinx_objects.form(kind, *made)
+    with compiling(jit, comm):
+        compiled = dolfinx.fem.form(form, jit_options=options)
+    dolfinx_objects.keep_form(kind, _plain(options), form, compiled)
+    return compiled
 
 
 def compile_together(first: Any, others: Callable[[], Sequence[Any]]) -> None:
@@ -244,8 +280,11 @@ def compile_together(first: Any, others: Callable[[], Sequence[Any]]) -> None:
         scalar = {"scalar_type": dolfinx.default_scalar_type}
         return dolfinx.jit.ffcx_jit(MPI.COMM_SELF, form, scalar, jit_options())
 
-    with compiling(jit, _ranks_of(first.ufl_domains()[0])):
-        compile_ahead(jit, make, first, others)
+    kind = form_kinds.kind_of_form(first)
+    comm = _ranks_of(kind.domain if kind else first.ufl_domains()[0])
+    if _kept(kind, jit_options(), comm) is None:
+        with compiling(jit, comm):
+            compile_ahead(jit, make, first, others)
 
 
 def add_assembled(values: np.ndarray, form: Any) -> None:
