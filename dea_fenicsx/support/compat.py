@@ -32,8 +32,9 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
-from dea_fenicsx.support import dolfinx_objects, form_kinds
+from dea_fenicsx.support import form_kinds
 from dea_fenicsx.support.compiling_ahead import compile_ahead
+from dea_fenicsx.support.dolfinx_objects import DolfinxObjects
 from dea_fenicsx.support.errors import MachineError
 from dea_fenicsx.support.form_cache import cache_dir, compiling
 
@@ -41,7 +42,8 @@ __all__ = ["PETSc", "add_assembled", "collapse", "compile_form", "compile_togeth
            "coordinate_element", "copied_mesh", "create_vector", "dolfinx", "expression",
            "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
 
-VERSION = dolfinx_objects.VERSION
+_objects = DolfinxObjects(dolfinx)
+VERSION = _objects.version
 
 # On Q2 hexahedra these flags halve the time to assemble the tangent, compared with -O2, and -g0
 # halves the time to compile.  -freciprocal-math saves an eighth of the time of a product with the
@@ -201,7 +203,7 @@ def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.
     def evaluate(mesh: Any, cells: np.ndarray) -> np.ndarray:
         if len(cells) == 0:
             return np.empty((0, len(points), size))
-        values = compiled.eval(mesh, cells)
+        values = _objects.values(compiled, mesh, cells)
         return np.asarray(values).reshape(len(cells), len(points), size)
 
     return evaluate
@@ -213,7 +215,7 @@ def _compiled_expression(expr: Any, points: np.ndarray) -> Any:
     comm = _ranks_of(kind.domain if kind else extract_unique_domain(expr))
     made = _kept(kind, options, comm)
     if made is not None:
-        return dolfinx_objects.expression(kind, *made)
+        return _objects.expression(kind, *made)
     # The labels of ufl.variable contain running numbers, so the code of each problem would be new.
     try:
         expr = map_expr_dag(_StripVariables(), expr)
@@ -221,7 +223,7 @@ def _compiled_expression(expr: Any, points: np.ndarray) -> Any:
         expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
     with compiling(jit, comm):
         compiled = dolfinx.fem.Expression(expr, points, jit_options=options)
-    dolfinx_objects.keep_expression(kind, _plain(options), compiled)
+    _objects.keep_expression(kind, _plain(options), compiled)
     return compiled
 
 
@@ -266,10 +268,10 @@ def compile_form(form: Any) -> Any:
     comm = _ranks_of(kind.domain if kind else form.ufl_domains()[0])
     made = _kept(kind, options, comm)
     if made is not None:
-        return dolfinx_objects.form(kind, *made)
+        return _objects.form(kind, *made)
     with compiling(jit, comm):
         compiled = dolfinx.fem.form(form, jit_options=options)
-    dolfinx_objects.keep_form(kind, _plain(options), form, compiled)
+    _objects.keep_form(kind, _plain(options), form, compiled)
     return compiled
 
 

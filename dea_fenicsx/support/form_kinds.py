@@ -195,7 +195,8 @@ class _Walk:
         return self._spaces[id(space)][1]
 
     def _quantity(self, e: Any) -> Iterable[Hashable]:
-        self.over(e.ufl_domain() if hasattr(e, "ufl_domain") else e._domain)
+        (domain,) = e.ufl_domains()
+        self.over(domain)
         return ()
 
     def _zero(self, e: Any) -> Iterable[Hashable]:
