@@ -6,6 +6,7 @@ found only once ``dolfinx_solver`` has been imported.
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -75,6 +76,19 @@ def _let_traversers_go() -> None:
 
 
 _let_traversers_go()
+
+
+def _count_constants_with_one_length() -> None:
+    """Let the numbers of all constants have equally many digits.
+
+    UFL sorts the factors of a product by what is printed of them, so that a constant of number 10
+    comes before that of number 9.  The same scene would be compiled anew where its constants have
+    such numbers, which depends on how many constants a script had before.
+    """
+    ufl.Constant._counter = itertools.count(10**9)
+
+
+_count_constants_with_one_length()
 
 
 def _keep_cells() -> None:
