@@ -51,9 +51,10 @@ class Discretisation:
     DEGREES: ClassVar[tuple[int, ...]] = (2, 3, 4)
 
     def __post_init__(self) -> None:
+        degree = self.degree if self.degree in self.DEGREES else self.DEGREES[0]
         for name, size in (("potential_degree", 1), ("quadrature_degree", 2)):
-            if getattr(self, name) is None and self.degree in self.DEGREES:
-                object.__setattr__(self, name, size * self.degree)
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, size * degree)
 
     @property
     def quadrature_of_mass(self) -> int:
