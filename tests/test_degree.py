@@ -55,7 +55,8 @@ def film(comm, degree, divisions=(2, 1)):
     lam, volts, eps = 2.0, 8e3, 2.86 * EPSILON_0
     load = MU * (lam - lam**-5)
     scene = dea.Scene(
-        dea.device(block, comm), {"film": dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(2.86))},
+        dea.device(block, comm),
+        {"film": dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(2.86))},
         [dea.Electrode("top", volts), dea.Ground("bottom")],
         [dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")],
         loads=[dea.DeadLoad("x_max", (load, 0, 0)), dea.DeadLoad("y_max", (0, load, 0))],
@@ -71,7 +72,7 @@ def film(comm, degree, divisions=(2, 1)):
 @on_demand
 @pytest.mark.parametrize("degree", [3, 4])
 def test_a_homogeneous_film_in_space(degree, tmp_path):
-    """The stretch is exact to 1e-8, without a false negative eigenvalue; quadratic cells show it."""
+    """The stretch is exact to 1e-8, no negative eigenvalue is false, quadratic cells show it."""
     scene, exact = film(MPI.COMM_SELF, degree)
     path = [dea.Ramp("load", steps=2), dea.Ramp("voltage", steps=3)]
     record = {a: dea.MeanStretch((f"{a}_min", f"{a}_max"), a) for a in "xy"}

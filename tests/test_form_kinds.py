@@ -113,7 +113,7 @@ def bender(volts=8e3, length=20e-3):
 
 
 def test_equal_devices_share_a_problem():
-    """A loop that meshes anew gives what it gives when nothing is kept, and other lengths differ."""
+    """A loop that meshes anew gives what it gives when nothing is kept; other lengths differ."""
     reuse.clear()
     alone = float(bender()["tip_m"])
     found = [float(bender()["tip_m"]) for _ in range(3)]

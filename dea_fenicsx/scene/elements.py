@@ -90,7 +90,7 @@ class Discretisation:
                 'pressure="continuous".'
             )
         if not 1 <= self.potential_degree <= self.degree:
-            among = "1 or 2" if self.degree == 2 else f"from 1 to {self.degree}, as the displacement's"
+            among = "1 or 2" if self.degree == 2 else f"from 1 to {self.degree}"
             raise InputError(
                 f"The degree of the potential is {self.potential_degree!r}, but must be {among}."
             )
