@@ -228,7 +228,7 @@ def _compiled_expression(expr: Any, points: np.ndarray) -> Any:
     kind, options = form_kinds.kind_of_expression(expr, points), jit_options()
     comm = _ranks_of(kind.domain if kind else extract_unique_domain(expr))
     made = _kept(kind, options, comm)
-    if made is not None:
+    if kind and made is not None:
         return _objects.expression(kind, *made)
     # The labels of ufl.variable contain running numbers, so the code of each problem would be new.
     try:
@@ -281,7 +281,7 @@ def compile_form(form: Any) -> Any:
     kind, options = form_kinds.kind_of_form(form), jit_options()
     comm = _ranks_of(kind.domain if kind else form.ufl_domains()[0])
     made = _kept(kind, options, comm)
-    if made is not None:
+    if kind and made is not None:
         return _objects.form(kind, *made)
     with compiling(jit, comm):
         compiled = dolfinx.fem.form(form, jit_options=options)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from typing import Any
 
-import cffi
+import cffi  # type: ignore[import-untyped]
 import numpy as np
 from ufl.algorithms.analysis import extract_coefficients, extract_constants
 
@@ -57,9 +57,10 @@ class DolfinxObjects:
             ]
             for name, told in kind.subdomains.items()
         }
-        address: Any = _address(code)
         given = _given(kind, code), [c._cpp_object for c in kind.constants], where
-        first, maps = (address, {}) if self._old else ([address], [])
+        address = _address(code)
+        first: Any = address if self._old else [address]
+        maps: Any = {} if self._old else []
         cls = fem.forms.form_cpp_class(self._dolfinx.default_scalar_type)
         made = cls(first, spaces, *given, maps, kind.domain.ufl_cargo())
         return fem.Form(made, code, None, module)
@@ -76,7 +77,7 @@ class DolfinxObjects:
     def expression(self, kind: Kind, code: Any) -> Any:
         """The expression of a kind, compiled, from its code."""
         constants = [c._cpp_object for c in kind.constants]
-        maps = () if self._old else ([],)
+        maps: tuple[Any, ...] = () if self._old else ([],)
         scalar = np.dtype(self._dolfinx.default_scalar_type).name
         create = getattr(self._dolfinx.cpp.fem, f"create_expression_{scalar}")
         made = object.__new__(self._dolfinx.fem.Expression)

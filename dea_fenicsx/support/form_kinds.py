@@ -56,7 +56,8 @@ class _Unknown(Exception):
 
 def kind_of_form(form: Any) -> Kind | None:
     """The kind of a form over one mesh; None if it has parts that are not known here."""
-    walk, found, subdomains = _Walk(), [], {}
+    walk, found = _Walk(), []
+    subdomains: dict[str, Any] = {}
     try:
         for integral in form.integrals():
             if getattr(integral, "extra_domain_integral_type_map", dict)():
@@ -84,9 +85,9 @@ def kind_of_expression(expression: Any, points: Any) -> Kind | None:
     walk = _Walk()
     try:
         root = walk.number(expression)
+        return walk.kind(("expression", root, points.shape, points.tobytes()))
     except _Unknown:
         return None
-    return walk.kind(("expression", root, points.shape, points.tobytes()))
 
 
 class _Walk:
