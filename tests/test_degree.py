@@ -127,6 +127,8 @@ def bent(comm):
     return [float(run["tip_m"]), run.summary["unknowns"]]
 
 
+@pytest.mark.mpi
+@pytest.mark.slow
 def test_ranks_and_a_checkpoint(on_ranks, tmp_path, monkeypatch):
     """Three ranks find what one does, and one rank goes on from what three have kept."""
     bent_there = tmp_path / "bent"
