@@ -48,7 +48,6 @@ from dea_fenicsx.measure.point_in_si import PointInSI
 from dea_fenicsx.measure.vibration import Frequency, vibrations
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.kernels import measure
-from dea_fenicsx.model.mass import QUADRATURE_DEGREE
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.scene.declarations import ELONGATION, TWIST
 from dea_fenicsx.scene.kinematics import cofactor
@@ -174,8 +173,8 @@ def _(observable: Area, problem: Problem) -> Functional | None:
     kinematics = problem.scene.kinematics
     if kinematics.overall:
         return None
-    ds = measure(problem.scene.device, [facets_once(problem.scene.device, observable.where)], 4,
-                 "ds")(0)  # fmt: skip
+    device, degree = problem.scene.device, problem.scene.elements.quadrature_of_surfaces
+    ds = measure(device, [facets_once(device, observable.where)], degree, "ds")(0)
     x = ufl.SpatialCoordinate(problem.mesh)
     u = problem.space.symbolic(Role.MOTION, problem.w)
     F = ufl.Identity(3) + kinematics.displacement_gradient(u, x)
@@ -276,7 +275,8 @@ def _means(
 ) -> tuple[Any, Any, Any]:
     """Integrals of u_a, 1 and X_a over a facet group, as `MeanStretch` weighs them; symbolic."""
     device, kinematics = problem.scene.device, problem.scene.kinematics
-    ds = measure(device, [facets_once(device, where)], 4, "ds")(0)
+    degree = problem.scene.elements.quadrature_of_surfaces
+    ds = measure(device, [facets_once(device, where)], degree, "ds")(0)
     x = ufl.SpatialCoordinate(problem.mesh)
     weight = kinematics.weight(x)
     along = kinematics.coordinates.find(axis)
@@ -306,7 +306,8 @@ def _(observable: Frequency, problem: Problem) -> Functional:
     stiffness = ufl.action(problem.forms.tangent(shape), shape)
     density = problem.massive().density
     u = problem.space.symbolic(Role.MOTION, shape)
-    dx = ufl.Measure("dx", problem.mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
+    degree = problem.scene.elements.quadrature_of_mass
+    dx = ufl.Measure("dx", problem.mesh, metadata={"quadrature_degree": degree})
     weight = problem.scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
 
     def hertz(i: Sequence[Any], _: Any) -> Any:

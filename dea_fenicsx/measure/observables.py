@@ -145,7 +145,8 @@ class Area:
         facets = facets_once(device, self.where)
         if kin.overall:
             raise InputError("Area is not measured in helical cells or generalised plane strain.")
-        ds = measure(device, [facets], 4, "ds")(0)
+        degree = problem.scene.elements.quadrature_of_surfaces
+        ds = measure(device, [facets], degree, "ds")(0)
         x = ufl.SpatialCoordinate(problem.mesh)
         u = problem.space.symbolic(Role.MOTION, problem.w)
         F = ufl.Identity(3) + kin.displacement_gradient(u, x)

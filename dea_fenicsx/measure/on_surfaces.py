@@ -97,7 +97,8 @@ def _mean(
     """The weights of the mean of u_a over a facet group, and the mean of X_a.  Collective."""
     a = _axis(problem, axis)
     device = problem.scene.device
-    ds = measure(device, [facets_once(device, where)], 4, "ds")(0)
+    degree = problem.scene.elements.quadrature_of_surfaces
+    ds = measure(device, [facets_once(device, where)], degree, "ds")(0)
     x = ufl.SpatialCoordinate(problem.mesh)
     weight = problem.scene.kinematics.weight(x)
     kinematics = problem.scene.kinematics

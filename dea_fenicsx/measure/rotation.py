@@ -136,7 +136,8 @@ def _rotation(problem: Problem, where: str) -> Callable[[], np.ndarray]:
     dim = device.dim
     known(where, device.surfaces, "facet group")
     mesh, comm = problem.mesh, problem.comm
-    ds = measure(device, [one_sided(device, where)], 4, "ds")(0)
+    degree = problem.scene.elements.quadrature_of_surfaces
+    ds = measure(device, [one_sided(device, where)], degree, "ds")(0)
     x = ufl.SpatialCoordinate(mesh)
     # One compiled form serves all moments; the constants select the moment.
     c, d = (dolfinx.fem.Constant(mesh, np.zeros(4)) for _ in range(2))

@@ -35,7 +35,6 @@ from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.tied_unknowns import Group, Rows
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.cavity import Filling
-from dea_fenicsx.scene.enclosure import DEGREE
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.scene.strain import cofactor
 from dea_fenicsx.support.compat import dolfinx
@@ -218,9 +217,10 @@ class Cavities:
             Number of the first cavity's subdomain.
         """
         kinematics, mesh = self._scene.kinematics, self._scene.device.mesh
+        degree = self._scene.elements.quadrature_of_volumes
         total: Any = 0
         for k, told in enumerate(self.fillings):
-            wall = ds(first + k, metadata={"quadrature_degree": DEGREE})
+            wall = ds(first + k, metadata={"quadrature_degree": degree})
             change = told.space.change(kinematics, mesh, space.present["u"], motion)
             self._changes.append(change * wall)
             pressure = space.present[told.pressure_field]

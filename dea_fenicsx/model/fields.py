@@ -122,7 +122,7 @@ def declared_fields(scene: Scene) -> list[Field]:
     cell = scene.device.mesh.topology.cell_name()
     kinematics = scene.kinematics
     axes = tuple(kinematics.axes)
-    vector = basix.ufl.element("Lagrange", cell, 2, shape=(len(axes),))
+    vector = basix.ufl.element("Lagrange", cell, scene.elements.degree, shape=(len(axes),))
     solids = tuple(scene.solids)
     has_air = len(solids) < len(scene.materials)
     pressed = tuple(name for name in solids if not is_compressible(scene.solids[name].elastic))
@@ -240,8 +240,8 @@ def _check_names(fields: Sequence[Field]) -> None:
 
 def _pressure_element(elements: Discretisation, cell: str) -> Any:
     if elements.pressure_on(cell) == "discontinuous":
-        return basix.ufl.element("DPC", cell, 1, discontinuous=True)
-    return basix.ufl.element("Lagrange", cell, 1)
+        return basix.ufl.element("DPC", cell, elements.degree - 1, discontinuous=True)
+    return basix.ufl.element("Lagrange", cell, elements.degree - 1)
 
 
 def softness(material: Material, scales: Scales) -> float:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import basix
 import numpy as np
 import ufl
 from mpi4py import MPI
+from ufl.algorithms.analysis import extract_coefficients
 
 from dea_fenicsx.mesh.device import one_sided
 from dea_fenicsx.model.body_forces import Body
@@ -251,8 +252,17 @@ class Forms:
         def change(expression: Any) -> Any:
             return ufl.derivative(expression, w, direction)
 
-        found = change(self.residual)
+        found = change(self._varying)
         return found + sum(self._following(k, change) for k in range(len(self.points)))
+
+    @cached_property
+    def _varying(self) -> Any:
+        """The residual without integrals that do not depend on the state, such as dead loads.
+
+        So scenes that differ by such loads alone share the code of their tangent.
+        """
+        w, integrals = self._space.w, self.residual.integrals()
+        return ufl.Form([i for i in integrals if w in extract_coefficients(i.integrand())])
 
     def _following(self, k: int, change: Variation) -> Any:
         """Virtual work of kernel k due to coefficients that follow a change, symbolic, or 0."""

@@ -32,12 +32,6 @@ from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.petsc_objects import PetscObjects
 
-QUADRATURE_DEGREE = 6
-"""Degree of the quadrature of int rho u . v dX.
-
-It is exact for quadratic displacements in straight cells, axisymmetric ones included.
-"""
-
 
 class Mass:
     """The mass matrix of a problem, and the inertial forces of its present state.
@@ -172,7 +166,8 @@ def products_of_motions(scene: Scene, space: Unknowns, density: Any = 1.0) -> An
     u = space.symbolic(Role.MOTION, ufl.TrialFunction(space.W))
     v = space.symbolic(Role.MOTION, ufl.TestFunction(space.W))
     weight = scene.kinematics.weight(ufl.SpatialCoordinate(mesh))
-    dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
+    degree = scene.elements.quadrature_of_mass  # exact in straight cells
+    dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
     form = compat.compile_form(density * ufl.inner(u, v) * weight * dx)
     matrix = dolfinx.fem.petsc.assemble_matrix(form)
     matrix.assemble()

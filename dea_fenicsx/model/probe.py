@@ -100,9 +100,11 @@ class Prober:
             place[: len(x)] = x
         # A NaN on one rank must reach all ranks, but MPI's MIN may ignore it.
         low = np.where(np.isnan(low), -np.inf, low)
-        everyone = self._mesh.comm.allgather((low, best[0], place))
-        low = np.min([e[0] for e in everyone], axis=0)
-        winner = max(everyone, key=lambda e: (e[1], *e[2]))
+        winner: tuple[Any, ...] = low, best[0], place
+        if self._mesh.comm.size > 1:
+            everyone = self._mesh.comm.allgather(winner)
+            low = np.min([e[0] for e in everyone], axis=0)
+            winner = max(everyone, key=lambda e: (e[1], *e[2]))
         solid = float(low[2]) if self._has_solids else float(low[0])
         largest, relaxable = max(winner[1], 0.0), float(low[3])
         return Probe(float(low[0]), float(low[1]), largest, winner[2], solid, relaxable)

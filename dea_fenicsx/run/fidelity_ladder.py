@@ -243,8 +243,8 @@ def _solved(
             options=options,
         )  # fmt: skip
         wall = scene.device.comm.allreduce(time.perf_counter() - start, op=MPI.MAX)
-    pressure = "P1disc" if run.problem.pressure_kind == "discontinuous" else "P1"
-    cell = scene.device.mesh.topology.cell_name()
-    element = f"{'P2' if cell in SIMPLICES else 'Q2'}-{pressure}"
+    degree, cell = scene.elements.degree, scene.device.mesh.topology.cell_name()
+    jumps = "disc" if run.problem.pressure_kind == "discontinuous" else ""
+    element = f"{'P' if cell in SIMPLICES else 'Q'}{degree}-P{degree - 1}{jumps}"
     value = run[f"quantity_{seen.unit}" if seen.unit else "quantity"]
     return Rung(name, fidelity, element, level, run.summary["unknowns"], wall, value)

@@ -142,7 +142,7 @@ def volume(problem: Problem, tolerance: float) -> tuple[float, float, float]:
         smallest = comm.allreduce(
             float(np.min(problem.forms.cell_volumes[cells], initial=np.inf)), op=MPI.MIN
         )
-        rows = problem.mesh.topology.dim + 1
+        rows = problem.pressure.space.dofmap.list.shape[1]
         return worst, worst, math.sqrt(rows) * tolerance / smallest + DETERMINANT_ROUNDING
     some_compressible = len(cells) < len(problem.forms.cell_volumes)
     if comm.allreduce(some_compressible, op=MPI.LOR):

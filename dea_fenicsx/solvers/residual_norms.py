@@ -242,7 +242,10 @@ class References:
                 rows = free[np.setdiff1d(group.free, self._along)]
             everything = residual[group.owned]
             sums += [everything @ everything, rows @ rows]
-        total = np.sqrt(problem.comm.allreduce(np.array(sums), op=MPI.SUM))
+        squares = np.array(sums)
+        if problem.comm.size > 1:
+            squares = problem.comm.allreduce(squares, op=MPI.SUM)
+        total = np.sqrt(squares)
         found = []
         for k, group in enumerate(self._groups):
             # Where charge leaks, the rows of the potential are charges over psi.

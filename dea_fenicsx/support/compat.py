@@ -6,6 +6,7 @@ found only once ``dolfinx_solver`` has been imported.
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -32,7 +33,9 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
+from dea_fenicsx.support import form_kinds
 from dea_fenicsx.support.compiling_ahead import compile_ahead
+from dea_fenicsx.support.dolfinx_objects import DolfinxObjects
 from dea_fenicsx.support.errors import MachineError
 from dea_fenicsx.support.form_cache import cache_dir, compiling
 
@@ -40,7 +43,8 @@ __all__ = ["PETSc", "add_assembled", "collapse", "compile_form", "compile_togeth
            "coordinate_element", "copied_mesh", "create_vector", "dolfinx", "expression",
            "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
 
-VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+_objects = DolfinxObjects(dolfinx)
+VERSION = _objects.version
 
 # On Q2 hexahedra these flags halve the time to assemble the tangent, compared with -O2, and -g0
 # halves the time to compile.  -freciprocal-math saves an eighth of the time of a product with the
@@ -72,6 +76,19 @@ def _let_traversers_go() -> None:
 
 
 _let_traversers_go()
+
+
+def _count_constants_with_one_length() -> None:
+    """Let the numbers of all constants have equally many digits.
+
+    UFL sorts the factors of a product by what is printed of them, so that a constant of number 10
+    comes before that of number 9.  The same scene would be compiled anew where its constants have
+    such numbers, which depends on how many constants a script had before.
+    """
+    ufl.Constant._counter = itertools.count(10**9)
+
+
+_count_constants_with_one_length()
 
 
 def _keep_cells() -> None:
@@ -194,22 +211,50 @@ def expression(expr: Any, points: np.ndarray) -> Callable[[Any, np.ndarray], np.
 
     Returns a function ``(mesh, cells) -> values`` of shape (cells, points, components).
     """
-    # The labels of ufl.variable contain running numbers, so the code of each problem would be new.
-    try:
-        expr = map_expr_dag(_StripVariables(), expr)
-    except _HasDerivatives:
-        expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
-    with compiling(jit, _ranks_of(extract_unique_domain(expr))):
-        compiled = dolfinx.fem.Expression(expr, points, jit_options=jit_options())
+    compiled = _compiled_expression(expr, points)
     size = int(np.prod(expr.ufl_shape, dtype=int))
 
     def evaluate(mesh: Any, cells: np.ndarray) -> np.ndarray:
         if len(cells) == 0:
             return np.empty((0, len(points), size))
-        values = compiled.eval(mesh, cells)
+        values = _objects.values(compiled, mesh, cells)
         return np.asarray(values).reshape(len(cells), len(points), size)
 
     return evaluate
+
+
+def _compiled_expression(expr: Any, points: np.ndarray) -> Any:
+    """A compiled expression, of DOLFINx."""
+    kind, options = form_kinds.kind_of_expression(expr, points), jit_options()
+    comm = _ranks_of(kind.domain if kind else extract_unique_domain(expr))
+    made = _kept(kind, options, comm)
+    if kind and made is not None:
+        return _objects.expression(kind, *made)
+    # The labels of ufl.variable contain running numbers, so the code of each problem would be new.
+    try:
+        expr = map_expr_dag(_StripVariables(), expr)
+    except _HasDerivatives:
+        expr = map_expr_dag(_StripVariables(), expand_derivatives(expr))
+    with compiling(jit, comm):
+        compiled = dolfinx.fem.Expression(expr, points, jit_options=options)
+    _objects.keep_expression(kind, _plain(options), compiled)
+    return compiled
+
+
+def _kept(kind: form_kinds.Kind | None, options: dict[str, Any], comm: MPI.Comm) -> Any:
+    """What all ranks have kept for a kind, or None.  Collective.
+
+    A rank may have compiled more than the others, and to compile is collective.
+    """
+    found = form_kinds.kept(kind, _plain(options))
+    if comm.size > 1 and not comm.allreduce(found is not None, op=MPI.LAND):
+        return None
+    return found
+
+
+def _plain(options: dict[str, Any]) -> tuple:
+    """Options of the compiler that can be part of a key."""
+    return str(options["cache_dir"]), tuple(options["cffi_extra_compile_args"])
 
 
 def _ranks_of(domain: Any) -> MPI.Comm:
@@ -233,8 +278,15 @@ def geometry_dofmap(mesh: Any) -> np.ndarray:
 
 def compile_form(form: Any) -> Any:
     """Compile a UFL form with this package's options."""
-    with compiling(jit, _ranks_of(form.ufl_domains()[0])):
-        return dolfinx.fem.form(form, jit_options=jit_options())
+    kind, options = form_kinds.kind_of_form(form), jit_options()
+    comm = _ranks_of(kind.domain if kind else form.ufl_domains()[0])
+    made = _kept(kind, options, comm)
+    if kind and made is not None:
+        return _objects.form(kind, *made)
+    with compiling(jit, comm):
+        compiled = dolfinx.fem.form(form, jit_options=options)
+    _objects.keep_form(kind, _plain(options), form, compiled)
+    return compiled
 
 
 def compile_together(first: Any, others: Callable[[], Sequence[Any]]) -> None:
@@ -244,8 +296,11 @@ def compile_together(first: Any, others: Callable[[], Sequence[Any]]) -> None:
         scalar = {"scalar_type": dolfinx.default_scalar_type}
         return dolfinx.jit.ffcx_jit(MPI.COMM_SELF, form, scalar, jit_options())
 
-    with compiling(jit, _ranks_of(first.ufl_domains()[0])):
-        compile_ahead(jit, make, first, others)
+    kind = form_kinds.kind_of_form(first)
+    comm = _ranks_of(kind.domain if kind else first.ufl_domains()[0])
+    if _kept(kind, jit_options(), comm) is None:
+        with compiling(jit, comm):
+            compile_ahead(jit, make, first, others)
 
 
 def add_assembled(values: np.ndarray, form: Any) -> None:

@@ -1,0 +1,159 @@
+"""Displacements of degree 3 and 4: orders, homogeneous states, counts, results, several ranks."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+import ufl
+from conftest import on_demand
+from mpi4py import MPI
+from scipy.optimize import brentq
+from test_convergence import EPS_R, MU, VOLTS, QuarterRing, TriangleStrip, errors, quads, rates
+
+import dea_fenicsx as dea
+from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx.materials import EPSILON_0
+from dea_fenicsx.results.reading import read_frame
+
+pytestmark = pytest.mark.usefixtures("quick_compile")
+WALL = {"wall": dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(EPS_R))}
+
+
+def tube(device, degree):
+    """The tube with a radial field on the way to its exact state, with a count at each step."""
+    scene = dea.Scene(
+        device, WALL, [dea.Electrode("x_min", VOLTS), dea.Ground("x_max")],
+        [dea.Fix("bottom", "z"), dea.Fix("top", "z")], kinematics=dea.Axisymmetric(),
+        elements=dea.Discretisation(degree=degree),
+    )  # fmt: skip
+    options = dea.NewtonOptions(tolerance=1e-12)
+    run = dea.solve(scene, dea.Ramp(steps=4), quiet=True, options=options)
+    counts = [row["negative_modes"] for row in run.history]
+    assert 0 in counts and set(counts) <= {0, None}  # where none was asked for
+    radius = ufl.SpatialCoordinate(run.problem.mesh)[0]
+    return errors(run, radius, ufl.as_vector([1, 0]))
+
+
+@pytest.mark.parametrize(
+    ("make", "degree", "levels"),
+    [(quads, 3, (2, 4, 8)), (quads, 4, (2, 4, 6)), (TriangleStrip, 3, (3, 6, 12)),
+     (TriangleStrip, 4, (3, 6, 9))],
+    ids=["quadrilateral Q3-P2", "quadrilateral Q4-P3", "triangle P3-P2", "triangle P4-P3"],
+)  # fmt: skip
+def test_orders_in_the_axisymmetric_tube(make, degree, levels):
+    """u: k + 1 in L2, k in H1; p: k; phi: k + 1, each within 0.2."""
+    found = [tube(dea.read_gmsh(make(n), MPI.COMM_SELF, dim=2), degree) for n in levels]
+    slope = rates(levels, found)
+    assert np.all(slope > np.array([1, 0, 0, 1]) + degree - 0.2), slope
+
+
+def film(comm, degree, divisions=(2, 1)):
+    """A film in space under a dead load and a voltage, and its exact stretch."""
+    block = BoxStack(1e-3, 1e-3, [Layer("film", 1e-3)], divisions=divisions)
+    lam, volts, eps = 2.0, 8e3, 2.86 * EPSILON_0
+    load = MU * (lam - lam**-5)
+    scene = dea.Scene(
+        dea.device(block, comm),
+        {"film": dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(2.86))},
+        [dea.Electrode("top", volts), dea.Ground("bottom")],
+        [dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")],
+        loads=[dea.DeadLoad("x_max", (load, 0, 0)), dea.DeadLoad("y_max", (0, load, 0))],
+        elements=dea.Discretisation(degree=degree),
+    )  # fmt: skip
+
+    def unbalanced(x):
+        return x * load + eps * (x**2 * volts / 1e-3) ** 2 - MU * (x**2 - x**-4)
+
+    return scene, brentq(unbalanced, 2.0, 2.8, xtol=1e-13)
+
+
+@on_demand
+@pytest.mark.parametrize("degree", [3, 4])
+def test_a_homogeneous_film_in_space(degree, tmp_path):
+    """The stretch is exact to 1e-8, no negative eigenvalue is false, quadratic cells show it."""
+    scene, exact = film(MPI.COMM_SELF, degree)
+    path = [dea.Ramp("load", steps=2), dea.Ramp("voltage", steps=3)]
+    record = {a: dea.MeanStretch((f"{a}_min", f"{a}_max"), a) for a in "xy"}
+    run = dea.solve(scene, path, record, tmp_path / "film", quiet=True)
+    assert [run["x"], run["y"]] == pytest.approx([exact] * 2, rel=1e-8)
+    counts = [row["negative_modes"] for row in run.history]
+    assert 0 in counts and set(counts) <= {0, None}  # where none was asked for
+    grid = read_frame(tmp_path / "film").grid
+    x, u = grid.points[:, 0], grid.point_data["displacement_m"][:, 0]
+    assert u == pytest.approx((exact - 1) * x, rel=1e-7, abs=1e-12)
+
+
+@on_demand
+@pytest.mark.parametrize(("degree", "levels"), [(3, (1, 2, 4)), (4, (1, 2, 3))])
+def test_orders_on_curved_hexahedra(degree, levels):
+    """A quarter of the tube; u: 4 in L2, 3 in H1, the most that quadratic faces allow."""
+    found = []
+    for n in levels:
+        device = dea.read_gmsh(QuarterRing(n), MPI.COMM_SELF)
+        held = [dea.Fix(side, axis) for side, axis in
+                (("bottom", "z"), ("top", "z"), ("x_min", "x"), ("y_min", "y"))]  # fmt: skip
+        scene = dea.Scene(
+            device, WALL, [dea.Electrode("inner", VOLTS), dea.Ground("outer")], held,
+            elements=dea.Discretisation(degree=degree),
+        )  # fmt: skip
+        run = dea.solve(scene, dea.Ramp(steps=3), quiet=True, stability="never")
+        x = ufl.SpatialCoordinate(run.problem.mesh)
+        R = ufl.sqrt(x[0] ** 2 + x[1] ** 2)
+        found.append(errors(run, R, ufl.as_vector([x[0] / R, x[1] / R, 0])))
+    slope = rates(levels, found)
+    assert np.all(slope[:2] > np.array([4, 3]) - 0.5), slope  # on meshes of few cells
+
+
+def bender(comm):
+    """A bender of twelve cells."""
+    layers = [Layer("passive", 0.5e-3), Layer("active", 0.5e-3)]
+    rubber = dea.NeoHookean(80e3)
+    return dea.Scene(
+        dea.device(BoxStack(10e-3, None, layers, 6, ends="start"), comm),
+        {"active": dea.Material(rubber, dea.IdealDielectric(2.8)), "passive": dea.Material(rubber)},
+        [dea.Electrode("top", 8e3), dea.Ground("interface_1")], [dea.Clamp("x_min")],
+        kinematics=dea.PlaneStrain(5e-3), elements=dea.Discretisation(degree=3),
+    )  # fmt: skip
+
+
+TIP = {"tip": dea.MeanDisplacement("x_max", "y")}
+
+
+def bent(comm):
+    """Bend it, and leave the results in a folder."""
+    run = dea.solve(bender(comm), dea.Ramp(steps=2), TIP, os.environ["BENT"], quiet=True)
+    return [float(run["tip_m"]), run.summary["unknowns"]]
+
+
+@pytest.mark.mpi
+@pytest.mark.slow
+def test_ranks_and_a_checkpoint(on_ranks, tmp_path, monkeypatch):
+    """Three ranks find what one does, and one rank goes on from what three have kept."""
+    bent_there = tmp_path / "bent"
+    monkeypatch.setenv("BENT", str(bent_there))
+    tip, unknowns = on_ranks("test_degree", "bent", 3)
+    run = dea.solve(bender(MPI.COMM_SELF), dea.Ramp(steps=2), TIP, tmp_path / "one", quiet=True)
+    assert [run["tip_m"], run.summary["unknowns"]] == [pytest.approx(tip, rel=1e-8), unknowns]
+    again = dea.solve(bender(MPI.COMM_SELF), dea.Ramp(steps=1), TIP, quiet=True, start=bent_there)
+    assert again.history[-1]["newton_iterations"] <= 1
+    assert again["tip_m"] == pytest.approx(tip, rel=1e-8)
+    shown = [read_frame(folder).grid for folder in (bent_there, tmp_path / "one")]
+    assert shown[0].cells_dict.keys() == {28}  # VTK's quadrilateral of nine nodes
+    fields = [grid.point_data["displacement_m"] for grid in shown]
+    assert fields[0] == pytest.approx(fields[1], abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [({"degree": 5}, "2, 3 or 4"), ({"degree": 3, "potential_degree": 4}, "from 1 to 3"),
+     ({"degree": 4, "quadrature_degree": 13}, "between 2 and 12")],
+)  # fmt: skip
+def test_degrees_that_do_not_exist(given, words):
+    with pytest.raises(dea.InputError, match=words):
+        scene = film(MPI.COMM_SELF, 2)[0]
+        dea.Scene(
+            scene.device, scene.materials, scene.electrodes, scene.supports,
+            elements=dea.Discretisation(**given),
+        )  # fmt: skip
