@@ -13,10 +13,10 @@ already, and then opens again.
 
 This model has no contact, for no `Obstacle` lies in the plane of symmetry.  Where the two sides of
 the crease touch, the surface goes through this plane; `overlap_m` tells how far.  Held at 1.25, the
-crease grows on until, after 421 s, it is half as deep as the layer and equilibrium is lost; on finer
-cells along the notch this comes earlier, since nothing keeps the two sides apart.  The depths at
-the ends of the rise and of the hold, `depth_when_loaded_m` and `depth_when_held_m`, are null where
-equilibrium is lost before.
+crease grows on until, after 421 s, it is half as deep as the layer and equilibrium is lost; with
+more cells along the notch this comes earlier, since nothing keeps the two sides apart.  The depths
+at the ends of the rise and of the hold, `depth_when_loaded_m` and `depth_when_held_m`, are null
+where equilibrium is lost before.
 
     python demos/crease.py
     python demos/crease.py --hold 600
