@@ -13,10 +13,14 @@ already, and then opens again.
 
 This model has no contact, for no `Obstacle` lies in the plane of symmetry.  Where the two sides of
 the crease touch, the surface goes through this plane; `overlap_m` tells how far.  Held at 1.25, the
-crease grows on until, after 421 s, it is half as deep as the layer and equilibrium is lost.
+crease grows on until, after 421 s, it is half as deep as the layer and equilibrium is lost; with
+more cells along the notch this comes earlier, since nothing keeps the two sides apart.  The depths
+at the ends of the rise and of the hold, `depth_when_loaded_m` and `depth_when_held_m`, are null
+where equilibrium is lost before.
 
     python demos/crease.py
     python demos/crease.py --hold 600
+    python demos/crease.py --field 1.1 --hold 200 --notch 0.5 --mesh 2
 """
 
 from dataclasses import dataclass
@@ -45,6 +49,9 @@ def vhb(G):
 
 HEIGHT, LENGTH, DEEP, WIDE = 20e-3, 120e-3, 0.02e-3, 0.12e-3
 """Of the layer and of its notch, in m."""
+
+MOST = 20.0
+"""Largest size of the notch, over the one above."""
 
 
 def towards(end, finest, n):
@@ -98,14 +105,17 @@ def parse():
     parser.number("--hold", 0.0, "s", "time for which it is held")
     parser.number("--mu", G, "Pa", "equilibrium shear modulus G; the branches go with it")
     parser.number("--tolerance", 1e-4, "-", "of the march")
+    parser.number("--notch", 1.0, "-", "length and depth of the notch, over 0.12 and 0.02 mm")
+    parser.count("--notch-cells", 2, "cells along the notch, and finest cells of the mesh")
     parser.count("--mesh", 1, "refinement of the mesh")
     return parser, parser.parse_args()
 
 
 def scene(args):
     """The layer; at a ramp factor of 1 the nominal field is sqrt(G/eps)."""
-    k = args.mesh
-    layer = Notched(LENGTH, None, [Layer("layer", HEIGHT, 14 * k)], 20 * k, notch=2 * k)
+    k, cells = args.mesh, args.notch_cells
+    layer = Notched(LENGTH, None, [Layer("layer", HEIGHT, 14 * k)], (18 + cells) * k,
+                    notch=cells * k, wide=args.notch * WIDE, deep=args.notch * DEEP)  # fmt: skip
     unit = HEIGHT * float(np.sqrt(args.mu / (4.8 * EPSILON_0)))
     return dea.Scene(
         dea.read_gmsh(layer, MPI.COMM_WORLD),
@@ -118,9 +128,13 @@ def scene(args):
 
 def main():
     parser, args = parse()
-    for name in ("rate", "field"):
+    for name in ("rate", "field", "notch"):
         if not (np.isfinite(getattr(args, name)) and getattr(args, name) > 0):
             raise dea.InputError(f"--{name} is {getattr(args, name)}, but must be a number > 0.")
+    if args.notch > MOST:
+        raise dea.InputError(
+            f"--notch is {args.notch:g}, but must be at most {MOST:g}: the notch is a small one."
+        )
     rise = args.field / args.rate
     path = [dea.March(rise, {"voltage": dea.Rise(args.field, rise)}, tolerance=args.tolerance)]
     if args.hold > 0:
@@ -130,9 +144,13 @@ def main():
     run, end = followed(parser, args, path)
     unit = HEIGHT * float(np.sqrt(args.mu / (4.8 * EPSILON_0)))
     field, depth = run.column("voltage_V") / unit, -run.column("corner_m")
-    k = int(np.argmax(depth))
+    k, time = int(np.argmax(depth)), run.column("time_s")
+    held = [float(np.interp(t, time, depth)) if t <= time[-1] * (1 + 1e-9) else None
+            for t in (rise, rise + args.hold)]  # fmt: skip
     run.add(
-        rate_per_s=args.rate, largest_field=float(field.max()), largest_depth_m=float(depth[k]),
+        rate_per_s=args.rate, notch_depth_m=args.notch * DEEP,
+        depth_when_loaded_m=held[0], depth_when_held_m=held[1],
+        largest_field=float(field.max()), largest_depth_m=float(depth[k]),
         field_at_largest_depth=float(field[k]), last_field=float(field[-1]),
         last_time_s=run["time_s"], last_depth_m=float(depth[-1]), overlap_m=overlap(run), end=end,
         seconds=run.summary["wall_s"],
@@ -149,8 +167,8 @@ def followed(parser, args, path):
         run = dea.solve(
             scene(args),
             path,
-            record={"corner": dea.AtPoint((0.0, HEIGHT - DEEP), "displacement", "y"),
-                    "notch": dea.AtPoint((WIDE, HEIGHT), "displacement", "y")},
+            record={"corner": dea.AtPoint((0.0, HEIGHT - args.notch * DEEP), "displacement", "y"),
+                    "notch": dea.AtPoint((args.notch * WIDE, HEIGHT), "displacement", "y")},
             out=args.out,
             resume=args.resume,
             quiet=args.quiet,

@@ -345,6 +345,8 @@ def check_crease(out, printed):
     s = summary(out)
     assert s["end"] == "unloaded" and s["last_field"] == pytest.approx(0, abs=1e-12)
     assert s["largest_depth_m"] > 5 * abs(s["last_depth_m"])
+    assert 0 < s["depth_when_loaded_m"] == s["depth_when_held_m"] <= s["largest_depth_m"]
+    assert s["notch_depth_m"] == pytest.approx(0.02e-3)
     assert (out / "corner_voltage.png").exists()
 
 

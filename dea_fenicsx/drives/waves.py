@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from dea_fenicsx.support.errors import InputError
-from dea_fenicsx.support.type_checks import is_number, shown
+from dea_fenicsx.support.errors import DeaError, InputError
+from dea_fenicsx.support.type_checks import is_number, raised, shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, positive
 
@@ -47,6 +47,10 @@ class Wave(ABC):
     def corners(self, start: float, end: float) -> tuple[float, ...]:
         """Times strictly between two others at which the wave or its slope jumps."""
         return ()
+
+    def number_of_corners(self, start: float, end: float) -> float:
+        """How many corners there are between two times, about, without a list of them."""
+        return len(self.corners(start, end))
 
     def finest(self) -> float:
         """Longest step of time in s that shows the wave's own course; infinite if any does."""
@@ -180,6 +184,9 @@ class _Periodic(Wave):
         ]  # fmt: skip
         return _inside(times, start, end)
 
+    def number_of_corners(self, start: float, end: float) -> float:
+        return self.hertz * (end - start) * len(self.corner_phases)
+
     def finest(self) -> float:
         return 1 / (32 * self.hertz)
 
@@ -300,7 +307,7 @@ class Table(Wave):
         return self._line(max(k, 1), t)
 
     def before(self, t: float) -> float:
-        k = next((n for n, time in enumerate(self.times) if time >= t), len(self.times) - 1)
+        k = min(bisect_left(self.times, t), len(self.times) - 1)
         return self._line(k, t) if k else self.values[0]
 
     def _line(self, k: int, t: float) -> float:
@@ -344,7 +351,15 @@ class Function(Wave):
     at: tuple[float, ...] = ()
 
     def __call__(self, t: float) -> float:
-        value = self.function(t)
+        try:
+            value = self.function(t)
+        except DeaError:
+            raise
+        except Exception as error:  # a function of the user's may do anything
+            raise InputError(
+                f"The function of a drive fails at {t:g} s ({raised(error)}), but must give a "
+                "finite number."
+            ) from error
         if not is_number(value) or not math.isfinite(value):
             raise InputError(
                 f"The function of a drive gives {shown(value)} at {t:g} s, but must give a finite "

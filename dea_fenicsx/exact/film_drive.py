@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from dea_fenicsx.drives.trial import check_pace
 from dea_fenicsx.drives.waves import Constant, Function, Table, Wave
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
@@ -66,6 +67,7 @@ class Loads:
                     f"The wave of {name} ends at {wave.end:g} s, but the march lasts {seconds:g} "
                     "s; give it values up to there."
                 )
+            check_pace({f"the wave of {name}": wave}, seconds)
 
     def at(self, t: float) -> np.ndarray:
         """Values at a time, after a jump there, shape (3,)."""

@@ -48,6 +48,9 @@ class Scaled(Wave):
     def corners(self, start: float, end: float) -> tuple[float, ...]:
         return self.wave.corners(start, end)
 
+    def number_of_corners(self, start: float, end: float) -> float:
+        return self.wave.number_of_corners(start, end)
+
     def finest(self) -> float:
         return self.wave.finest()
 

@@ -19,7 +19,7 @@ from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import March, Ramp
 from dea_fenicsx.path.ramping import RampWalk
-from dea_fenicsx.path.step_lengths import Ladder, landings
+from dea_fenicsx.path.step_lengths import Ladder, is_among, landings, next_after, tell_landings
 from dea_fenicsx.path.time_limit import follow_time
 from dea_fenicsx.path.time_stepping import TimeStepper
 from dea_fenicsx.path.verdicts import march_lost, march_stuck, march_too_exact
@@ -150,6 +150,7 @@ class MarchWalk:
             If the linear solver or the method fails however short the step.
         """
         if self.cursor.position == 0:
+            tell_landings(self.stops, self.ladder.longest, self.log)
             self._restart()
         retries, failures = 0, 0
         while True:
@@ -160,10 +161,10 @@ class MarchWalk:
             if self.adaptive and self.fresh:
                 self.rung, self.fresh = self.ladder.at_most(self._first_step()), False
                 self.first = self.ladder.size(self.rung)
-            corner = any(abs(now - t) <= self.room for t in self.corners)
+            corner = is_among(self.corners, now, self.room)
             if corner and self.march.order == 3:
                 self._restart()  # a rule of three earlier values would look across the corner
-            stop = next(t for t in self.stops if t > now + self.room)
+            stop = next_after(self.stops, now, self.room)
             seconds = self._length(now, stop)
             lands = now + seconds >= stop - self.room
             if not self.stepper.memories:

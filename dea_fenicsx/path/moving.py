@@ -22,7 +22,7 @@ from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import CONSERVING, Inertia, March
 from dea_fenicsx.path.motion_stepping import MotionStepper
-from dea_fenicsx.path.step_lengths import Ladder, landings
+from dea_fenicsx.path.step_lengths import Ladder, landings, next_after, tell_landings
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 from dea_fenicsx.support.errors import InputError, SolverError
@@ -90,6 +90,7 @@ class MotionWalk:
             If no step can be made, however short.
         """
         if self.cursor.position == 0:
+            tell_landings(self.stops, self.ladder.longest, self.log)
             self._start()
         retries = 0
         while True:
@@ -100,7 +101,7 @@ class MotionWalk:
             if self.adaptive and self.fresh:
                 self.rung = self.ladder.at_most(FIRST_SHARE * self.ladder.longest)
             self.fresh = False
-            stop = next(t for t in self.stops if t > now + self.room)
+            stop = next_after(self.stops, now, self.room)
             seconds = self.ladder.portion(self.rung, stop - now)
             attempt = self.stepper.step(seconds)
             if not attempt.converged:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from dea_fenicsx.drives.trial import MOST_STEPS, check_numbers, check_pace
 from dea_fenicsx.drives.waves import TIME_TOLERANCE, Wave
 from dea_fenicsx.model.mass import check_mass
 from dea_fenicsx.model.mean_forces import check_conserving
@@ -30,9 +31,6 @@ from dea_fenicsx.scene.sources import Source
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared, is_number, shown
 from dea_fenicsx.support.validation import finite, known, one_of, positive
-
-MOST_STEPS = 1_000_000
-"""Most steps of a ramp or a march."""
 
 
 def check_path(
@@ -193,8 +191,8 @@ def _check_march(march: March) -> None:
                 f"The drive of {name!r} begins at {wave.begin:g} s, but the march begins at 0 s; "
                 "add a row for it."
             )
-        for time in (0.0, march.seconds):
-            finite(wave(time), f"The drive of {name!r} at {time:g} s")
+        check_numbers(wave, what, march.seconds)
+        check_pace({what: wave}, march.seconds, follows=march.steps is None)
 
 
 def _check_inertia(march: March, scene: Scene, path: Sequence[Item]) -> None:

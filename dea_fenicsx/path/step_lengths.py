@@ -16,11 +16,13 @@ way from the fourth derivative and the cubic through the four values before.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from dea_fenicsx.drives.trial import MANY_LANDINGS
 from dea_fenicsx.model.viscous_history import STAGE_SHARE
 from dea_fenicsx.path.interpolation import lagrange_weights
 
@@ -57,6 +59,27 @@ def landings(
         if not found or t > found[-1] + room:
             found.append(t)
     return [*found, end]
+
+
+def next_after(times: Sequence[float], now: float, room: float) -> float:
+    """The first of some sorted times that lies later than `now` by more than `room`."""
+    return times[bisect_right(times, now + room)]
+
+
+def is_among(times: Sequence[float], now: float, room: float) -> bool:
+    """Whether one of some sorted times lies within `room` of `now`."""
+    k = bisect_left(times, now - room)
+    return k < len(times) and times[k] <= now + room
+
+
+def tell_landings(stops: Sequence[float], longest: float, log: Callable[[str], None]) -> None:
+    """Log how many steps a march has at least, in view of its landings, if these are many."""
+    steps = max(len(stops), stops[-1] / longest)
+    if steps >= MANY_LANDINGS:
+        log(
+            f"march: it takes at least {steps:.0f} steps for {stops[-1]:g} s, of which "
+            f"{len(stops)} end at corners of the drive or at asked times"
+        )
 
 
 @dataclass(frozen=True)

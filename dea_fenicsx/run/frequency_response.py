@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
+from dea_fenicsx.drives.trial import MOST_STEPS
 from dea_fenicsx.measure.harmonic import Harmonic, check_linear
 from dea_fenicsx.measure.observables import Charge, Observable, electrode_named
 from dea_fenicsx.measure.vibration import vibration_solver
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.path.path_checks import MOST_STEPS
 from dea_fenicsx.results.columns import column_of
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.run.adaptive_frequencies import refined, resonances

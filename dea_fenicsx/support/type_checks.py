@@ -28,6 +28,12 @@ def shown(value: Any) -> str:
     return " ".join(_short.repr(value).split())
 
 
+def raised(error: BaseException) -> str:
+    """An error that a function of the user's has raised, for a message: on one line."""
+    words = " ".join(str(error).split())
+    return f"{type(error).__name__}: {words[:119]}" if words else type(error).__name__
+
+
 def check_declared(item: Any) -> None:
     """Raise InputError unless each field of a dataclass holds what is declared, deeply.
 
