@@ -277,6 +277,19 @@ def test_a_made_up_checkpoint(cut, what):
     assert contents(cut) == before
 
 
+def test_a_checkpoint_of_an_earlier_version(cut, whole):
+    """What a version has added, and the script leaves out, does not make it another run."""
+    file = cut / "checkpoint.npz"
+    with np.load(file) as data:
+        state, told = data["state"], json.loads(str(data["told"]))
+    for material in told["fingerprint"]["materials"].values():
+        del material["thermal"], material["damage"]
+    assert "degree" not in told["fingerprint"]["elements"]
+    text = json.dumps(told)
+    np.savez(file, state=state, told=text, digest=checkpoint.digest(state, text))
+    assert solve(cut, resume=True)["h"] == pytest.approx(whole["h"], rel=1e-12)
+
+
 def test_a_checkpoint_that_was_changed(cut):
     """What no other check can see, the digest does."""
     file = cut / "checkpoint.npz"
