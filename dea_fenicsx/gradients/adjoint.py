@@ -12,7 +12,7 @@ and the observable is differenced along it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -53,6 +53,10 @@ The formula is of fourth order, so that its error is about 1e-12.
 
 LEAST_MOTION = 1e-3
 """Displacement that counts as a small one where nothing has moved, in units of the device."""
+
+
+Solve = Callable[[np.ndarray], tuple[np.ndarray, float]]
+"""Gives the solution of a linear system with a right-hand side, and its relative residual."""
 
 
 @dataclass(frozen=True)
@@ -149,7 +153,7 @@ class Gradients:
             if functional is None:
                 slopes, residual = self._direct(state, measure, found)
                 return Gradient(name, value, slopes, "direct", residual)
-            slopes, residual = self._by_adjoint(functional, found)
+            slopes, residual = self.by_adjoint(functional, found)
         return Gradient(name, value, slopes, "adjoint", residual)
 
     def check_observable(self, observable: Any) -> None:
@@ -168,9 +172,20 @@ class Gradients:
             self._functionals[key] = observable, functional_of(observable, self.problem)
         return self._functionals[key][1]
 
-    def _by_adjoint(
-        self, functional: Functional, found: list[Variable]
+    def by_adjoint(
+        self, functional: Functional, found: Iterable[Variable], solve: Solve | None = None
     ) -> tuple[dict[str, float], float]:
+        """The derivatives of a functional at the present equilibrium, and a residual.  Collective.
+
+        Parameters
+        ----------
+        functional
+            What is derived.
+        found
+            The variables.
+        solve
+            Solves with the transpose of the tangent; by default exactly.
+        """
         problem = self.problem
         forms, by_factor = functional.weighted(problem, self.kept)
         by_state = np.zeros(problem.owned)
@@ -181,7 +196,7 @@ class Gradients:
         if self.kept.total(rhs @ rhs) > 0:
             given = problem.circuits.given_rows()
             rhs[given] = 0.0
-            solution, residual = self.solved(rhs, transposed=True)
+            solution, residual = (solve or self.transposed)(rhs)
         paired = Paired(self.kept, self.solver.tangent, -solution, forms)
         slopes = {}
         for one in found:
@@ -265,6 +280,10 @@ class Gradients:
         along.x.array[:] = 0.0
         along.x.array[cells] = rate
         return self.kept.along(self.problem.forms.residual, coefficient, along)
+
+    def transposed(self, rhs: np.ndarray) -> tuple[np.ndarray, float]:
+        """Solve with the transpose of the tangent; see `solved`.  Collective."""
+        return self.solved(rhs, transposed=True)
 
     def solved(self, rhs: np.ndarray, transposed: bool = False) -> tuple[np.ndarray, float]:
         """Solve with the tangent or its transpose; the solution and its residual.  Collective.

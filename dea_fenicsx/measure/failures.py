@@ -41,6 +41,25 @@ class Worst:
     place: np.ndarray
 
 
+@dataclass(frozen=True)
+class WorstPoint:
+    """The quadrature point of least margin, the same on all ranks but for `is_here`.
+
+    Attributes
+    ----------
+    region : name of the region
+    is_here : whether this rank owns its cell
+    cell, point : the local cell there, and the number of the point in it
+    local : the fields at it; arrays start with (1, 1)
+    """
+
+    region: str
+    is_here: bool
+    cell: int
+    point: int
+    local: Local
+
+
 class Failure(Protocol):
     """A way to fail.
 
@@ -316,6 +335,25 @@ class Gauge:
     def margin(self) -> float:
         """Margin of the worst point.  Collective."""
         return self._worst(self._all()).margin
+
+    def worst_point(self) -> WorstPoint:
+        """Where the margin is least, and the fields there.  Collective."""
+        best: tuple[float, str, int, int] = (np.inf, "", -1, -1)
+        for name, cells, _, margins in self._all():
+            k, q = np.unravel_index(int(np.argmin(margins)), margins.shape)
+            if margins[k, q] < best[0]:
+                best = float(margins[k, q]), name, int(cells[k]), int(q)
+        comm = self.problem.comm
+        owner = int(np.argmin([found[0] for found in comm.allgather(best)]))
+        local, (_, name, cell, q) = None, best
+        if owner == comm.rank:
+            evaluate = next(e for n, _, e in self.parts if n == name)
+            there = self._local(np.array([cell], dtype=np.int32), evaluate)
+            stress = None if there.stress is None else there.stress[:, q : q + 1]
+            fields = (a[:, q : q + 1] for a in (there.F, there.J, there.field))
+            local = Local(*fields, stress)
+        local, region = comm.bcast((local, name), root=owner)
+        return WorstPoint(region, owner == comm.rank, cell, q, local)
 
     def _worst(self, parts: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]) -> Worst:
         problem = self.problem

@@ -13,9 +13,11 @@ import numpy as np
 from dea_fenicsx.gradients.adjoint import Gradient, Gradients
 from dea_fenicsx.gradients.changes import Recorded
 from dea_fenicsx.gradients.critical import critical_load, limit_row
+from dea_fenicsx.gradients.events import EVENTS, Asked, event_load, event_row
 from dea_fenicsx.gradients.past_checks import has_past
 from dea_fenicsx.gradients.through_time import at_step
 from dea_fenicsx.gradients.variables import ShapeChange
+from dea_fenicsx.measure.failures import Failure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.columns import check_added
 from dea_fenicsx.results.folder import Folder
@@ -47,9 +49,11 @@ class Run:
         folder: Folder | None = None,
         states: KeptStates | None = None,
         recorded: Mapping[str, Any] | None = None,
+        failures: Sequence[Failure] = (),
     ) -> None:
         self.history, self.summary, self.folder = history, summary, folder
         self._problem, self._recorded = problem, dict(recorded or {})
+        self._failures = tuple(failures)
         self._states = KeptStates() if states is None else states
 
     @property
@@ -118,8 +122,10 @@ class Run:
         Parameters
         ----------
         name
-            A name in ``record=``, or ``"pull-in"`` for the load at the first limit point of a
-            trace, at which it is stationary.
+            A name in ``record=``, or what a critical load is called, at its first event:
+            ``"pull-in"`` for the load at a limit point of a trace, ``"buckling"`` for that of a
+            bifurcation (``stability="every"`` locates it), ``"breakdown"``, ``"loss of tension"``
+            and ``"stretch limit"`` for those at which a failure that is watched begins.
         to
             What is derived by, each by its name:
 
@@ -157,6 +163,12 @@ class Run:
             row = limit_row(self.history, step)
             return critical_load(
                 self._gradients, self._states.of(row, len(self.history)), self.history[row], to
+            )
+        if name in EVENTS and name not in self._recorded:
+            row = event_row(self.history, name, step)
+            state, failures = self._states.of(row, len(self.history)), self._failures
+            return event_load(
+                self._gradients, state, self.history[row], Asked(name, to, failures)
             )
         known(name, self._recorded, "recorded observable", "the run")
         rows = len(self.history)
