@@ -25,7 +25,13 @@ from dea_fenicsx.gradients.adjoint import Gradient, Gradients, check_static
 from dea_fenicsx.gradients.failure_margins import PointMargin
 from dea_fenicsx.gradients.functionals import Functional
 from dea_fenicsx.gradients.paired import Paired
-from dea_fenicsx.gradients.variables import Load, ShapeChange, Variable, variables
+from dea_fenicsx.gradients.variables import (
+    Coefficients,
+    Load,
+    ShapeChange,
+    Variable,
+    variables,
+)
 from dea_fenicsx.measure.failures import Failure, Gauge
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import State
@@ -130,7 +136,8 @@ def event_load(
             f"The event lies where the ramps {ramp} move together, so that its load is not one "
             "number; derive it on a path whose last item moves one of them."
         )
-    strength, rest = _strengths(gradients, asked.to)
+    told = [asked.to] if isinstance(asked.to, str | ShapeChange) else list(asked.to)
+    strength, rest = _strengths(gradients, told)
     found = variables(problem, rest) if rest or not strength else []
     if any(isinstance(one, Load) and one.ramp == ramp for one in found):
         raise InputError(
@@ -142,16 +149,17 @@ def event_load(
         kind = _Buckling if EVENTS[asked.name] == "bifurcation" else _Failing
         event = kind(gradients, ramp, asked)
         factor, slopes, residual = event.derived(state, found, strength)
+    names = [one if isinstance(one, str) else one.name for one in told]
     return Gradient(
-        asked.name, factor * unit, {k: v * unit for k, v in slopes.items()}, "adjoint", residual
-    )
+        asked.name, factor * unit, {name: slopes[name] * unit for name in names}, "adjoint",
+        residual,
+    )  # fmt: skip
 
 
 def _strengths(
-    gradients: Gradients, to: Iterable[str | ShapeChange]
+    gradients: Gradients, told: Sequence[str | ShapeChange]
 ) -> tuple[dict[str, str], list[str | ShapeChange]]:
     """Regions whose breakdown field is a variable, by its name, and the other variables."""
-    told = [to] if isinstance(to, str | ShapeChange) else list(to)
     laws = {
         f"{name}.electric.breakdown": name
         for name, material in gradients.problem.scene.materials.items()
@@ -201,7 +209,7 @@ class _Event:
             gradients.linearise()
             first, *others = self.conditions()
             slopes, residual = gradients.by_adjoint(first, [load, *found], self.solve)
-            by_load = slopes.pop(LOAD)
+            by_load = slopes[LOAD]
             if not by_load:
                 raise InputError("The event does not depend on the load of the path.")
             change = -self._value(first) / by_load
@@ -210,8 +218,8 @@ class _Event:
             state = self._ahead(state, change)
         self.check(found)
         for other in others:
-            self._agree(slopes, by_load, gradients.by_adjoint(other, [load, *found], self.solve)[0])
-        found_slopes = {name: -slope / by_load for name, slope in slopes.items()}
+            self._agree(found, slopes, gradients.by_adjoint(other, [load, *found], self.solve)[0])
+        found_slopes = {one.name: -slopes[one.name] / by_load for one in found}
         for name, region in strength.items():
             found_slopes[name] = -self.strength_slope(region) / by_load
         return state.factors[self.ramp] + change, found_slopes, residual
@@ -230,16 +238,24 @@ class _Event:
         return problem.imposed(problem.under(moved, factors))
 
     def _agree(
-        self, slopes: Mapping[str, float], by_load: float, others: Mapping[str, float]
+        self, found: Iterable[Variable], slopes: Mapping[str, float], others: Mapping[str, float]
     ) -> None:
         """Raise InputError unless two principal values change alike."""
-        pairs = [(by_load, others[LOAD]), *((slopes[name], others[name]) for name in slopes)]
-        if any(abs(a - b) > ALIKE * max(abs(a), abs(b)) and abs(b) > ALIKE * abs(a)
-               for a, b in pairs):  # fmt: skip
-            raise InputError(
-                "The load of the event has no derivative here, because two principal values are "
-                "equal there and change differently with the load or a variable; compare two runs."
-            )
+        load = Load(LOAD, self.ramp, 1.0)
+        least = ALIKE * abs(slopes[LOAD])
+        for one in (load, *found):
+            a, b = (self.size(one) * each[one.name] for each in (slopes, others))
+            if abs(a - b) > ALIKE * max(abs(a), abs(b), least):
+                raise InputError(
+                    "The load of the event has no derivative here, because two principal values "
+                    f"are equal there and change differently with {one.name!r}; compare two runs."
+                )
+
+    def size(self, one: Variable) -> float:
+        """A usual size of a variable, in its unit."""
+        if isinstance(one, Load):
+            return one.unit
+        return abs(one.value) if isinstance(one, Coefficients) else self.problem.scales.length
 
 
 class _Failing(_Event):
@@ -311,7 +327,7 @@ class _Buckling(_Event):
         paired = Paired(self.gradients.kept, self.gradients.solver.tangent, self._mode)
         for one in found:
             slope, size = paired.slope(one), paired.size(one)
-            if abs(slope) > SYMMETRIC * size and abs(slope) > LEAST:
+            if abs(slope) > max(SYMMETRIC * size, LEAST / self.size(one)):
                 raise InputError(
                     f"The load of buckling has no derivative by {one.name!r}, because the device "
                     "with another value of it has no bifurcation: it bends from the first load on."
