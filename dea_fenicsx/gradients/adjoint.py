@@ -12,7 +12,7 @@ and the observable is differenced along it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -96,6 +96,25 @@ class Gradient(Mapping[str, float]):
         return len(self.derivatives)
 
 
+@dataclass(frozen=True, eq=False)
+class Pulled:
+    """How a functional depends on the state at fixed variables.
+
+    Attributes
+    ----------
+    forms
+        Forms whose derivatives add up to its own, at fixed factors of the ramps.
+    by_factor
+        Its derivative by these factors.
+    by_state
+        Its derivative by the unknowns, over the owned values.
+    """
+
+    forms: Sequence[Any]
+    by_factor: Mapping[str, float]
+    by_state: np.ndarray
+
+
 class Gradients:
     """Finds derivatives at states of a problem; what is compiled for one serves the others.
 
@@ -138,7 +157,7 @@ class Gradients:
         check_static(state)
         found = variables(problem, to)
         with problem.at(state):
-            functional = self._functional(observable)
+            functional = self.functional(observable)
             if functional is None and any(isinstance(v, Shape) for v in found):
                 shape = next(v.name for v in found if isinstance(v, Shape))
                 raise InputError(
@@ -158,13 +177,13 @@ class Gradients:
 
     def check_observable(self, observable: Any) -> None:
         """Raise InputError for an observable that has no derivative."""
-        self._functional(observable)
+        self.functional(observable)
 
     def linearise(self) -> None:
         """Let the rows of the linear systems be weighed as Newton's method does it."""
         self.solver.residual_of(self.problem.residual())
 
-    def _functional(self, observable: Any) -> Functional | None:
+    def functional(self, observable: Any) -> Functional | None:
         """The observable as a function of integrals, whose forms are kept; None if it is none."""
         loaded = frozenset(name for name, factor in self.problem.factors.items() if factor)
         key = id(observable), loaded  # a capacitance is no such function without a voltage
@@ -187,28 +206,39 @@ class Gradients:
             Solves with the transpose of the tangent; by default exactly.
         """
         problem = self.problem
-        forms, by_factor = functional.weighted(problem, self.kept)
-        by_state = np.zeros(problem.owned)
-        for form in forms:
-            by_state += self.kept.by_state(form)
-        rhs = problem.restrict(by_state)
+        pulled = self.pulled(functional)
+        rhs = problem.restrict(pulled.by_state)
         solution, residual = np.zeros(len(problem.free)), 0.0
         if self.kept.total(rhs @ rhs) > 0:
-            given = problem.circuits.given_rows()
-            rhs[given] = 0.0
+            rhs[problem.circuits.given_rows()] = 0.0
             solution, residual = (solve or self.transposed)(rhs)
-        paired = Paired(self.kept, self.solver.tangent, -solution, forms)
+        return self.partial(pulled, found, solution), residual
+
+    def pulled(self, functional: Functional) -> Pulled:
+        """The derivatives of a functional at fixed variables, in the present state.  Collective."""
+        forms, by_factor = functional.weighted(self.problem, self.kept)
+        by_state = np.zeros(self.problem.owned)
+        for form in forms:
+            by_state += self.kept.by_state(form)
+        return Pulled(forms, by_factor, by_state)
+
+    def partial(
+        self, pulled: Pulled, found: Iterable[Variable], adjoint: np.ndarray
+    ) -> dict[str, float]:
+        """The derivatives of J - adjoint . R by variables, at fixed free unknowns.  Collective."""
+        problem = self.problem
+        paired = Paired(self.kept, self.solver.tangent, -adjoint, pulled.forms)
         slopes = {}
         for one in found:
             slope = paired.slope(one)
             if isinstance(one, Load):
-                slope += self.kept.total(by_state @ self.lifted(one.ramp)) / one.unit
-                slope += by_factor.get(one.ramp, 0.0) / one.unit
+                slope += self.kept.total(pulled.by_state @ self.lifted(one.ramp)) / one.unit
+                slope += pulled.by_factor.get(one.ramp, 0.0) / one.unit
             elif isinstance(one, Shape):
                 change = fixed_change(problem, one.velocity)
-                slope += self.kept.total(by_state @ self.followed(change))
+                slope += self.kept.total(pulled.by_state @ self.followed(change))
             slopes[one.name] = slope
-        return slopes, residual
+        return slopes
 
     def _direct(
         self, state: State, measure: Any, found: list[Variable]

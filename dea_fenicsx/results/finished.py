@@ -14,6 +14,7 @@ from dea_fenicsx.gradients.adjoint import Gradient, Gradients
 from dea_fenicsx.gradients.changes import Recorded
 from dea_fenicsx.gradients.critical import critical_load, limit_row
 from dea_fenicsx.gradients.events import EVENTS, Asked, event_load, event_row
+from dea_fenicsx.gradients.hessian import hessian_product
 from dea_fenicsx.gradients.past_checks import has_past
 from dea_fenicsx.gradients.through_time import at_step
 from dea_fenicsx.gradients.variables import ShapeChange
@@ -179,6 +180,40 @@ class Run:
                 self._gradients, name, self._recorded[name], to, row, self._recorded_step
             )
         return self._gradients.of_observable(state, name, self._recorded[name], to)
+
+    def hessian_product(
+        self, name: str, to: Iterable[str | ShapeChange], along: Mapping[str, float],
+        step: int = -1,
+    ) -> Gradient:  # fmt: skip
+        """The second derivatives of what was recorded, along a direction.  Collective.
+
+        Parameters
+        ----------
+        name, to, step
+            As of `sensitivity`.
+        along
+            Name of a variable to its part in the direction, in its unit: with
+            ``{"voltage": 1.0}`` the result is the derivative of ``d tip/d voltage`` by each of
+            `to`.  A `ShapeChange` in `to` is named here by its own name.
+
+        Returns
+        -------
+        Gradient
+            The derivative by each variable of the slope along the direction.  Its ``value`` is this
+            slope.
+
+        Raises
+        ------
+        InputError
+            As of `sensitivity`, for an observable that is no function of integrals, for a
+            frequency, and at a step of a march.
+        SolverError
+            If a linear system is singular.
+        """
+        known(name, self._recorded, "recorded observable", "the run")
+        state = self._states.of(step, len(self.history))
+        measured = name, self._recorded[name]
+        return hessian_product(self._gradients, state, measured, to, along)
 
     def _recorded_step(self, row: int) -> Recorded:
         """The state of a row, and where on the path it lies."""
