@@ -166,6 +166,8 @@ class Gradients:
                     "MeanDisplacement, MeanStretch, Contraction, Area, Charge, Capacitance, "
                     "Energy, and the mean or the integral of an Expression."
                 )
+            if functional is not None and functional.per_period:
+                check_height(found, type(observable).__name__)
             measure = bind_alike(problem, name, observable)
             value = measure()
             self.linearise()
@@ -355,6 +357,16 @@ class Gradients:
         problem.rigid.follow(along.x.array, problem.w.x.array)
         problem.conditions.ties.follow(along.x.array)
         return np.asarray(along.x.array[: problem.owned])
+
+
+def check_height(found: Iterable[Variable], what: str) -> None:
+    """Raise InputError for a change of shape that may alter the height of a periodic cell."""
+    for one in found:
+        if isinstance(one, Shape) and not one.name.endswith(":r"):
+            raise InputError(
+                f"{what} has no derivative by {one.name!r}, which may change the height of the "
+                "periodic cell; a thickness along r, as 'thickness:film:r', is derived."
+            )
 
 
 def check_static(state: State) -> None:

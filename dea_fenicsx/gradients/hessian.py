@@ -26,6 +26,7 @@ from dea_fenicsx.gradients.adjoint import (
     OBSERVABLE_STEP,
     Gradient,
     Gradients,
+    check_height,
     check_static,
 )
 from dea_fenicsx.gradients.functionals import Functional
@@ -97,6 +98,8 @@ def hessian_product(
                 "MeanStretch, Area, Charge, Capacitance, Energy, Reaction, and the mean or the "
                 "integral of an Expression."
             )
+        if functional.per_period:
+            check_height([*found, *(one for one, _ in direction)], type(observable).__name__)
         measure = bind_alike(problem, name, observable)
         product = _Product(gradients, state, functional, direction)
         value, slopes, residual = product.derived(found, measure)

@@ -123,8 +123,13 @@ def check_shape(problem: Problem, name: str) -> None:
             getattr(e, "taper", None) or e.fills_region for e in scene.electrodes
         ),
         "electrodes with a sheet resistance": bool(problem.forms.sheets),
+        "forces on the two ends of a periodic cell, which count per height": (
+            bool(declared.global_forces) and not name.endswith(":r")
+        ),
         "the two ends of a helical period, whose distance the change would alter": (
-            scene.kinematics.periodic_ends is not None and not name.endswith(":r")
+            scene.kinematics.periodic_ends is not None
+            and bool(scene.kinematics.lead(1.0))
+            and not name.endswith(":r")
         ),
     }
     for what, there in parts.items():
