@@ -36,7 +36,7 @@ def parse():
     parser.add_argument("--trace", action="store_true",
                         help="trace the pull-in of the first and of the best design")  # fmt: skip
     parser.add_argument("--margin", action="store_true",
-                        help="also search edge and voltage together, at the same pull-in margin")  # fmt: skip
+                        help="also search edge and voltage at the same pull-in margin")  # fmt: skip
     parser.count("--most", 20, "most designs that are solved")
     return parser, parser.parse_args()
 

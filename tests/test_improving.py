@@ -128,7 +128,7 @@ def test_the_largest_voltage_with_a_margin_against_pull_in():
 
     thin = {"thin": dea.MeanStretch(("bottom", "top"), "z")}
     found = improve(
-        film, {"volts": (2e3, 9e3, 4e3), "thickness": (3e-4, 5e-4, 4e-4)}, {"v": "max"},
+        film, {"volts": (2e3, 12e3, 4e3), "thickness": (3e-4, 5e-4, 4e-4)}, {"v": "max"},
         [Analysis({"v": dea.Potential("top")}, dea.Ramp(steps=1)),
          Analysis(thin, dea.Trace("voltage", first=0.5, until=("thin", 0.55)))],
         {"pull-in margin": (1.5, None)}, quiet=True, comm=MPI.COMM_SELF,

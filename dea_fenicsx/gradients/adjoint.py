@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.gradients.differences import displacement_size, fourth_order, small_step
 from dea_fenicsx.gradients.functionals import Functional, functional_of
 from dea_fenicsx.gradients.kept_forms import KeptForms
 from dea_fenicsx.gradients.paired import Paired
@@ -43,17 +44,6 @@ from dea_fenicsx.support.errors import InputError, SolverError
 
 ADJOINT_TOLERANCE = 1e-10
 """Residual of a linear solve, relative to its right-hand side."""
-
-OBSERVABLE_STEP = 1e-3
-"""Step of the differences of an observable, relative to the state and to the variable.
-
-The formula is of fourth order, so that its error is about 1e-12.
-"""
-
-
-LEAST_MOTION = 1e-3
-"""Displacement that counts as a small one where nothing has moved, in units of the device."""
-
 
 Solve = Callable[[np.ndarray], tuple[np.ndarray, float]]
 """Gives the solution of a linear system with a right-hand side, and its relative residual."""
@@ -252,28 +242,22 @@ class Gradients:
             worst = max(worst, residual)
             step = self._step(state, changed, one)
 
-            def value(share: float, one: Variable = one, changed: Any = changed,
-                      step: float = step) -> float:  # fmt: skip
-                return self._measured(state, changed, one, share * step, measure)
+            def value(step: float, one: Variable = one, changed: Any = changed) -> float:
+                return self._measured(state, changed, one, step, measure)
 
-            near, far = value(1) - value(-1), value(2) - value(-2)
+            slopes[one.name] = fourth_order(value, step)
             problem.show(state)
-            slopes[one.name] = (8 * near - far) / (12 * step)
         return slopes, worst
 
     def _step(self, state: State, changed: np.ndarray, one: Variable) -> float:
         """The step of a variable for differences.  Collective."""
         problem = self.problem
-        sizes = [most(problem, state.values[part.dofs]) for part in problem.displacement]
         moving = problem.roles.free(Role.MOTION)
-        size, speed = max([*sizes, LEAST_MOTION]), most(problem, changed[moving])
-        steps = [size / speed] if speed > 0 else []
+        size, speed = displacement_size(problem, state), most(problem, changed[moving])
         value = one.value if isinstance(one, Coefficients) else 0.0
         if isinstance(one, Load):
             value = problem.factors[one.ramp] * one.unit
-        if value:
-            steps.append(abs(value))
-        return OBSERVABLE_STEP * min(steps, default=1.0)
+        return small_step([(size, speed), (value, 1.0)])
 
     def _measured(
         self, state: State, changed: np.ndarray, one: Variable, step: float, measure: Any

@@ -22,13 +22,12 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.gradients.adjoint import (
-    LEAST_MOTION,
-    OBSERVABLE_STEP,
     Gradient,
     Gradients,
     check_height,
     check_static,
 )
+from dea_fenicsx.gradients.differences import displacement_size, fourth_order, small_step
 from dea_fenicsx.gradients.functionals import Functional
 from dea_fenicsx.gradients.paired import Paired
 from dea_fenicsx.gradients.shapes import most, of_moved_nodes
@@ -189,12 +188,12 @@ class _Product:
 
     def _along(self, of: Callable[[], np.ndarray], step: float) -> np.ndarray:
         """The derivative of an array along the direction, by a formula of fourth order."""
-        ends = {}
-        for k in (1, -1, 2, -2):
-            with self._moved(k * step):
-                ends[k] = np.array(of())
-        found = (8 * (ends[1] - ends[-1]) - (ends[2] - ends[-2])) / (12 * step)
-        return np.asarray(found)
+
+        def there(s: float) -> np.ndarray:
+            with self._moved(s):
+                return np.array(of())
+
+        return fourth_order(there, step)
 
     @contextmanager
     def _moved(self, step: float) -> Iterator[None]:
@@ -244,16 +243,13 @@ class _Product:
     def _step(self) -> float:
         """The step along the direction for differences.  Collective."""
         problem, state = self.problem, self.state
-        moving = problem.roles.free(Role.MOTION)
-        sizes = [most(problem, state.values[part.dofs]) for part in problem.displacement]
-        speed = most(problem, self.changed[moving])
-        steps = [max([*sizes, LEAST_MOTION]) / speed] if speed > 0 else []
+        speed = most(problem, self.changed[problem.roles.free(Role.MOTION)])
+        rates = [(displacement_size(problem, state), speed)]
         for one, part in self.direction:
             size = problem.scales.length
             if isinstance(one, Coefficients):
-                size = abs(one.value)
+                size = one.value
             elif isinstance(one, Load):
-                size = abs(state.factors[one.ramp] * one.unit)
-            if part and size:
-                steps.append(size / abs(part))
-        return OBSERVABLE_STEP * min(steps, default=1.0)
+                size = state.factors[one.ramp] * one.unit
+            rates.append((size, part))
+        return small_step(rates)
