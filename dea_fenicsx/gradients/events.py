@@ -275,6 +275,7 @@ class _Failing(_Event):
         if region != self._margin.region or self._failure.name != "electrical breakdown":
             return 0.0
         law = self.problem.parameters.materials[region].dielectric.breakdown_law()
+        assert law is not None  # else the region is not watched
         return float(1 / law.field)
 
 

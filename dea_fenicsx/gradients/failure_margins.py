@@ -90,6 +90,7 @@ def _(failure: ElectricalBreakdown, problem: Problem, k: int, worst: WorstPoint)
     pulled = ufl.dot(ufl.transpose(at.total), field)
     area = at.J * size / ufl.sqrt(ufl.dot(pulled, pulled))
     law = problem.parameters.materials[worst.region].dielectric.breakdown_law()
+    assert law is not None  # else the region is not watched
     strength = at.constant(law.field)
     if law.exponent:
         strength = strength * ufl.sqrt(area) ** at.constant(law.exponent)

@@ -43,14 +43,14 @@ class Worst:
 
 @dataclass(frozen=True)
 class WorstPoint:
-    """The quadrature point of least margin, the same on all ranks but for `is_here`.
+    """The quadrature point of least margin.
 
     Attributes
     ----------
     region : name of the region
     is_here : whether this rank owns its cell
-    cell, point : the local cell there, and the number of the point in it
-    local : the fields at it; arrays start with (1, 1)
+    cell, point : the local cell on that rank, and the number of the point in it
+    local : the fields at it on all ranks; arrays start with (1, 1)
     """
 
     region: str
@@ -102,6 +102,11 @@ class Local:
     J: np.ndarray
     field: np.ndarray
     stress: np.ndarray | None
+
+    def at(self, point: int) -> Local:
+        """The fields at one point of each cell."""
+        F, J, field = (a[:, point : point + 1] for a in (self.F, self.J, self.field))
+        return Local(F, J, field, None if self.stress is None else self.stress[:, [point]])
 
 
 @dataclass(frozen=True)
@@ -345,15 +350,12 @@ class Gauge:
                 best = float(margins[k, q]), name, int(cells[k]), int(q)
         comm = self.problem.comm
         owner = int(np.argmin([found[0] for found in comm.allgather(best)]))
-        local, (_, name, cell, q) = None, best
+        fields, (_, name, cell, point) = None, best
         if owner == comm.rank:
             evaluate = next(e for n, _, e in self.parts if n == name)
-            there = self._local(np.array([cell], dtype=np.int32), evaluate)
-            stress = None if there.stress is None else there.stress[:, q : q + 1]
-            fields = (a[:, q : q + 1] for a in (there.F, there.J, there.field))
-            local = Local(*fields, stress)
-        local, region = comm.bcast((local, name), root=owner)
-        return WorstPoint(region, owner == comm.rank, cell, q, local)
+            fields = self._local(np.array([cell], dtype=np.int32), evaluate).at(point)
+        local, region = comm.bcast((fields, name), root=owner)
+        return WorstPoint(region, owner == comm.rank, cell, point, local)
 
     def _worst(self, parts: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]) -> Worst:
         problem = self.problem
