@@ -89,6 +89,7 @@ def on_ranks_found(comm):
     return [found.value, *found.values(), *test_hessian.found_on(comm)]
 
 
+@pytest.mark.slow
 @pytest.mark.mpi
 def test_three_ranks_find_what_one_finds(on_ranks):
     alone = on_ranks_found(MPI.COMM_SELF)
