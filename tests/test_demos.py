@@ -374,7 +374,7 @@ CHECKS = DEVICE_CHECKS | {
     "minimum_energy_structure.py": (check_minimum_energy, []),
     "own_geometry.py": (check_own_geometry, []),
     "own_material.py": (check_own_material, []),
-    "optimise_electrode.py": (check_optimise_electrode, ["--mesh", 1, "--margin"]),
+    "optimise_electrode.py": (check_optimise_electrode, ["--mesh", 1]),
     "prestretch.py": (check_prestretch, []),
     "pull_in.py": (check_pull_in, []),
     "sensitivity.py": (check_sensitivity, ["--cells", 4]),
