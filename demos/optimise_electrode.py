@@ -35,19 +35,22 @@ def parse():
     parser.count("--mesh", 2, "refinement of the mesh")
     parser.add_argument("--trace", action="store_true",
                         help="trace the pull-in of the first and of the best design")  # fmt: skip
+    parser.add_argument("--margin", action="store_true",
+                        help="also search edge and voltage at the same pull-in margin")  # fmt: skip
     parser.count("--most", 20, "most designs that are solved")
     return parser, parser.parse_args()
 
 
-def disc(args, comm, edge):
+def disc(args, comm, edge, volts=None):
     """A section of half of the film, above its middle plane."""
+    volts = args.volts if volts is None else volts
     n = args.mesh
     shape = MembraneDisc(args.radius, edge, args.thickness / 2, cells=(5 * n, 1, 5 * n))
     device = dea.read_gmsh(shape, comm)
     rubber = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(args.eps_r))
     return dea.Scene(
         device, dict.fromkeys(device.regions, rubber),
-        electrodes=[dea.Electrode("top_active", args.volts / 2), dea.Ground("bottom")],
+        electrodes=[dea.Electrode("top_active", volts / 2), dea.Ground("bottom")],
         supports=[dea.Fix("bottom", "z"), dea.Fix("axis", "r"), dea.Fix("rim", "r")],
         prescribed=[dea.PreStretch(tuple(device.regions), r=args.stretch)],
         kinematics=dea.Axisymmetric(),
@@ -81,6 +84,18 @@ def pull_in(args, comm, edge, run):
     return 2 * traced.sensitivity("pull-in", ["active.elastic.mu"]).value
 
 
+def at_same_margin(args, comm, first, margin, runs):
+    """The edge and the voltage of the largest motion, with a given margin against pull-in."""
+    return improve(
+        lambda comm, edge, volts: disc(args, comm, edge, volts),
+        {"edge": (0.2 * args.radius, 0.85 * args.radius, first),
+         "volts": (0.5 * args.volts, 2 * args.volts, args.volts)},
+        {"stroke": "max"}, runs, {"pull-in margin": (margin, None)},
+        out=Path(args.out) / "designs_of_same_margin", resume=args.resume, quiet=args.quiet,
+        most=args.most, tolerance=1e-7,
+    )  # fmt: skip
+
+
 def main():
     parser, args = parse()
     comm, runs = MPI.COMM_WORLD, analyses(args)
@@ -97,15 +112,18 @@ def main():
         quiet=args.quiet, most=args.most, tolerance=1e-7,
     )  # fmt: skip
     critical: list[float | None] = [None, None]
-    if args.trace:
+    if args.trace or args.margin:
         critical = [pull_in(args, comm, edge, runs[1]) for edge in (first, found.design["edge"])]
+    kept = None
+    if args.margin and critical[0]:
+        kept = at_same_margin(args, comm, first, critical[0] / args.volts, runs)
     before, after = found.before, found.quantities
     gain = after["stroke"] / before["stroke"] - 1
     begun.add(
         stroke_before_m=before["stroke"], stroke_after_m=after["stroke"], stroke_gain=gain,
         evaluations=found.evaluations, converged=found.converged,
         edge_before_m=first, edge_after_m=found.design["edge"],
-        pull_in_before_V=critical[0], pull_in_after_V=critical[1],
+        pull_in_before_V=critical[0], pull_in_after_V=critical[1], **told_of(kept),
     )  # fmt: skip
     if comm.rank == 0:
         draw(args, found, first)
@@ -116,8 +134,28 @@ def main():
                 f"{found.design['edge'] * 1e3:.5g} mm ({100 * gain:.3g} % more), after "
                 f"{found.evaluations} designs"
             )
-            if args.trace:
+            if critical[0]:
                 print(f"pull-in at {critical[0]} V and {critical[1]} V")
+            if kept is not None:
+                print(
+                    f"with the pull-in margin {kept.quantities['pull-in margin']:.5g} of the first "
+                    f"design: {kept.quantities['stroke'] * 1e3:.5g} mm with the edge at "
+                    f"{kept.design['edge'] * 1e3:.5g} mm at {kept.design['volts']:.5g} V, after "
+                    f"{kept.evaluations} designs"
+                )
+
+
+def told_of(kept):
+    """What the summary says of the search at the same margin; null where there was none."""
+    if kept is None:
+        names = ("margin", "stroke_at_margin_m", "edge_at_margin_m", "volts_at_margin_V")
+        return {**dict.fromkeys(names), "evaluations_at_margin": None}
+    return {
+        "margin": kept.quantities["pull-in margin"],
+        "stroke_at_margin_m": kept.quantities["stroke"],
+        "edge_at_margin_m": kept.design["edge"], "volts_at_margin_V": kept.design["volts"],
+        "evaluations_at_margin": kept.evaluations,
+    }  # fmt: skip
 
 
 def draw(args, found, first):

@@ -196,6 +196,21 @@ def test_differences_converge_to_the_derivative(case):
         assert abs(errors[1]) < rounding or errors[0] / errors[1] == pytest.approx(4, rel=0.02)
 
 
+def test_the_height_of_a_cell_of_rings_changes_nothing():
+    """A tube without end is cut into cells of any height; forces count per height."""
+    scene, path, record, _ = helix(MPI.COMM_SELF)
+    free = replace(scene, loads=[], kinematics=dea.Helical(0.0))
+    run = dea.solve(free, path[1:], record, quiet=True, options=TIGHT)
+    found = run.sensitivity("along", ["thickness:film:z", "voltage"])
+    assert abs(found["voltage"] * 3e3) > 1e-5 and abs(found["thickness:film:z"] * L) < 1e-12
+    with pytest.raises(dea.InputError, match="OverallTorque has no derivative"):
+        run.sensitivity("torque", ["thickness:film:z"])
+    for other in (scene, replace(scene, kinematics=dea.Helical(0.0))):
+        run = dea.solve(other, path, record, quiet=True)
+        with pytest.raises(dea.InputError, match="has no derivative here"):
+            run.sensitivity("along", ["thickness:film:z"])
+
+
 def on_ranks_found(comm):
     scene, path, record, _ = ring(comm)
     run = dea.solve(scene, path, record, quiet=True, options=TIGHT)

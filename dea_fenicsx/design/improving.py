@@ -16,7 +16,7 @@ from mpi4py import MPI
 from dea_fenicsx.design.descent import Descent, Sample
 from dea_fenicsx.design.kept_designs import KeptDesigns
 from dea_fenicsx.design.variables import goals, limits, one_of, ranges
-from dea_fenicsx.design.variations import Build, variation
+from dea_fenicsx.design.variations import Build, Variation, variation
 from dea_fenicsx.gradients.critical import limit_row
 from dea_fenicsx.path.items import Item, Ramp, Trace
 from dea_fenicsx.results.finished import Run
@@ -30,6 +30,9 @@ from dea_fenicsx.support.validation import finite, keywords, positive, whole
 PULL_IN = "pull-in"
 """The name of the load at the limit point of an analysis that ends with a trace."""
 
+PULL_IN_MARGIN = "pull-in margin"
+"""The name of this load over what the scene gives at factor 1, such as the voltage in use."""
+
 
 @dataclass(frozen=True)
 class Analysis:
@@ -41,7 +44,8 @@ class Analysis:
         Observables by name, measured at the last step of a ramp.
     path
         The path.  With a `Trace` at its end the analysis gives ``"pull-in"``, the load at the
-        first limit point in V, and its record only serves the trace.
+        first limit point in V, and ``"pull-in margin"``, this load over that at factor 1, which is
+        the design's own voltage.  Its record only serves the trace.
     solve
         Keywords of `solve`.
     """
@@ -63,7 +67,7 @@ class Analysis:
     @property
     def names(self) -> list[str]:
         """What it gives."""
-        return [PULL_IN] if self.traced else list(self.record)
+        return [PULL_IN, PULL_IN_MARGIN] if self.traced else list(self.record)
 
 
 class ImproveOptions(TypedDict, total=False):
@@ -275,16 +279,32 @@ class _Sampler:
                 to |= {v if isinstance(v, str) else v.name: v
                        for v in change.variables(one.traced)}  # fmt: skip
             for name in one.names:
-                if name not in self.names:
-                    continue
-                found = run.sensitivity(name, list(to.values())) if to else None
-                factors = run.problem.factors
-                values[name] = found.value if found else float(run[name])
-                slopes[name] = {
-                    v: change.total(found.derivatives if found else {}, factors)
-                    for v, change in changes.items()
-                }
+                if name in self.names:
+                    values[name], slopes[name] = _quantity(run, one, name, to, changes)
         return Sample(*self.comm.bcast((values, slopes), root=0))
 
     def _solved(self, scene: Scene, one: Analysis) -> Run:
         return solve(scene, one.items, one.record, **{"quiet": True, **one.solve})
+
+
+def _quantity(
+    run: Run, one: Analysis, name: str, to: Mapping[str, Any], changes: Mapping[str, Variation]
+) -> tuple[float, dict[str, float]]:
+    """A quantity of a run, and its derivatives by the variables of the design.  Collective."""
+    ramp, factors = one.traced, run.problem.factors
+    volts = run.problem.scene.unit_volts.get(ramp, 0.0)
+    slopes: Mapping[str, float] = {}
+    if to:
+        found = run.sensitivity(PULL_IN if ramp else name, list(to.values()))
+        value, slopes = found.value, found.derivatives
+    elif ramp:
+        row = run.history[limit_row(run.history, -1)]
+        value = float(row[f"{ramp}_V" if volts else f"{ramp}_factor"])
+    else:
+        value = float(run[name])
+    by = {v: change.total(slopes, factors) for v, change in changes.items()}
+    if name == PULL_IN_MARGIN:
+        unit = volts or 1.0
+        value /= unit  # the load at factor 1 may be a variable itself
+        by = {v: (by[v] - value * changes[v].volts.get(ramp, 0.0)) / unit for v in by}
+    return value, by

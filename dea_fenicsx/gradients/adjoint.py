@@ -12,13 +12,14 @@ and the observable is differenced along it.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.gradients.differences import displacement_size, fourth_order, small_step
 from dea_fenicsx.gradients.functionals import Functional, functional_of
 from dea_fenicsx.gradients.kept_forms import KeptForms
 from dea_fenicsx.gradients.paired import Paired
@@ -44,15 +45,14 @@ from dea_fenicsx.support.errors import InputError, SolverError
 ADJOINT_TOLERANCE = 1e-10
 """Residual of a linear solve, relative to its right-hand side."""
 
-OBSERVABLE_STEP = 1e-3
-"""Step of the differences of an observable, relative to the state and to the variable.
+ROUNDINGS = 4
+"""Roundings of a solution that its residual may show, where that is more than the tolerance."""
 
-The formula is of fourth order, so that its error is about 1e-12.
-"""
+LARGEST = 1e-7
+"""Largest residual that may be due to rounding."""
 
-
-LEAST_MOTION = 1e-3
-"""Displacement that counts as a small one where nothing has moved, in units of the device."""
+Solve = Callable[[np.ndarray], tuple[np.ndarray, float]]
+"""Gives the solution of a linear system with a right-hand side, and its relative residual."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +90,25 @@ class Gradient(Mapping[str, float]):
 
     def __len__(self) -> int:
         return len(self.derivatives)
+
+
+@dataclass(frozen=True, eq=False)
+class Pulled:
+    """How a functional depends on the state at fixed variables.
+
+    Attributes
+    ----------
+    forms
+        Forms whose derivatives add up to its own, at fixed factors of the ramps.
+    by_factor
+        Its derivative by these factors.
+    by_state
+        Its derivative by the unknowns, over the owned values.
+    """
+
+    forms: Sequence[Any]
+    by_factor: Mapping[str, float]
+    by_state: np.ndarray
 
 
 class Gradients:
@@ -134,7 +153,7 @@ class Gradients:
         check_static(state)
         found = variables(problem, to)
         with problem.at(state):
-            functional = self._functional(observable)
+            functional = self.functional(observable)
             if functional is None and any(isinstance(v, Shape) for v in found):
                 shape = next(v.name for v in found if isinstance(v, Shape))
                 raise InputError(
@@ -143,24 +162,26 @@ class Gradients:
                     "MeanDisplacement, MeanStretch, Contraction, Area, Charge, Capacitance, "
                     "Energy, and the mean or the integral of an Expression."
                 )
+            if functional is not None and functional.per_period:
+                check_height(found, type(observable).__name__)
             measure = bind_alike(problem, name, observable)
             value = measure()
             self.linearise()
             if functional is None:
                 slopes, residual = self._direct(state, measure, found)
                 return Gradient(name, value, slopes, "direct", residual)
-            slopes, residual = self._by_adjoint(functional, found)
+            slopes, residual = self.by_adjoint(functional, found)
         return Gradient(name, value, slopes, "adjoint", residual)
 
     def check_observable(self, observable: Any) -> None:
         """Raise InputError for an observable that has no derivative."""
-        self._functional(observable)
+        self.functional(observable)
 
     def linearise(self) -> None:
         """Let the rows of the linear systems be weighed as Newton's method does it."""
         self.solver.residual_of(self.problem.residual())
 
-    def _functional(self, observable: Any) -> Functional | None:
+    def functional(self, observable: Any) -> Functional | None:
         """The observable as a function of integrals, whose forms are kept; None if it is none."""
         loaded = frozenset(name for name, factor in self.problem.factors.items() if factor)
         key = id(observable), loaded  # a capacitance is no such function without a voltage
@@ -168,32 +189,54 @@ class Gradients:
             self._functionals[key] = observable, functional_of(observable, self.problem)
         return self._functionals[key][1]
 
-    def _by_adjoint(
-        self, functional: Functional, found: list[Variable]
+    def by_adjoint(
+        self, functional: Functional, found: Iterable[Variable], solve: Solve | None = None
     ) -> tuple[dict[str, float], float]:
+        """The derivatives of a functional at the present equilibrium, and a residual.  Collective.
+
+        Parameters
+        ----------
+        functional
+            What is derived.
+        found
+            The variables.
+        solve
+            Solves with the transpose of the tangent; by default exactly.
+        """
         problem = self.problem
-        forms, by_factor = functional.weighted(problem, self.kept)
-        by_state = np.zeros(problem.owned)
-        for form in forms:
-            by_state += self.kept.by_state(form)
-        rhs = problem.restrict(by_state)
+        pulled = self.pulled(functional)
+        rhs = problem.restrict(pulled.by_state)
         solution, residual = np.zeros(len(problem.free)), 0.0
         if self.kept.total(rhs @ rhs) > 0:
-            given = problem.circuits.given_rows()
-            rhs[given] = 0.0
-            solution, residual = self.solved(rhs, transposed=True)
-        paired = Paired(self.kept, self.solver.tangent, -solution, forms)
+            rhs[problem.circuits.given_rows()] = 0.0
+            solution, residual = (solve or self.transposed)(rhs)
+        return self.partial(pulled, found, solution), residual
+
+    def pulled(self, functional: Functional) -> Pulled:
+        """The derivatives of a functional at fixed variables, in the present state.  Collective."""
+        forms, by_factor = functional.weighted(self.problem, self.kept)
+        by_state = np.zeros(self.problem.owned)
+        for form in forms:
+            by_state += self.kept.by_state(form)
+        return Pulled(forms, by_factor, by_state)
+
+    def partial(
+        self, pulled: Pulled, found: Iterable[Variable], adjoint: np.ndarray
+    ) -> dict[str, float]:
+        """The derivatives of J - adjoint . R by variables, at fixed free unknowns.  Collective."""
+        problem = self.problem
+        paired = Paired(self.kept, self.solver.tangent, -adjoint, pulled.forms)
         slopes = {}
         for one in found:
             slope = paired.slope(one)
             if isinstance(one, Load):
-                slope += self.kept.total(by_state @ self.lifted(one.ramp)) / one.unit
-                slope += by_factor.get(one.ramp, 0.0) / one.unit
+                slope += self.kept.total(pulled.by_state @ self.lifted(one.ramp)) / one.unit
+                slope += pulled.by_factor.get(one.ramp, 0.0) / one.unit
             elif isinstance(one, Shape):
                 change = fixed_change(problem, one.velocity)
-                slope += self.kept.total(by_state @ self.followed(change))
+                slope += self.kept.total(pulled.by_state @ self.followed(change))
             slopes[one.name] = slope
-        return slopes, residual
+        return slopes
 
     def _direct(
         self, state: State, measure: Any, found: list[Variable]
@@ -205,28 +248,22 @@ class Gradients:
             worst = max(worst, residual)
             step = self._step(state, changed, one)
 
-            def value(share: float, one: Variable = one, changed: Any = changed,
-                      step: float = step) -> float:  # fmt: skip
-                return self._measured(state, changed, one, share * step, measure)
+            def value(step: float, one: Variable = one, changed: Any = changed) -> float:
+                return self._measured(state, changed, one, step, measure)
 
-            near, far = value(1) - value(-1), value(2) - value(-2)
+            slopes[one.name] = fourth_order(value, step)
             problem.show(state)
-            slopes[one.name] = (8 * near - far) / (12 * step)
         return slopes, worst
 
     def _step(self, state: State, changed: np.ndarray, one: Variable) -> float:
         """The step of a variable for differences.  Collective."""
         problem = self.problem
-        sizes = [most(problem, state.values[part.dofs]) for part in problem.displacement]
         moving = problem.roles.free(Role.MOTION)
-        size, speed = max([*sizes, LEAST_MOTION]), most(problem, changed[moving])
-        steps = [size / speed] if speed > 0 else []
+        size, speed = displacement_size(problem, state), most(problem, changed[moving])
         value = one.value if isinstance(one, Coefficients) else 0.0
         if isinstance(one, Load):
             value = problem.factors[one.ramp] * one.unit
-        if value:
-            steps.append(abs(value))
-        return OBSERVABLE_STEP * min(steps, default=1.0)
+        return small_step([(size, speed), (value, 1.0)])
 
     def _measured(
         self, state: State, changed: np.ndarray, one: Variable, step: float, measure: Any
@@ -266,6 +303,10 @@ class Gradients:
         along.x.array[cells] = rate
         return self.kept.along(self.problem.forms.residual, coefficient, along)
 
+    def transposed(self, rhs: np.ndarray) -> tuple[np.ndarray, float]:
+        """Solve with the transpose of the tangent; see `solved`.  Collective."""
+        return self.solved(rhs, transposed=True)
+
     def solved(self, rhs: np.ndarray, transposed: bool = False) -> tuple[np.ndarray, float]:
         """Solve with the tangent or its transpose; the solution and its residual.  Collective.
 
@@ -282,13 +323,28 @@ class Gradients:
         else:
             times = solver.tangent.times
             found = solve_to(rhs, ADJOINT_TOLERANCE, solver.linear_solve, times, self.problem.comm)
-        if found is None or not found.residual < 10 * ADJOINT_TOLERANCE:
+        if found is None or not (
+            found.residual < 10 * ADJOINT_TOLERANCE
+            or found.residual < min(self._rounding(found.values, rhs, transposed), LARGEST)
+        ):
             reached = "none" if found is None else f"{found.residual:.1e}"
             raise SolverError(
                 "The derivative was not found: the linear system is singular or nearly so "
                 f"(residual {reached}), as at a limit point; take a step away from it."
             )
         return found.values, found.residual
+
+    def _rounding(self, values: np.ndarray, rhs: np.ndarray, transposed: bool) -> float:
+        """The residual that rounding the solution leaves, relative to the right-hand side.
+
+        In slender devices it is large: bending moves much, and hardly changes the residual.
+        Collective.
+        """
+        tangent, total = self.solver.tangent, self.kept.total
+        times = tangent.times_transposed if transposed else tangent.times
+        signs = np.where(np.arange(len(values)) % 2, 1.0, -1.0)
+        noise = times(values * (1 + ROUNDINGS * np.finfo(float).eps * signs)) - times(values)
+        return float(np.sqrt(total(noise @ noise) / total(rhs @ rhs)))
 
     def lifted(self, ramp: str) -> np.ndarray:
         """Change of the fixed values with a ramp's factor, over the owned values.  Collective."""
@@ -306,6 +362,16 @@ class Gradients:
         problem.rigid.follow(along.x.array, problem.w.x.array)
         problem.conditions.ties.follow(along.x.array)
         return np.asarray(along.x.array[: problem.owned])
+
+
+def check_height(found: Iterable[Variable], what: str) -> None:
+    """Raise InputError for a change of shape that may alter the height of a periodic cell."""
+    for one in found:
+        if isinstance(one, Shape) and not one.name.endswith(":r"):
+            raise InputError(
+                f"{what} has no derivative by {one.name!r}, which may change the height of the "
+                "periodic cell; a thickness along r, as 'thickness:film:r', is derived."
+            )
 
 
 def check_static(state: State) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.gradients.adjoint import LEAST_MOTION, OBSERVABLE_STEP
+from dea_fenicsx.gradients.differences import displacement_size, fourth_order, small_step
 from dea_fenicsx.gradients.motion_changes import moved
 from dea_fenicsx.gradients.shapes import most
 from dea_fenicsx.gradients.variables import Coefficients, Load, Variable, larger
@@ -65,36 +65,28 @@ def slopes(
     The problem is left in the state.
     """
 
-    def measured(one: Variable, change: Change, step: float) -> float:
-        with larger(one, step):
-            problem.show(changed(problem, state, change, one, step))
-            return float(measure())
-
     found = {}
     for one, change in changes:
-        step = step_of(problem, state, change, one)
-        near, far = (
-            measured(one, change, k * step) - measured(one, change, -k * step) for k in (1, 2)
-        )
+
+        def measured(step: float, one: Variable = one, change: Change = change) -> float:
+            with larger(one, step):
+                problem.show(changed(problem, state, change, one, step))
+                return float(measure())
+
+        found[one.name] = fourth_order(measured, step_of(problem, state, change, one))
         problem.show(state)
-        found[one.name] = (8 * near - far) / (12 * step)
     return found
 
 
 def step_of(problem: Problem, state: State, change: Change, one: Variable) -> float:
     """The step of a variable for differences.  Collective."""
-    sizes = [most(problem, state.values[part.dofs]) for part in problem.displacement]
     speeds = [most(problem, change.values[part.dofs]) for part in problem.displacement]
-    speed, size = max(speeds), max([*sizes, LEAST_MOTION])
-    steps = [size / speed] if speed > 0 else []
-    if change.strains is not None and (flow := most(problem, change.strains)) > 0:
-        steps.append(1 / flow)
+    flow = 0.0 if change.strains is None else most(problem, change.strains)
     value = one.value if isinstance(one, Coefficients) else 0.0
     if isinstance(one, Load):
         value = one.unit
-    if value:
-        steps.append(abs(value))
-    return OBSERVABLE_STEP * min(steps, default=1.0)
+    size = displacement_size(problem, state)
+    return small_step([(size, max(speeds)), (1.0, flow), (value, 1.0)])
 
 
 def changed(problem: Problem, state: State, change: Change, one: Variable, step: float) -> State:

@@ -8,7 +8,7 @@ complex step, which is exact to rounding.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import singledispatch
 from typing import Any
 
@@ -79,6 +79,8 @@ class Functional:
         in SI units: it depends on the loads through the residual.  Its form is that of `forms`.
     refresh
         Brings what the forms hold beside the state, such as a shape, to the present state.
+    per_period
+        Whether it is one over the height of a periodic cell, which a change of shape may alter.
     """
 
     forms: Sequence[Any]
@@ -86,6 +88,7 @@ class Functional:
     ramps: Sequence[str] = field(default_factory=tuple)
     rows: np.ndarray | None = None
     refresh: Callable[[], None] | None = None
+    per_period: bool = False
     _slopes: list[Any] = field(default_factory=list, init=False)
     _weighted: list[Any] = field(default_factory=list, init=False)
 
@@ -257,7 +260,8 @@ def _(observable: Any, problem: Problem) -> Functional:
     scene, scales = problem.scene, problem.scales
     unit = scales.force * scales.length / scene.period
     rows = dofs[dofs < problem.owned]
-    return _of_rows(problem, rows, unit * (scales.length if twist else 1.0))
+    found = _of_rows(problem, rows, unit * (scales.length if twist else 1.0))
+    return replace(found, per_period=True)
 
 
 def _of_rows(problem: Problem, rows: np.ndarray, unit: float) -> Functional:

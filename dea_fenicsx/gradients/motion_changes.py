@@ -15,6 +15,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.drives.waves import Wave
+from dea_fenicsx.gradients.differences import fourth_order
 from dea_fenicsx.gradients.variables import Load, Variable
 from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.problem import Problem
@@ -81,19 +82,20 @@ def started(solver: NewtonSolver, state: State, item: Any, began: float, jumps: 
 
 def differenced(find: Callable[[float], State], step: float) -> tuple[np.ndarray, Motion]:
     """The derivative of a state's values and motion, by a formula of fourth order.  Collective."""
-    ends = {k: find(k * step) for k in (1, -1, 2, -2)}
+    lengths: list[int] = []
+    seconds = 0.0
 
-    def slope(of: Callable[[State], np.ndarray]) -> np.ndarray:
-        near, far = of(ends[1]) - of(ends[-1]), of(ends[2]) - of(ends[-2])
-        return np.asarray((8 * near - far) / (12 * step))
+    def arrays(step: float) -> np.ndarray:
+        nonlocal seconds
+        state = find(step)
+        motion: Motion = state.history[MOTION]
+        parts = [state.values, *(getattr(motion, name) for name in PARTS)]
+        lengths[:], seconds = [len(part) for part in parts], motion.length
+        return np.concatenate(parts)
 
-    parts = {
-        name: slope(lambda s, name=name: getattr(s.history[MOTION], name))  # type: ignore[misc]
-        for name in PARTS
-    }
-    length = ends[1].history[MOTION].length
-    v, a, b, d = parts.values()
-    return slope(lambda s: s.values), Motion(v, a, b, length, constant=d)
+    slope = fourth_order(arrays, step)
+    values, v, a, b, d = np.split(slope, np.cumsum(lengths)[:-1])
+    return values, Motion(v, a, b, seconds, constant=d)
 
 
 class MotionChanges:

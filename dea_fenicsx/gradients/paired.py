@@ -65,6 +65,22 @@ class Paired:
             slope += kept.total(self.vector @ moved)
         return slope
 
+    def size(self, one: Variable) -> float:
+        """The sum of the sizes of all parts of which `slope` is the sum.  Collective."""
+        problem, kept = self._problem, self._kept
+        if isinstance(one, Load):
+            parts = self.vector * self._tangent.by_load(one.ramp) / one.unit
+        elif isinstance(one, Coefficients):
+            owned = problem.scene.device.owned_cells()
+            parts = np.concatenate([
+                rate * self._cells(coefficient)[cells[cells < owned]]
+                for coefficient, cells, rate in one.changes
+            ])  # fmt: skip
+        else:
+            gradient = self.by_nodes()
+            parts = gradient * nodal_values(kept.nodes, one.velocity)[: len(gradient)]
+        return kept.total(float(np.abs(parts).sum()))
+
     def _cells(self, coefficient: Any) -> np.ndarray:
         """The derivative by a cell-wise coefficient in each local cell.  Collective."""
         key, kept = id(coefficient), self._kept

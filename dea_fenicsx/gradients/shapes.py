@@ -7,7 +7,8 @@ coordinates.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -122,8 +123,13 @@ def check_shape(problem: Problem, name: str) -> None:
             getattr(e, "taper", None) or e.fills_region for e in scene.electrodes
         ),
         "electrodes with a sheet resistance": bool(problem.forms.sheets),
+        "forces on the two ends of a periodic cell, which count per height": (
+            bool(declared.global_forces) and not name.endswith(":r")
+        ),
         "the two ends of a helical period, whose distance the change would alter": (
-            scene.kinematics.periodic_ends is not None and not name.endswith(":r")
+            scene.kinematics.periodic_ends is not None
+            and bool(scene.kinematics.lead(1.0))
+            and not name.endswith(":r")
         ),
     }
     for what, there in parts.items():
@@ -145,8 +151,7 @@ def fixed_change(problem: Problem, velocity: Velocity) -> np.ndarray:
 
     Displacements that a stretch gives depend on where the nodes are.
     """
-    declared = problem.scene.declared.displacements
-    if not any(told.growth is not None or callable(told.metres) for _, told in declared):
+    if not _depend_on_place(problem):
         return np.zeros(problem.size)
     x = problem.mesh.geometry.x
     rest, step = x.copy(), MOVED * velocity(x)
@@ -154,20 +159,57 @@ def fixed_change(problem: Problem, velocity: Velocity) -> np.ndarray:
     try:
         for sign in (1.0, -1.0):
             x[:] = rest + sign * step
-            found.append(_given(problem))
+            found.append(_given(problem).values(problem.factors))
     finally:
         x[:] = rest
     return (found[0] - found[1]) / (2 * MOVED)
 
 
-def _given(problem: Problem) -> np.ndarray:
-    """The displacements that the scene gives on the mesh as it is, at the present load."""
+@contextmanager
+def of_moved_nodes(problem: Problem, rest: np.ndarray) -> Iterator[None]:
+    """Let displacements that are given as functions of the place be those of the mesh as it is.
+
+    Collective.
+
+    Parameters
+    ----------
+    problem
+        The problem, the nodes of whose mesh have moved.
+    rest
+        The nodes' coordinates before.
+    """
+    if not _depend_on_place(problem):
+        yield
+        return
+    base, x = problem.conditions.fixed_values.base, problem.mesh.geometry.x
+    kept, moved = {name: values.copy() for name, values in base.items()}, x.copy()
+    there = _given(problem).base
+    x[:] = rest
+    before = _given(problem).base
+    x[:] = moved
+    try:
+        for name, values in base.items():
+            values += there[name] - before[name]
+        yield
+    finally:
+        for name, values in base.items():
+            values[:] = kept[name]
+
+
+def _depend_on_place(problem: Problem) -> bool:
+    """Whether the scene gives displacements as functions of the place."""
+    declared = problem.scene.declared.displacements
+    return any(told.growth is not None or callable(told.metres) for _, told in declared)
+
+
+def _given(problem: Problem) -> FixedValues:
+    """The displacements that the scene gives on the mesh as it is."""
     scene = problem.scene
     motion = problem.displacement
     values = FixedValues(problem.size, scene.ramps)
     for item in prescriptions(scene.declared.displacements, scene.device, scene.kinematics, motion):
         values.fix(motion[item.axis].dofs[item.local], item.values, item.ramp)
-    return values.values(problem.factors)
+    return values
 
 
 def most(problem: Problem, values: np.ndarray) -> float:

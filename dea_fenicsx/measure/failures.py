@@ -41,6 +41,25 @@ class Worst:
     place: np.ndarray
 
 
+@dataclass(frozen=True)
+class WorstPoint:
+    """The quadrature point of least margin.
+
+    Attributes
+    ----------
+    region : name of the region
+    is_here : whether this rank owns its cell
+    cell, point : the local cell on that rank, and the number of the point in it
+    local : the fields at it on all ranks; arrays start with (1, 1)
+    """
+
+    region: str
+    is_here: bool
+    cell: int
+    point: int
+    local: Local
+
+
 class Failure(Protocol):
     """A way to fail.
 
@@ -83,6 +102,11 @@ class Local:
     J: np.ndarray
     field: np.ndarray
     stress: np.ndarray | None
+
+    def at(self, point: int) -> Local:
+        """The fields at one point of each cell."""
+        F, J, field = (a[:, point : point + 1] for a in (self.F, self.J, self.field))
+        return Local(F, J, field, None if self.stress is None else self.stress[:, [point]])
 
 
 @dataclass(frozen=True)
@@ -316,6 +340,22 @@ class Gauge:
     def margin(self) -> float:
         """Margin of the worst point.  Collective."""
         return self._worst(self._all()).margin
+
+    def worst_point(self) -> WorstPoint:
+        """Where the margin is least, and the fields there.  Collective."""
+        best: tuple[float, str, int, int] = (np.inf, "", -1, -1)
+        for name, cells, _, margins in self._all():
+            k, q = np.unravel_index(int(np.argmin(margins)), margins.shape)
+            if margins[k, q] < best[0]:
+                best = float(margins[k, q]), name, int(cells[k]), int(q)
+        comm = self.problem.comm
+        owner = int(np.argmin([found[0] for found in comm.allgather(best)]))
+        fields, (_, name, cell, point) = None, best
+        if owner == comm.rank:
+            evaluate = next(e for n, _, e in self.parts if n == name)
+            fields = self._local(np.array([cell], dtype=np.int32), evaluate).at(point)
+        local, region = comm.bcast((fields, name), root=owner)
+        return WorstPoint(region, owner == comm.rank, cell, point, local)
 
     def _worst(self, parts: list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]) -> Worst:
         problem = self.problem

@@ -13,9 +13,12 @@ import numpy as np
 from dea_fenicsx.gradients.adjoint import Gradient, Gradients
 from dea_fenicsx.gradients.changes import Recorded
 from dea_fenicsx.gradients.critical import critical_load, limit_row
+from dea_fenicsx.gradients.events import EVENTS, Asked, event_load, event_row
+from dea_fenicsx.gradients.hessian import hessian_product
 from dea_fenicsx.gradients.past_checks import has_past
 from dea_fenicsx.gradients.through_time import at_step
 from dea_fenicsx.gradients.variables import ShapeChange
+from dea_fenicsx.measure.failures import Failure
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.columns import check_added
 from dea_fenicsx.results.folder import Folder
@@ -47,9 +50,11 @@ class Run:
         folder: Folder | None = None,
         states: KeptStates | None = None,
         recorded: Mapping[str, Any] | None = None,
+        failures: Sequence[Failure] = (),
     ) -> None:
         self.history, self.summary, self.folder = history, summary, folder
         self._problem, self._recorded = problem, dict(recorded or {})
+        self._failures = tuple(failures)
         self._states = KeptStates() if states is None else states
 
     @property
@@ -118,8 +123,10 @@ class Run:
         Parameters
         ----------
         name
-            A name in ``record=``, or ``"pull-in"`` for the load at the first limit point of a
-            trace, at which it is stationary.
+            A name in ``record=``, or what a critical load is called, at its first event:
+            ``"pull-in"`` for the load at a limit point of a trace, ``"buckling"`` for that of a
+            bifurcation (``stability="every"`` locates it), ``"breakdown"``, ``"loss of tension"``
+            and ``"stretch limit"`` for those at which a failure that is watched begins.
         to
             What is derived by, each by its name:
 
@@ -158,6 +165,12 @@ class Run:
             return critical_load(
                 self._gradients, self._states.of(row, len(self.history)), self.history[row], to
             )
+        if name in EVENTS and name not in self._recorded:
+            row = event_row(self.history, name, step)
+            state, failures = self._states.of(row, len(self.history)), self._failures
+            return event_load(
+                self._gradients, state, self.history[row], Asked(name, to, failures)
+            )
         known(name, self._recorded, "recorded observable", "the run")
         rows = len(self.history)
         state = self._states.of(step, rows)
@@ -167,6 +180,40 @@ class Run:
                 self._gradients, name, self._recorded[name], to, row, self._recorded_step
             )
         return self._gradients.of_observable(state, name, self._recorded[name], to)
+
+    def hessian_product(
+        self, name: str, to: Iterable[str | ShapeChange], along: Mapping[str, float],
+        step: int = -1,
+    ) -> Gradient:  # fmt: skip
+        """The second derivatives of what was recorded, along a direction.  Collective.
+
+        Parameters
+        ----------
+        name, to, step
+            As of `sensitivity`.
+        along
+            Name of a variable to its part in the direction, in its unit: with
+            ``{"voltage": 1.0}`` the result is the derivative of ``d tip/d voltage`` by each of
+            `to`.  A `ShapeChange` in `to` is named here by its own name.
+
+        Returns
+        -------
+        Gradient
+            The derivative by each variable of the slope along the direction.  Its ``value`` is this
+            slope.
+
+        Raises
+        ------
+        InputError
+            As of `sensitivity`, for an observable that is no function of integrals, for a
+            frequency, and at a step of a march.
+        SolverError
+            If a linear system is singular.
+        """
+        known(name, self._recorded, "recorded observable", "the run")
+        state = self._states.of(step, len(self.history))
+        measured = name, self._recorded[name]
+        return hessian_product(self._gradients, state, measured, to, along)
 
     def _recorded_step(self, row: int) -> Recorded:
         """The state of a row, and where on the path it lies."""

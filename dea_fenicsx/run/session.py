@@ -156,7 +156,9 @@ class _Session:
         begin = self._begin(journal) if cursor is None else None
         self._open(journal, cursor, begin)
         problem, states = journal.solver.problem, journal.states
-        result = Run(journal.history, {}, problem, folder, states, self.record)
+        result = Run(
+            journal.history, {}, problem, folder, states, self.record, self.failures
+        )
         closing = Closing(journal, result, self.given.settings or {})
         closing.summarise("running")
         try:
