@@ -251,6 +251,12 @@ class Branch:
         attempt = self.step(here, arc, before)
         if before is not None and not attempt.converged:
             attempt = self.step(here, arc)
+        return self.judged(attempt, here, arc)
+
+    def judged(
+        self, attempt: Attempt, here: Point, arc: float
+    ) -> tuple[Attempt, Point | None]:
+        """How a step from a point ended, and its point if it has not left the branch."""
         if not attempt.converged:
             return attempt, None
         there = self.point(attempt.found, along=here)

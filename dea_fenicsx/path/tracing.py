@@ -16,6 +16,7 @@ from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.items import Trace
 from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.path.roots import Bracket
+from dea_fenicsx.path.soft_watch import SoftWatch
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
@@ -141,6 +142,7 @@ class Tracer:
         self.rates = {item.what: 1.0}
         self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
         self.crossings = Crossings(self.branch, item.longest)
+        self.watch = SoftWatch(self.branch)
         self._cut = 1.0
 
     def follow(self, arc: float, sign: float, leave: int = 1) -> Iterator[Traced]:
@@ -213,7 +215,7 @@ class Tracer:
             usual = arc / self._cut
             if self.crossings.announced(usual) and (passed := self._passed(here, retries)):
                 return passed
-            attempt, there = self.branch.advance(here, arc, before)
+            attempt, there = self.watch.advance(here, arc, before)
             outcome = attempt.outcome
             if there is not None:
                 count = self.sentinel.count(there.state)
