@@ -50,27 +50,29 @@ class SoftWatch:
     ) -> tuple[Attempt, Point | None]:
         """As of `Branch.advance`, but refuse a step that leaves along a soft shape.  Collective."""
         attempt, there = self.branch.advance(here, arc, before)
-        if there is None or before is None or self._stays(here, there, arc, before):
+        if there is None or before is None or self.stays(here, there, arc, before):
             return attempt, there
         straight, there = self._straight(here, arc, before)
-        if there is not None and self._stays(here, there, arc, before):
+        if there is not None and self.stays(here, there, arc, before):
             return straight, there
         return attempt.refused(Outcome.OTHER_BRANCH), None
 
-    def _stays(self, here: Point, there: Point, arc: float, before: Point) -> bool:
-        """Whether the cubic predicts most of what a step moves along the soft shapes."""
+    def stays(self, here: Point, there: Point, arc: float, before: Point) -> bool:
+        """Whether a step keeps to its branch.  Collective.
+
+        It moves little along the soft shapes, or the cubic predicts most of this motion.
+        """
         branch = self.branch
         guess, _ = Cubic.through(branch, here, before).guess(arc)
         missed = self._moved(guess.values, there)
-        limit = LEAST_ASIDE * LEAST_UNPREDICTED * arc
-        if self._size(missed) <= limit:
+        if self._size(missed) <= LEAST_UNPREDICTED * LEAST_ASIDE * arc:
             return True
         shapes = self._shapes(here, before)
         if shapes is None:
             return True
-        unpredicted = self._size(shapes.part(missed))
         aside = self._size(shapes.part(self._moved(here.state.values, there)))
-        return unpredicted <= max(limit, LEAST_UNPREDICTED * aside)
+        unpredicted = self._size(shapes.part(missed))
+        return aside <= LEAST_ASIDE * arc or unpredicted <= LEAST_UNPREDICTED * aside
 
     def _straight(
         self, here: Point, arc: float, before: Point

@@ -141,8 +141,8 @@ class Tracer:
         now = self.problem.factors[item.what]
         self.rates = {item.what: 1.0}
         self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
-        self.crossings = Crossings(self.branch, item.longest)
         self.watch = SoftWatch(self.branch)
+        self.crossings = Crossings(self.branch, item.longest, self.watch)
         self._cut = 1.0
 
     def follow(self, arc: float, sign: float, leave: int = 1) -> Iterator[Traced]:
