@@ -28,8 +28,11 @@ WATCHED_SHAPES = 8
 LEAST_ASIDE = 3e-3
 """Motion along the soft shapes, as a share of the arc, below which a step is accepted as it is."""
 
-LEAST_UNPREDICTED = 0.25
-"""Share of this motion that the cubic must predict wrongly, where a step is refused."""
+LEAST_MISSED = 7.5e-4
+"""Motion beside the prediction, as a share of the arc, below which a step is accepted as it is."""
+
+LEAST_UNPREDICTED = 0.1
+"""Share of the motion along the soft shapes that must lie beside the prediction to refuse a step."""
 
 
 class SoftWatch:
@@ -65,14 +68,15 @@ class SoftWatch:
         branch = self.branch
         guess, _ = Cubic.through(branch, here, before).guess(arc)
         missed = self._moved(guess.values, there)
-        if self._size(missed) <= LEAST_UNPREDICTED * LEAST_ASIDE * arc:
+        if self._size(missed) <= LEAST_MISSED * arc:
             return True
         shapes = self._shapes(here, before)
         if shapes is None:
             return True
         aside = self._size(shapes.part(self._moved(here.state.values, there)))
         unpredicted = self._size(shapes.part(missed))
-        return aside <= LEAST_ASIDE * arc or unpredicted <= LEAST_UNPREDICTED * aside
+        few = max(LEAST_MISSED * arc, LEAST_UNPREDICTED * aside)
+        return aside <= LEAST_ASIDE * arc or unpredicted <= few
 
     def _straight(
         self, here: Point, arc: float, before: Point

@@ -141,8 +141,7 @@ class Tracer:
         now = self.problem.factors[item.what]
         self.rates = {item.what: 1.0}
         self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
-        self.watch = SoftWatch(self.branch)
-        self.crossings = Crossings(self.branch, item.longest, self.watch)
+        self.crossings = Crossings(self.branch, item.longest, SoftWatch(self.branch))
         self._cut = 1.0
 
     def follow(self, arc: float, sign: float, leave: int = 1) -> Iterator[Traced]:
@@ -212,16 +211,15 @@ class Tracer:
         """Go an arc, halved until the step is accepted, or pass a crossing in one step."""
         retries = 0
         while True:
-            usual = arc / self._cut
-            if self.crossings.announced(usual) and (passed := self._passed(here, retries)):
+            announced = self.crossings.announced(arc / self._cut)
+            if announced and (passed := self._passed(here, retries)):
                 return passed
-            attempt, there = self.watch.advance(here, arc, before)
+            attempt, there = self.crossings.watch.advance(here, arc, before)
             outcome = attempt.outcome
             if there is not None:
                 count = self.sentinel.count(there.state)
-                turns = here.slope * there.slope < 0
                 if not self._is_doubtful(here, there, arc, count):
-                    self._tell_unexplained(count, turns)
+                    self._tell_unexplained(count, here.slope * there.slope < 0)
                     return _Reached(attempt, here, there, arc, count, retries)
                 outcome = Outcome.MIXED_EVENTS
             retries += 1

@@ -238,6 +238,8 @@ def follow(kind: str, seed: int, number: int, shown: bool = False) -> tuple[str,
             trial.scene, trial.path, trial.record, quiet=not shown, stability="never"
         )
         rows = run.history
+    except dea.Interrupted:
+        raise
     except dea.DeaError as error:
         end = str(error)
         rows = error.run.history if getattr(error, "run", None) else []
