@@ -32,7 +32,7 @@ LEAST_MISSED = 7.5e-4
 """Motion beside the prediction, as a share of the arc, below which a step is accepted as it is."""
 
 LEAST_UNPREDICTED = 0.1
-"""Share of the motion along the soft shapes that must lie beside the prediction to refuse a step."""
+"""Share of this motion that must lie beside the prediction, where a step is refused."""
 
 
 class SoftWatch:

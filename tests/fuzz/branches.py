@@ -270,7 +270,8 @@ def main() -> int:
         outcome, worst, words = follow(kind, args.seed, number, args.trial is not None)
         told[outcome] = told.get(outcome, 0) + 1
         seconds = time.process_time() - start
-        print(f"{number:4d} {kind:7s}{outcome:7s}{worst:8.1e} {seconds:5.1f} s  {words}", flush=True)
+        head = f"{number:4d} {kind:7s}{outcome:7s}{worst:8.1e} {seconds:5.1f} s"
+        print(f"{head}  {words}", flush=True)
     print(f"\nseed {args.seed}: {told} of {len(numbers)} traces")
     return told.get("leaves", 0)
 
