@@ -47,7 +47,7 @@ def test_a_path_near_an_instability_has_one_answer(name, steps):
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("number, kind", enumerate(branches.KINDS))
+@pytest.mark.parametrize("number, kind", list(enumerate(branches.KINDS)))
 def test_a_random_trace_stays_on_its_branch(number, kind):
     """If this fails: ``python -m tests.fuzz.branches --trial NUMBER``."""
     outcome, _, words = branches.follow(kind, SEED, number)
