@@ -35,6 +35,7 @@ from demo_checks import (
     check_optimise_electrode,
     check_own_geometry,
     check_own_material,
+    check_panels,
     check_prestretch,
     check_pull_in,
     check_pump,
@@ -469,6 +470,15 @@ def test_zipping(start, tmp_path):
     done = start(DEMOS / "zipping_or_folding.py", "--case", "zip", "--out", tmp_path, "--quiet",
                  check=True)  # fmt: skip
     check_zipping(tmp_path, done.stdout)
+
+
+@on_demand
+@pytest.mark.demo
+def test_panels_that_meet(start, tmp_path):
+    """Minutes: twice eight steps of a storey whose valleys meet."""
+    done = start(DEMOS / "zipping_or_folding.py", "--case", "panels", "--out", tmp_path, "--quiet",
+                 "--stroke", 6.8e-3, "--steps", 8, check=True)  # fmt: skip
+    check_panels(tmp_path, done.stdout)
 
 
 HELP_OF_ALL = """
