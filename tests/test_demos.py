@@ -35,7 +35,6 @@ from demo_checks import (
     check_optimise_electrode,
     check_own_geometry,
     check_own_material,
-    check_panels,
     check_prestretch,
     check_pull_in,
     check_pump,
@@ -49,7 +48,6 @@ from demo_checks import (
     check_viscous_film,
     check_viscous_fit,
     check_wrinkles,
-    check_zipping,
     summary,
 )
 from device_demo_checks import DEVICE_CHECKS
@@ -463,22 +461,6 @@ def test_growth_table_of_ten_layers(start, tmp_path):
     wrong = start(DEMOS / "hdea_ten_layer.py", "--table", 0, "--out", tmp_path)
     assert wrong.returncode == 2
     assert wrong.stderr.strip().endswith("must hold whole numbers of at least 1.")
-
-
-@pytest.mark.demo
-def test_zipping(start, tmp_path):
-    done = start(DEMOS / "zipping_or_folding.py", "--case", "zip", "--out", tmp_path, "--quiet",
-                 check=True)  # fmt: skip
-    check_zipping(tmp_path, done.stdout)
-
-
-@on_demand
-@pytest.mark.demo
-def test_panels_that_meet(start, tmp_path):
-    """Minutes: twice eight steps of a storey whose valleys meet."""
-    done = start(DEMOS / "zipping_or_folding.py", "--case", "panels", "--out", tmp_path, "--quiet",
-                 "--stroke", 6.8e-3, "--steps", 8, check=True)  # fmt: skip
-    check_panels(tmp_path, done.stdout)
 
 
 HELP_OF_ALL = """
