@@ -69,6 +69,10 @@ class AirGap(Geometry):
         _check.ratio("AirGap", "grading", self.grading)
         _check.group_name("AirGap", "region", self.region)
         mesh = self.device.mesh()
+        if not isinstance(self.face, str):
+            raise InputError(
+                f"AirGap: face is {shown(self.face)}; it must be the name of a facet group."
+            )
         known(self.face, mesh.facets, "facet group", "the device")
         for name in self._own:
             if name in {*mesh.regions, *mesh.facets}:
