@@ -16,6 +16,7 @@ from .grading import graded
 if TYPE_CHECKING:
     from .air_box import AirBox
     from .air_core import AirCore
+    from .air_gap import AirGap
     from .balloon import Balloon
     from .box_stack import BoxStack
     from .dea_hinge import DEAHinge
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from .tube import Tube
 
 __all__ = [
-    "AirBox", "AirCore", "Balloon", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack",
+    "AirBox", "AirCore", "AirGap", "Balloon", "BoxStack", "DEAHinge", "DiscCapacitor", "DiskStack",
     "FingerStack", "Geometry", "HDEA", "HelicalCell", "HollowSphere", "KreslingCell", "Layer",
     "MembraneDisc", "Meridian", "Roll", "StiffenedFilm", "StiffenedSection", "TabbedStack",
     "Tube", "graded",
@@ -43,6 +44,7 @@ __all__ = [
 _HOME = {
     "AirBox": "air_box",
     "AirCore": "air_core",
+    "AirGap": "air_gap",
     "Balloon": "balloon",
     "BoxStack": "box_stack",
     "DEAHinge": "dea_hinge",

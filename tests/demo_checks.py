@@ -79,6 +79,15 @@ def check_folding(out, printed):
     assert np.allclose(with_rod["force_N"][before], free["force_N"][before], rtol=1e-6)
 
 
+def check_panels(out, printed):
+    """The valleys meet each other; from there on the force is larger than without that."""
+    s = summary(out)
+    assert s["case"] == "panels" and s["pull_in_voltage_V"] is None
+    assert 5e-3 < s["panels_meet_at_stroke_m"] < 6e-3  # own value, 2026-11
+    assert s["contact_changes_force_by"] > 0.05
+    assert s["twist_at_stroke_deg"] < s["twist_without_contact_deg"]
+
+
 def check_zipping(out, printed):
     """The charge of the zipped film beside a beam's; it lets go far below its pull-in."""
     s = summary(out)

@@ -404,6 +404,9 @@ FIELDS = {
     geometry.AirCore: (
         geometry.AirCore, dict(storey=geometry.KreslingCell(
             0.054, 0.03, 0.8, 5e-4, 2e-3, relief=0.3, sides=3))),
+    geometry.AirGap: (
+        geometry.AirGap, dict(device=BoxStack(1e-3, None, [Layer("film", 1e-3)]), face="top",
+                              thickness=1e-3)),
     geometry.DiscCapacitor: (
         geometry.DiscCapacitor, dict(radius=1e-2, gap=1e-2, box=1e-1, divisions=(2, 2, 2))),
     geometry.MembraneDisc: (

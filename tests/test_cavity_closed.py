@@ -8,7 +8,7 @@ from conftest import block
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.geometry import BoxStack, HollowSphere, Layer, MembraneDisc
+from dea_fenicsx.geometry import BoxStack, HollowSphere, Layer, MembraneDisc, Tube
 from dea_fenicsx.mesh.rims import outer_facets, rim_of
 from dea_fenicsx.model.problem import Problem
 
@@ -247,3 +247,19 @@ def test_ranks_agree_about_the_rim(ranks, on_ranks):
     assert many[:2] == one[:2]
     assert many[2:4] == pytest.approx(one[2:4], rel=1e-12)
     assert many[4:] == [pytest.approx(v, abs=1e-12) for v in one[4:]]
+
+
+def test_gas_behind_a_flat_wall_is_refused_before_its_rim():
+    """A flat wall holds no gas however its rim is closed; a free rim alone is told as before."""
+    disc = dea.read_gmsh(MembraneDisc(12e-3, 4e-3, 1e-3, cells=(2, 1, 2)), MPI.COMM_SELF)
+    free = ("bottom", [dea.Fix("axis", "r"), dea.FreeBody()], dea.Axisymmetric())
+    gas = dict(liquid=None, gas=1e-6)
+    assert "has no volume" in refusal(lambda: scene_of(disc, *free, **gas))
+    assert "not closed" in refusal(lambda: scene_of(disc, *free, **gas, reservoir=1e-9))
+    assert "not closed" in refusal(lambda: scene_of(disc, *free))
+    cube = block((1, 1, 1))
+    assert "has no volume" in refusal(lambda: scene_of(cube, "top", [dea.Clamp("bottom")], **gas))
+    # the normal of a straight pipe is radial, which is not flat
+    pipe = dea.read_gmsh(Tube(1e-3, 2e-3, [Layer("wall", 1e-3)], axial=2), MPI.COMM_SELF)
+    held = [dea.Clamp("bottom"), dea.Clamp("top")]
+    scene_of(pipe, "inner", held, dea.Axisymmetric(), **gas)

@@ -49,7 +49,6 @@ from demo_checks import (
     check_viscous_film,
     check_viscous_fit,
     check_wrinkles,
-    check_zipping,
     summary,
 )
 from device_demo_checks import DEVICE_CHECKS
@@ -463,13 +462,6 @@ def test_growth_table_of_ten_layers(start, tmp_path):
     wrong = start(DEMOS / "hdea_ten_layer.py", "--table", 0, "--out", tmp_path)
     assert wrong.returncode == 2
     assert wrong.stderr.strip().endswith("must hold whole numbers of at least 1.")
-
-
-@pytest.mark.demo
-def test_zipping(start, tmp_path):
-    done = start(DEMOS / "zipping_or_folding.py", "--case", "zip", "--out", tmp_path, "--quiet",
-                 check=True)  # fmt: skip
-    check_zipping(tmp_path, done.stdout)
 
 
 HELP_OF_ALL = """

@@ -279,3 +279,27 @@ def test_the_pressure_is_a_field():
     pressure = writer.cell_fields()["contact_pressure_Pa"]
     assert pressure[low] == pytest.approx(-nominal(0.8, "plane") * 0.8, rel=1e-9)
     assert low.any() and not pressure[~low].any()
+
+
+def test_a_plane_between_parts():
+    """Without `between`, the part of the device behind the plane is refused; with it, it is not.
+
+    The far end of a strip that is pushed sideways comes to rest at the plane.
+    """
+
+    def scene(**more):
+        return dea.Scene(
+            strip(), {"film": RUBBER}, kinematics=dea.PlaneStrain(),
+            supports=[dea.Fix("x_min", "x"), dea.Fix("bottom", "y"),
+                      dea.Obstacle("x_max", dea.Plane((3.8 * L, 0.0), (1.0, 0.0), **more))],
+            loads=[dea.DeadLoad("x_max", (-MU, 0.0))],
+        )  # fmt: skip
+
+    with pytest.raises(dea.InputError, match="lies inside the device"):
+        dea.solve(scene(), dea.Ramp("load"), quiet=True)
+    run = dea.solve(scene(between=True), dea.Ramp("load", steps=2), {
+        "x": dea.MeanDisplacement("x_max", "x"), "f": dea.ContactForce("x_max", "x"),
+    }, quiet=True, options=TIGHT)  # fmt: skip
+    assert run["x_m"] == pytest.approx(-0.2 * L, rel=1e-10)
+    carried = MU * L + nominal(0.95, "plane") * L
+    assert run["f_N"] == pytest.approx(carried, rel=1e-9)

@@ -52,6 +52,8 @@ def _depth(scene: Scene, contact: Contact) -> float:
     mine = sides[contact.facets[:, 0], contact.facets[:, 1]]
     lows = [-float(np.min(values, initial=np.inf)) for values in (whole, mine)]
     deepest, on_surface = (device.comm.allreduce(low, op=MPI.MAX) for low in lows)
+    if contact.told.lies_between:
+        return max(on_surface, 0.0)
     if max(deepest, 0.0) > max(on_surface, 0.0) + SAME_DEPTH:
         raise InputError(
             f"The obstacle at {name!r} lies inside the device: a point that is not on {name!r} is "

@@ -8,7 +8,7 @@ from typing import Any
 
 from dea_fenicsx.scene.condition import Load, OnGroups, Setting, Told, of_kind
 from dea_fenicsx.scene.declarations import Declaration
-from dea_fenicsx.scene.enclosure import Enclosed, enclosed
+from dea_fenicsx.scene.enclosure import Enclosed, enclosed, is_flat
 from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import in_si
@@ -233,6 +233,9 @@ class Cavity(OnGroups, Load):
             positive(self.reference_volume, f"reference_volume {what}", "a volume > 0 in m^3")
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
+        # A flat wall holds no gas, however its rim is closed; so that is told before its rim is.
+        if self.kind == "gas" and not self.reservoir and is_flat(scene, self.names):
+            raise self._empty()
         space = enclosed(scene, self.names, self.symmetry, self.openings)
         size = space.area
         if space.volume < -1e-9 * size:
@@ -241,15 +244,19 @@ class Cavity(OnGroups, Load):
                 "facets look outwards; name the walls that look into the cavity."
             )
         if self.kind == "gas" and space.volume <= 1e-12 * size and not self.reservoir:
-            raise InputError(
-                f"The cavity behind {self.label!r} has no volume in the undeformed body, so it "
-                "cannot hold gas there; give the volume that it is joined to, reservoir=, or take "
-                "liquid= or pressure=."
-            )
+            raise self._empty()
         return [Filling(
             space, self.kind, getattr(self, self.kind), self.ramp, self.outside, self.exponent,
             self.reference_volume, self.reservoir,
         )]  # fmt: skip
+
+    def _empty(self) -> InputError:
+        """The error of a gas in a cavity without a volume."""
+        return InputError(
+            f"The cavity behind {self.label!r} has no volume in the undeformed body, so it "
+            "cannot hold gas there; give the volume that it is joined to, reservoir=, or take "
+            "liquid= or pressure=."
+        )
 
     def check_beside(self, told: Told) -> None:
         for item, filling in of_kind(told, Filling):

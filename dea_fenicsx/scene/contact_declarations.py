@@ -46,6 +46,11 @@ class UnilateralContact(Declaration):
     def amounts(self) -> Mapping[str, tuple[float, ...]]:
         return {"metres": self.travel} if self.ramp else {}
 
+    @property
+    def lies_between(self) -> bool:
+        """Whether other parts of the device may lie behind it."""
+        return isinstance(self.shape, Plane) and self.shape.between
+
     def gap(self, place: Any, number: Callable[[float], Any] = float) -> Any:
         """The gap in m between the undisplaced obstacle and a place in space in m, a UFL vector.
 

@@ -150,6 +150,16 @@ def enclosed(
     return Enclosed(label, facets, shares, origin, volume, area, bool(openings))
 
 
+def is_flat(scene: Setting, names: Sequence[str]) -> bool:
+    """Whether facet groups lie in one plane, so that they enclose nothing.  Collective."""
+    facets = outer_facets(scene.device, names)
+    none = (0.0,) * len(scene.kinematics.coordinates)
+    _, area, flux = _measures(scene.device, scene.kinematics, facets, none, none)
+    if scene.kinematics.axis_of_rotation:  # a radial normal turns about the axis
+        flux = flux[1:]
+    return float(np.linalg.norm(flux)) > (1 - OPEN) * area
+
+
 def _planes(
     scene: Setting, rim: Rim, symmetry: str
 ) -> tuple[dict[str, list[float]], Rim]:
@@ -176,6 +186,9 @@ def _planes(
                 chosen = usable & (np.abs(at[:, 0] - value) < 2 * COPLANAR_TOLERANCE)
                 if best is None or chosen.sum() > best[0]:
                     best = int(chosen.sum()), name, float(value), chosen
+            # A radius is the cylinder around two rims as well; discs at the rims come first.
+            if best is not None and kinematics.axis_of_rotation:
+                break
         if best is None or not best[0]:
             break
         _, name, value, chosen = best

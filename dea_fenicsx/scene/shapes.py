@@ -30,10 +30,16 @@ class Plane:
         X0 in m, a point of the plane, with one component for each axis of the kinematics.
     normal
         n, the direction from the obstacle to the device, of any length.
+    between
+        Whether the plane lies between two parts of the device, so that other parts than the surface
+        of the obstacle lie behind it.  Two parts that a symmetry of the device takes to each other
+        meet at a plane that it takes to itself, such as a plane of symmetry, or one through a
+        two-fold axis: each of the two surfaces then gets such an obstacle, with opposite normals.
     """
 
     point: tuple[float, ...]
     normal: tuple[float, ...]
+    between: bool = False
 
     def check(self) -> None:
         """Raise InputError unless it is a shape."""
@@ -43,7 +49,8 @@ class Plane:
 
     def in_space(self, rotational: bool) -> Plane:
         """The same plane with three components, where it is given with two."""
-        return Plane(_in_space(self.point, rotational), _in_space(self.normal, rotational))
+        point, normal = (_in_space(v, rotational) for v in (self.point, self.normal))
+        return replace(self, point=point, normal=normal)
 
     def gap(self, x: Any, number: Callable[[float], Any]) -> Any:
         """The gap in m at a point x in space in m, symbolic."""
