@@ -4,16 +4,13 @@ A design search, a fit and a loop over moduli solve one scene again and again.  
 run's time goes into its forms, its spaces and the analysis of its factor, all of which stay the
 same.  So the last few small problems are kept.  One is used again if nobody can see it any more:
 its run has been deleted, and neither a script nor a script's own observable has ever had it.
-
-A loop may also mesh the device anew each time.  On one rank a kept problem serves a new device,
-too, if the meshes and their names are equal number by number.
 """
 
 from __future__ import annotations
 
 import weakref
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -27,7 +24,6 @@ from dea_fenicsx.results.finished import Run
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.options import NewtonOptions
-from dea_fenicsx.support import compat
 
 MOST_KEPT = 3
 """Number of problems that are kept: in a loop the last run is still there while the next begins."""
@@ -106,9 +102,6 @@ def solver_for(
         return NewtonSolver(Problem(scene, released), options)
     kept = usable[min(common)]
     _kept.remove(kept)
-    device = kept.solver.problem.scene.device
-    if device is not scene.device:
-        scene = replace(scene, device=device)
     kept.solver.problem.reuse(scene)
     kept.solver.renew()
     return kept.solver
@@ -116,11 +109,7 @@ def solver_for(
 
 def _is_like(old: Scene, new: Scene) -> bool:
     """Whether two scenes differ by the constants of their materials at most."""
-    if set(old.materials) != set(new.materials):
-        return False
-    if old.device is not new.device and (
-        any(map(_calls_script, new.materials.values())) or not _are_equal(old.device, new.device)
-    ):
+    if old.device is not new.device or set(old.materials) != set(new.materials):
         return False
     names = [f.name for f in fields(Scene) if f.name not in ("device", "materials")]
     if any(_plain(getattr(old, name)) != _plain(getattr(new, name)) for name in names):
@@ -135,33 +124,6 @@ def _is_like(old: Scene, new: Scene) -> bool:
     if len(new.solids) < len(new.materials) and moduli[0] != moduli[1]:
         return False  # The stiffness of air follows the smallest modulus.
     return bool(abs(np.log(moduli[0] / moduli[1])) < np.log(MOST_CHANGE))
-
-
-def _are_equal(old: Device, new: Device) -> bool:
-    """Whether two devices on one rank have equal meshes and names, number by number.
-
-    On several ranks the numbers of runs would not tell the problems of two devices apart.
-    """
-    if old.comm.size > 1 or new.comm.size > 1:
-        return False
-    told = ("dim", "length", "regions", "surfaces", "further", "source")
-    if any(getattr(old, name) != getattr(new, name) for name in told):
-        return False
-    if (old.facets is None) != (new.facets is None):
-        return False
-    pairs = zip(_numbers_of(old), _numbers_of(new), strict=True)
-    return all(np.array_equal(a, b) for a, b in pairs)
-
-
-def _numbers_of(device: Device) -> list[Any]:
-    """What makes a mesh and its names on one rank: its cells, nodes, coordinates and tags."""
-    mesh = device.mesh
-    tags = [device.cells] if device.facets is None else [device.cells, device.facets]
-    return [
-        [mesh.topology.cell_name(), repr(mesh.ufl_domain().ufl_coordinate_element())],
-        mesh.topology.connectivity(device.dim, 0).array, compat.geometry_dofmap(mesh),
-        mesh.geometry.x, *[part for tag in tags for part in (tag.indices, tag.values)],
-    ]  # fmt: skip
 
 
 def _plain(value: Any) -> Any:
@@ -195,8 +157,11 @@ def _kind(material: Material) -> tuple[Any, ...]:
 
 
 def _shape_of_field(material: Material) -> Any:
-    """What shapes the energy of the field; None where there is none."""
-    return material.dielectric.form() if material.is_dielectric else None
+    """What shapes the energy of the field, and how charges leak and lag; None without a field."""
+    if not material.is_dielectric:
+        return None
+    dielectric = material.dielectric
+    return dielectric.form(), dielectric.conductivity_law(), dielectric.relaxation_terms()
 
 
 def _branch_kind(branch: Branch) -> tuple[Any, ...]:
