@@ -488,4 +488,4 @@ def test_help_states_units(start, tmp_path):
     for text in found.values():
         assert "--out" in text
         assert "--quiet" in text
-        assert re.search(r"Pa|--[a-z-]+ (m|s|V)\b", text)
+        assert re.search(r"Pa|--[a-z-]+ (m|s|V)\b|degrees Celsius", text)

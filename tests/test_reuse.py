@@ -84,6 +84,36 @@ def test_constants_that_make_sense_together_only_are_taken_together(cube):
     assert found[1:] == pytest.approx(found[:1] * 2, rel=1e-9)
 
 
+def test_a_leak_and_a_lag_belong_to_the_problem(cube):
+    """A charged film that is disconnected loses its voltage by the rates of its own dielectric."""
+    late = dea.Debye(1.5, 2.0)
+    kinds = [
+        {}, {"conductivity": 1e-12}, {"conductivity": 2e-12}, {"relaxation": [late]},
+        {"relaxation": [late, dea.Debye(0.5, 1.0)], "conductivity": 1e-12},
+        {"relaxation": [dea.Debye(1.5, 5.0)], "conductivity": 1e-12},
+    ]  # fmt: skip
+
+    def voltage(kind):
+        film = dea.Material(dea.NeoHookean(1e9), dea.IdealDielectric(3.0, **kind))
+        scene = dea.Scene(
+            cube, {"film": film}, [dea.Source("top", 100.0), dea.Ground("bottom")],
+            supports=[dea.Clamp("bottom")],
+        )  # fmt: skip
+        path = [dea.Ramp(steps=1), dea.Open("top"), dea.March(6.0, steps=5)]
+        return float(dea.solve(scene, path, {"v": dea.Potential("top")}, quiet=True)["v_V"])
+
+    alone = []
+    for kind in kinds:
+        reuse.clear()
+        alone.append(voltage(kind))
+    assert len({round(volts, 3) for volts in alone}) == len(kinds)
+    for second, kind in enumerate(kinds):
+        for first in (kinds[second - 1], kinds[second - 2]):
+            reuse.clear()
+            voltage(first)
+            assert voltage(kind) == pytest.approx(alone[second], rel=1e-9)
+
+
 def test_a_problem_that_can_be_seen_is_left_alone(strip):
     first = solve(bender(strip))
     problem = first.problem

@@ -145,8 +145,8 @@ def _advice(names: Sequence[str]) -> str:
     """What to do about a ramp that has come to a limit point."""
     trace = f'dea.Trace("{names[0]}")' if len(names) == 1 else "dea.Trace of one of its ramps"
     return (
-        f"  {trace} follows the branch on; Ramp(..., snap=True) shows where the device snaps to, "
-        'and Ramp(..., at_loss="motion") how it moves there.'
+        f"  {trace} follows the branch on; Ramp(snap=True) lands where the device snaps to, "
+        'at_loss="motion" moves it.'
     )
 
 
