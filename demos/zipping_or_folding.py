@@ -272,6 +272,13 @@ def four_sides(args, meets, comm):
     )  # fmt: skip
 
 
+def asked(run, args):
+    """Stroke in m and force in N of the strokes that were asked for, as far as a run came."""
+    share = run.column("stretch_factor")
+    chosen = np.abs(share * args.steps - np.round(share * args.steps)) < 1e-9 * args.steps
+    return args.stroke * share[chosen], run.column("force_N")[chosen]
+
+
 def meet(args, comm, settings):
     """Force over stroke of the storey of four sides, with the sheets and without them."""
     record = {"force": dea.PartForce("top", "z"), "twist": dea.PartRotation("top", "z")}
@@ -283,9 +290,10 @@ def meet(args, comm, settings):
                   resume=args.resume, quiet=args.quiet, settings=settings)
         for meets, out in ((True, args.out), (False, Path(args.out) / "without_contact"))
     ]  # fmt: skip
-    stroke = args.stroke * run.column("stretch_factor")
-    loose = np.interp(stroke, args.stroke * free.column("stretch_factor"), free.column("force_N"))
-    more_force = loose - run.column("force_N")
+    # Of the strokes asked for alone: which others a run takes on its way depends on rounding.
+    stroke, force = asked(run, args)
+    loose = np.interp(stroke, *asked(free, args))
+    more_force = loose - force
     closed = np.flatnonzero(more_force > 0.01 * np.abs(loose).max())
     met = None
     if len(closed) > 1:  # the additional force is continued to 0
