@@ -27,8 +27,8 @@ def parse():
     parser.number("--voltage", 0.0, "-", "voltage in units of A sqrt(mu/eps)")
     parser.number("--outer", 1.2, "-", "outer radius over inner radius")
     parser.count("--steps", 400, "steps of time")
-    parser.count("--radial", 2, "cells through the wall")
-    parser.count("--around", 6, "cells over a right angle")
+    parser.count("--radial", 4, "cells through the wall")
+    parser.count("--around", 14, "cells over a right angle")
     return parser, parser.parse_args()
 
 
