@@ -6,9 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dea_fenicsx.drives.waves import Wave
-from dea_fenicsx.support.errors import DeaError, InputError
-from dea_fenicsx.support.type_checks import raised
+from dea_fenicsx.drives.waves import Wave, called
+from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import finite
 
 MOST_STEPS = 1_000_000
@@ -26,18 +25,9 @@ SHARES = np.linspace(0, 1, 33)
 
 def check_numbers(wave: Wave, what: str, seconds: float) -> None:
     """Raise InputError unless a wave gives a finite number at some times from 0 to `seconds`."""
-    for share in SHARES:
-        time = float(share * seconds)
-        try:
-            value = wave(time)
-        except DeaError:
-            raise
-        except Exception as error:  # a class of the user's may do anything
-            raise InputError(
-                f"{what[:1].upper()}{what[1:]} fails at {time:g} s ({raised(error)}), but must "
-                "give a finite number."
-            ) from error
-        finite(value, f"{what[:1].upper()}{what[1:]} at {time:g} s")
+    name = f"{what[:1].upper()}{what[1:]}"
+    for time in map(float, SHARES * seconds):
+        finite(called(wave, time, name), f"{name} at {time:g} s")
 
 
 def check_pace(waves: Mapping[str, Wave], seconds: float, follows: bool = True) -> None:

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,6 +22,24 @@ from dea_fenicsx.support.validation import finite, positive
 
 TIME_TOLERANCE = 1e-12
 """Largest relative error of a time, by which two times count as one."""
+
+
+def called(function: Callable[[float], Any], t: float, what: str) -> Any:
+    """What a function of a script, called `what` in a message, gives at a time in s.
+
+    Raises
+    ------
+    InputError
+        If the function fails.
+    """
+    try:
+        return function(t)
+    except DeaError:
+        raise
+    except Exception as error:  # a function of the user's may do anything
+        raise InputError(
+            f"{what} fails at {t:g} s ({raised(error)}), but must give a finite number."
+        ) from error
 
 
 class Wave(ABC):
@@ -351,15 +369,7 @@ class Function(Wave):
     at: tuple[float, ...] = ()
 
     def __call__(self, t: float) -> float:
-        try:
-            value = self.function(t)
-        except DeaError:
-            raise
-        except Exception as error:  # a function of the user's may do anything
-            raise InputError(
-                f"The function of a drive fails at {t:g} s ({raised(error)}), but must give a "
-                "finite number."
-            ) from error
+        value = called(self.function, t, "The function of a drive")
         if not is_number(value) or not math.isfinite(value):
             raise InputError(
                 f"The function of a drive gives {shown(value)} at {t:g} s, but must give a finite "

@@ -14,6 +14,7 @@ none (W. T. Koiter, On the stability of elastic equilibrium, 1945).
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -169,7 +170,7 @@ def _strengths(
     return chosen, [one for one in told if not isinstance(one, str) or one not in chosen]
 
 
-class _Event:
+class _Event(ABC):
     """A condition g = 0 on a path, with its derivatives at states near to where it holds.
 
     Parameters
@@ -183,15 +184,15 @@ class _Event:
     def __init__(self, gradients: Gradients, ramp: str) -> None:
         self.gradients, self.problem, self.ramp = gradients, gradients.problem, ramp
 
+    @abstractmethod
     def conditions(self) -> list[Functional]:
         """g near the present state, and what must change as it does.  Collective."""
-        raise NotImplementedError
 
     def solve(self, rhs: np.ndarray) -> tuple[np.ndarray, float]:
         """Solve with the transpose of the tangent.  Collective."""
         return self.gradients.transposed(rhs)
 
-    def check(self, found: Iterable[Variable]) -> None:
+    def check(self, found: Iterable[Variable]) -> None:  # noqa: B027  (most have all derivatives)
         """Raise InputError for a variable without a derivative.  Collective."""
 
     def strength_slope(self, region: str) -> float:

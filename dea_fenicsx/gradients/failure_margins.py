@@ -79,7 +79,7 @@ def margins(failure: Any, problem: Problem, k: int, worst: WorstPoint) -> list[A
     worst
         The point.
     """
-    raise NotImplementedError(f"{type(failure).__name__} has no margin that can be derived.")
+    raise InputError(f"The load of the failure {failure.name!r} has no derivatives.")
 
 
 @margins.register

@@ -183,8 +183,7 @@ def _delay_power(problem: Problem) -> Measurement:
     def density(k: int, point: MaterialPoint) -> list[Any]:
         return [relaxation_power(point)] if problem.kernels[k].relaxation else []
 
-    form = over_regions(problem, None, density)
-    return integral(problem, form) if form != 0 else lambda: 0.0
+    return integral(problem, over_regions(problem, None, density))
 
 
 def _resistor_power(problem: Problem) -> Measurement:

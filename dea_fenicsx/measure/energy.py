@@ -195,8 +195,7 @@ class Dissipation:
         def density(k: int, point: MaterialPoint) -> list[Any]:
             return [dissipation(point)] if problem.kernels[k].is_viscous else []
 
-        form = over_regions(problem, self.regions, density)
-        return integral(problem, form) if form != 0 else lambda: 0.0
+        return integral(problem, over_regions(problem, self.regions, density))
 
 
 @dataclass(frozen=True)
@@ -221,8 +220,7 @@ class DamageLoss:
         def density(k: int, point: MaterialPoint) -> list[Any]:
             return [lost(point)] if problem.kernels[k].damage is not None else []
 
-        form = over_regions(problem, self.regions, density)
-        return integral(problem, form) if form != 0 else lambda: 0.0
+        return integral(problem, over_regions(problem, self.regions, density))
 
 
 def over_regions(
@@ -247,11 +245,16 @@ def over_regions(
 
 
 def integral(problem: Problem, form: Any) -> Measurement:
-    """How to measure a dimensionless energy in the present state, in J.  Collective."""
-    compiled = compat.compile_form(form)
+    """How to measure a dimensionless energy in the present state, in J.  Collective.
+
+    A form of 0, where no part of the device has such an energy, gives 0.
+    """
+    compiled = compat.compile_form(form) if form != 0 else None
     unit = problem.scales.stress * problem.scales.volume
 
     def value() -> float:
+        if compiled is None:
+            return 0.0
         mine = float(np.real(dolfinx.fem.assemble_scalar(compiled)))
         return problem.comm.allreduce(mine, op=MPI.SUM) * unit
 
