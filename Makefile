@@ -47,7 +47,7 @@ test: env
 hard: env
 	$(RUN) .venv/bin/python tests/hard/run.py
 
-# What is compiled runs on a few cells only, and each scene twice or more.  All three run, whatever
+# What is compiled runs on a few cells only, and each scene twice or more.  All four run, whatever
 # the others find.
 FUZZ := DEA_FENICSX_CFLAGS="-O1 -g0" .venv/bin/python -m
 
@@ -55,6 +55,7 @@ fuzz: env
 	$(RUN) sh -c 'found=0; \
 	  $(FUZZ) tests.fuzz.physics --count 500 --seed 1 --jobs 2 || found=1; \
 	  $(FUZZ) tests.fuzz.paths --count 30 --seed 1 || found=1; \
+	  $(FUZZ) tests.fuzz.branches --count 200 --seed 1 || found=1; \
 	  $(FUZZ) tests.fuzz.readers --count 50000 --seed 1 --jobs 2 || found=1; \
 	  exit $$found'
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 from conftest import needed_mpirun
-from fuzz import checks, paths
+from fuzz import branches, checks, paths
 from fuzz.checks import check, clear
 from fuzz.energy import NODES, SLOPE, WEIGHTS, Watch
 from fuzz.ranks import on_two_ranks
@@ -45,6 +45,13 @@ def test_random_scenes_are_the_same_on_two_ranks():
 def test_a_path_near_an_instability_has_one_answer(name, steps):
     wrong = paths.faults(name, [paths.answer(name, n) for n in steps])
     assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize("number, kind", list(enumerate(branches.KINDS)))
+def test_a_random_trace_stays_on_its_branch(number, kind):
+    """If this fails: ``python -m tests.fuzz.branches --trial NUMBER``."""
+    outcome, _, words = branches.follow(kind, SEED, number)
+    assert outcome == "stays", words
 
 
 # ------------------------------------------------------------------------------- the harness

@@ -7,6 +7,8 @@ import pytest
 from scipy.integrate import quad
 
 import dea_fenicsx as dea
+from dea_fenicsx import exact
+from dea_fenicsx.geometry import HollowSphere
 
 OUTER, CHAINS = 1.2, 50.0
 """Outer radius over the inner one, and the Gent material's J_m."""
@@ -96,3 +98,21 @@ def test_the_round_branch_over_the_minimum_to_five_times_the_radius(tmp_path):
     assert limits[1][1] == pytest.approx(0.076271810, rel=1e-4)
     counted = [h["negative_modes"] for h in run.history if "negative_modes" in h]
     assert not counted or counted[-1] == 0
+
+
+def test_a_branch_at_a_small_angle_is_refused():
+    """At 1.82 radii waves at the pole set in; a long step from there would end on their branch."""
+    wall = dea.Material(dea.NeoHookean(1e5), dea.IdealDielectric(4.0))
+    ball = exact.RoundBalloon(1e-3, 1.2e-3, wall)
+    scene = dea.Scene(
+        dea.read_gmsh(HollowSphere(1e-3, 1.2e-3, "half", 2, 8)), {"wall": wall},
+        electrodes=[dea.Electrode("inner", ball.limits(2e-3)[0].volts), dea.Ground("outer")],
+        supports=[dea.Fix("equator", "z"), dea.Fix("axis", "r")], kinematics=dea.Axisymmetric(),
+    )  # fmt: skip
+    path = dea.Trace("voltage", steps=100, until=("equator_m", 3e-3))
+    run = dea.solve(scene, path, INNER, quiet=True, stability="never")
+    equator, pole = run.column("equator_m")[1:], run.column("pole_m")[1:]
+    assert equator[-1] == pytest.approx(3e-3, rel=1e-6)
+    assert pole == pytest.approx(equator, abs=2e-7)
+    volts = [ball.at(1e-3 + u).volts for u in equator]
+    assert run.column("voltage_V")[1:] == pytest.approx(volts, rel=2e-5)

@@ -52,7 +52,9 @@ in docs/developers/solver.md.
 TANGENT_TOLERANCE = 1e-9
 """Relative tolerance of the linear solve for the tangent of a branch.
 
-The next point lies on this tangent, so its error must be small compared with a step.
+The next point lies on this tangent, so its error must be small compared with a step.  Where neutral
+states are searched for, all solves take it: the error along the null vector is large there, and
+would keep Newton's method from converging.
 """
 
 MOST_LANDING_CORRECTION = 0.1
@@ -91,6 +93,7 @@ class Branch:
         self.course = course
         self.factor_of = course.factor_of
         self.load_unit = abs(first)
+        self.precise = False
         x = self.problem.displacement
         here = [c.space.tabulate_dof_coordinates() for c in x]
         owned = [c.space.dofmap.index_map.size_local for c in x]
@@ -221,8 +224,8 @@ class Branch:
             rows = problem.unbalanced(residual)
             if guide is not None:
                 rows = guide.unbalanced(rows)
-            r = solver.linear_solve(-rows, BRANCH_SOLVE_TOLERANCE)
-            b = self._response(BRANCH_SOLVE_TOLERANCE)
+            tolerance = TANGENT_TOLERANCE if self.precise else BRANCH_SOLVE_TOLERANCE
+            r, b = solver.linear_solve(-rows, tolerance), self._response(tolerance)
             if r is None or b is None:
                 return Attempt(solver.trouble, iterations, norm)
             if guide is None:
@@ -251,6 +254,12 @@ class Branch:
         attempt = self.step(here, arc, before)
         if before is not None and not attempt.converged:
             attempt = self.step(here, arc)
+        return self.judged(attempt, here, arc)
+
+    def judged(
+        self, attempt: Attempt, here: Point, arc: float
+    ) -> tuple[Attempt, Point | None]:
+        """How a step from a point ended, and its point if it has not left the branch."""
         if not attempt.converged:
             return attempt, None
         there = self.point(attempt.found, along=here)

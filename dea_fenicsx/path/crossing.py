@@ -19,6 +19,7 @@ import numpy as np
 
 from dea_fenicsx.path.arclength import Branch, Point
 from dea_fenicsx.path.guiding import Guide
+from dea_fenicsx.path.soft_watch import SoftWatch
 from dea_fenicsx.solvers.outcome import Attempt
 
 SHRINKAGE = 4.0
@@ -83,10 +84,12 @@ class Crossings:
         The branch.
     longest
         Longest step in units of arc; a step over a crossing may begin farther back.
+    watch
+        Tells whether a step leaves the branch along a soft shape.
     """
 
-    def __init__(self, branch: Branch, longest: float) -> None:
-        self.branch, self.longest = branch, longest
+    def __init__(self, branch: Branch, longest: float, watch: SoftWatch) -> None:
+        self.branch, self.longest, self.watch = branch, longest, watch
         self.forget()
 
     def forget(self) -> None:
@@ -128,7 +131,8 @@ class Crossings:
                 if there is None:
                     continue
                 turn = branch.dot(anchor.direction, anchor.slope, there.direction, there.slope)
-                if turn > STRAIGHT and branch.is_smooth(anchor, there, arc):
+                straight = turn > STRAIGHT and self.watch.stays(anchor, there, arc, before)
+                if straight and branch.is_smooth(anchor, there, arc):
                     return Passage(attempt, anchor, there, arc, done)
         return self._guided_passage(here)
 

@@ -136,7 +136,11 @@ class Guide:
 
     def others(self, moved: np.ndarray) -> np.ndarray:
         """A motion in the free unknowns without the held shapes.  Collective."""
-        return moved - self.shapes @ self._sum(self.weighed.T @ moved)
+        return moved - self.part(moved)
+
+    def part(self, moved: np.ndarray) -> np.ndarray:
+        """The part of a motion in the free unknowns along the held shapes.  Collective."""
+        return np.asarray(self.shapes @ self._sum(self.weighed.T @ moved))
 
     def amplitudes(self, state: State) -> np.ndarray:
         """Changes of the amplitudes from the start to a state, shape (k,).  Collective."""

@@ -14,7 +14,7 @@ A x' = -b f' along the path.  At a limit point v . b is not 0, at a bifurcation 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -198,10 +198,10 @@ class Spectrum:
             # with different signs.  Each third trial is the middle of the bracket, because a secant
             # rule alone may move only one end.
             x = (a * fb + b * fa) / (fa + fb) if k % 3 != 2 else (a + b) / 2
-            attempt = place(x)
-            if not attempt.converged or (trial := self.nearest_zero(attempt.found)) is None:
+            trial = self._tried(place, (x, (x + b) / 2, (a + x) / 2))
+            if trial is None:
                 break
-            count, size, vector = trial
+            x, attempt, (count, size, vector) = trial
             if count == before:
                 a, fa = x, size
             else:
@@ -211,6 +211,19 @@ class Spectrum:
             if b - a <= SEARCH_TOLERANCE or size < SEARCH_TOLERANCE * scale:
                 break
         return best[1] if best and best[0] < 1e-3 * scale else None
+
+    def _tried(
+        self, place: Place, shares: Sequence[float]
+    ) -> tuple[float, Attempt, tuple[int, float, np.ndarray]] | None:
+        """The first share with an equilibrium, and what `nearest_zero` finds there; None if none.
+
+        Newton's method may fail right at a critical state, and not a little beside it.
+        """
+        for share in shares:
+            attempt = place(share)
+            if attempt.converged and (found := self.nearest_zero(attempt.found)) is not None:
+                return share, attempt, found
+        return None
 
     def _describe(
         self,

@@ -16,6 +16,7 @@ from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.items import Trace
 from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.path.roots import Bracket
+from dea_fenicsx.path.soft_watch import SoftWatch
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
@@ -137,10 +138,10 @@ class Tracer:
     ) -> None:
         self.solver, self.problem, self.item = solver, solver.problem, item
         self.sentinel, self.gap, self.log = sentinel, gap, log
-        now = self.problem.factors[item.what]
-        self.rates = {item.what: 1.0}
+        self.rates, now = {item.what: 1.0}, self.problem.factors[item.what]
         self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
-        self.crossings = Crossings(self.branch, item.longest)
+        self.branch.precise = sentinel.stability
+        self.crossings = Crossings(self.branch, item.longest, SoftWatch(self.branch))
         self._cut = 1.0
 
     def follow(self, arc: float, sign: float, leave: int = 1) -> Iterator[Traced]:
@@ -210,16 +211,14 @@ class Tracer:
         """Go an arc, halved until the step is accepted, or pass a crossing in one step."""
         retries = 0
         while True:
-            usual = arc / self._cut
-            if self.crossings.announced(usual) and (passed := self._passed(here, retries)):
-                return passed
-            attempt, there = self.branch.advance(here, arc, before)
+            if self.crossings.announced(arc / self._cut) and (over := self._passed(here, retries)):
+                return over
+            attempt, there = self.crossings.watch.advance(here, arc, before)
             outcome = attempt.outcome
             if there is not None:
                 count = self.sentinel.count(there.state)
-                turns = here.slope * there.slope < 0
                 if not self._is_doubtful(here, there, arc, count):
-                    self._tell_unexplained(count, turns)
+                    self._tell_unexplained(count, here.slope * there.slope < 0)
                     return _Reached(attempt, here, there, arc, count, retries)
                 outcome = Outcome.MIXED_EVENTS
             retries += 1
@@ -231,14 +230,15 @@ class Tracer:
     def _is_doubtful(self, here: Point, there: Point, arc: float, count: int | None) -> bool:
         """Whether a step may have jumped to another branch.
 
-        That is so where the number of negative eigenvalues changes by other than limit points, and
-        no smooth curve joins the two points.  Very short steps are taken as they are.
+        The number of negative eigenvalues changes by other than limit points, and no smooth curve
+        joins the two points.  Several changes in one long step are separated.
         """
         before = self.sentinel.excess
         if before is None or count is None or arc <= SHORTEST_ARC_TO_SEPARATE_EVENTS:
             return False
+        many = arc > 0.5 and self.sentinel.stability and abs(count - before) > 1
         explained = abs(count - before) == int(here.slope * there.slope < 0)
-        return not explained and not self.branch.is_smooth(here, there, arc)
+        return many or (not explained and not self.branch.is_smooth(here, there, arc))
 
     def _passed(self, here: Point, retries: int) -> _Reached | None:
         """A step from the last point with a long step, over what makes the steps short now."""

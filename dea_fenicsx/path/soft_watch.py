@@ -1,0 +1,104 @@
+"""Soft shapes watched along a branch, so that no step goes over to another branch by them.
+
+Close to a bifurcation the equilibrium hardly determines the amplitudes of the shapes along which
+other branches leave.  A long step then may end on another branch that makes a small angle with
+this one, and neither the whole of the motion nor the number of negative eigenvalues need show it.
+The soft shapes do.  With C the softest eigenvectors at the start of a step, without the direction
+of the chord of the step before, M a matrix of the products of motions and x_p the prediction of the
+cubic through the last two points,
+
+    c = C^T M (x - x_start),     e = C^T M (x - x_p).
+
+On a smooth branch e is small of fourth order in the arc.  A step with a large c, most of which the
+cubic does not predict, is refused.  It is first tried again from a prediction without these shapes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dea_fenicsx.path.arclength import Branch, Point
+from dea_fenicsx.path.cubic import Cubic
+from dea_fenicsx.path.guiding import Guide
+from dea_fenicsx.solvers.outcome import Attempt, Outcome
+
+WATCHED_SHAPES = 8
+"""How many soft shapes are watched."""
+
+LEAST_ASIDE = 3e-3
+"""Motion along the soft shapes, as a share of the arc, below which a step is accepted as it is."""
+
+LEAST_MISSED = 7.5e-4
+"""Motion beside the prediction, as a share of the arc, below which a step is accepted as it is."""
+
+LEAST_UNPREDICTED = 0.1
+"""Share of this motion that must lie beside the prediction, where a step is refused."""
+
+
+class SoftWatch:
+    """Steps along a branch that do not leave it along its soft shapes.
+
+    Parameters
+    ----------
+    branch
+        The branch.
+    """
+
+    def __init__(self, branch: Branch) -> None:
+        self.branch = branch
+        self._known: tuple[Point, Guide | None] | None = None
+
+    def advance(
+        self, here: Point, arc: float, before: Point | None
+    ) -> tuple[Attempt, Point | None]:
+        """As of `Branch.advance`, but refuse a step that leaves along a soft shape.  Collective."""
+        attempt, there = self.branch.advance(here, arc, before)
+        if there is None or before is None or self.stays(here, there, arc, before):
+            return attempt, there
+        straight, there = self._straight(here, arc, before)
+        if there is not None and self.stays(here, there, arc, before):
+            return straight, there
+        return attempt.refused(Outcome.OTHER_BRANCH), None
+
+    def stays(self, here: Point, there: Point, arc: float, before: Point) -> bool:
+        """Whether a step keeps to its branch.  Collective.
+
+        It moves little along the soft shapes, or the cubic predicts most of this motion.
+        """
+        branch = self.branch
+        guess, _ = Cubic.through(branch, here, before).guess(arc)
+        missed = self._moved(guess.values, there)
+        if self._size(missed) <= LEAST_MISSED * arc:
+            return True
+        shapes = self._shapes(here, before)
+        if shapes is None:
+            return True
+        aside = self._size(shapes.part(self._moved(here.state.values, there)))
+        unpredicted = self._size(shapes.part(missed))
+        few = max(LEAST_MISSED * arc, LEAST_UNPREDICTED * aside)
+        return aside <= LEAST_ASIDE * arc or unpredicted <= few
+
+    def _straight(
+        self, here: Point, arc: float, before: Point
+    ) -> tuple[Attempt, Point | None]:
+        """The same step from a prediction that keeps the amplitudes of the soft shapes."""
+        branch, shapes = self.branch, self._shapes(here, before)
+        assert shapes is not None
+        guess, factor = Cubic.through(branch, here, before).guess(arc)
+        attempt = branch.corrected(here, shapes.held(guess), factor)
+        return branch.judged(attempt, here, arc)
+
+    def _shapes(self, here: Point, before: Point) -> Guide | None:
+        """The soft shapes at a point; None if they cannot be found."""
+        branch = self.branch
+        if not branch.problem.forms.is_symmetric:
+            return None
+        if self._known is None or self._known[0] is not here:
+            self._known = here, Guide.across(branch, before, here, WATCHED_SHAPES)
+        return self._known[1]
+
+    def _moved(self, start: np.ndarray, there: Point) -> np.ndarray:
+        return np.asarray((there.state.values - start)[self.branch.problem.free])
+
+    def _size(self, motion: np.ndarray) -> float:
+        return float(np.sqrt(self.branch.dot(motion, 0.0, motion, 0.0)))
