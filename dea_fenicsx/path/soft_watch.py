@@ -16,6 +16,7 @@ cubic does not predict, is refused.  It is first tried again from a prediction w
 from __future__ import annotations
 
 import numpy as np
+from mpi4py import MPI
 
 from dea_fenicsx.path.arclength import Branch, Point
 from dea_fenicsx.path.cubic import Cubic
@@ -30,6 +31,13 @@ LEAST_ASIDE = 3e-3
 
 LEAST_MISSED = 7.5e-4
 """Motion beside the prediction, as a share of the arc, below which a step is accepted as it is."""
+
+LEAST_CHANGE = 0.5, 2.0
+"""Stiffness of a shape at the end of a step over that at its start, between which it is no danger.
+
+A shape along which another branch leaves is nearly neutral at the start, so that its stiffness
+changes its sign or by a multiple of itself.
+"""
 
 LEAST_UNPREDICTED = 0.1
 """Share of this motion that must lie beside the prediction, where a step is refused."""
@@ -73,10 +81,30 @@ class SoftWatch:
         shapes = self._shapes(here, before)
         if shapes is None:
             return True
+        if self._stay_stiff(shapes, here, there):
+            return True
         aside = self._size(shapes.part(self._moved(here.state.values, there)))
         unpredicted = self._size(shapes.part(missed))
         few = max(LEAST_MISSED * arc, LEAST_UNPREDICTED * aside)
         return aside <= LEAST_ASIDE * arc or unpredicted <= few
+
+    def _stay_stiff(self, shapes: Guide, here: Point, there: Point) -> bool:
+        """Whether the stiffnesses of the soft shapes hardly change in a step.  Collective."""
+        first, last = (self._stiffness(shapes, point) for point in (here, there))
+        try:
+            changes = np.linalg.eigvals(np.linalg.solve(first, last))
+        except np.linalg.LinAlgError:
+            return False
+        least, most = LEAST_CHANGE
+        return bool(np.all((changes.real > least) & (changes.real < most)))
+
+    def _stiffness(self, shapes: Guide, point: Point) -> np.ndarray:
+        """C^T K C with the tangent K at a point, shape (k, k).  Collective."""
+        problem, columns = self.branch.problem, shapes.shapes
+        with problem.at(point.state):
+            carried = [self.branch.solver.tangent.times(column) for column in columns.T]
+        own = columns.T @ np.stack(carried, axis=1)
+        return np.asarray(problem.comm.allreduce(own, op=MPI.SUM))
 
     def _straight(
         self, here: Point, arc: float, before: Point
