@@ -16,8 +16,9 @@ import numpy as np
 
 from dea_fenicsx.design.variables import Limit, Range, one_of
 from dea_fenicsx.exact import Helicoid, stable_limit
+from dea_fenicsx.exact.film_field import FilmField
 from dea_fenicsx.materials import Breakdown, IdealDielectric, Material, get
-from dea_fenicsx.materials.base import is_isotropic
+from dea_fenicsx.materials.base import EPSILON_0, is_isotropic
 from dea_fenicsx.materials.stretches import taylor
 from dea_fenicsx.support.errors import InputError
 
@@ -80,7 +81,7 @@ class HelicalModel:
     ----------
     material
         Elastic model and, for the breakdown constraint, breakdown field.  Its permittivity gives
-        way to the design variable ``eps_r``.
+        way to the design variable ``eps_r``; how it changes with stretch is kept.
     electrode, inset
         Thickness of the electrodes and their distance from the rims, in m.
     turns
@@ -112,21 +113,32 @@ class HelicalModel:
                 "take finite elements for it."
             )
         if self.material.is_dielectric:
-            self.material.dielectric.constant_permittivity("The analytic model")
+            FilmField(self.material.dielectric)
+            if not self.material.dielectric.is_linear:
+                raise InputError(
+                    "The analytic model scales voltages by the design variable eps_r, but the "
+                    f"permittivity of {type(self.material.dielectric).__name__} changes with the "
+                    "field; take one that changes with the stretch alone, or exact.Helicoid."
+                )
         if not (math.isfinite(self.electrode) and self.electrode >= 0 <= self.inset):
             raise InputError("Electrode thickness and inset must be finite and not negative.")
         if not isinstance(self.turns, int) or self.turns < 1:
             raise InputError(f"turns is {self.turns!r}; it must be a whole number of at least 1.")
 
     @property
-    def _vacuum(self) -> Material:
-        """The material with permittivity 1: voltages go as its inverse square root."""
+    def _unit(self) -> Material:
+        """The material with permittivity 1, or with its own one if that changes with stretch.
+
+        Voltages go as the inverse square root of the permittivity.
+        """
+        if self.material.is_dielectric and not self.material.dielectric.is_ideal:
+            return self.material
         return replace(self.material, electric=IdealDielectric(1.0), name="")
 
     @property
     def pull_in_contraction(self) -> float:
         """Contraction at which the free layer pulls in, whatever its size and permittivity."""
-        return stable_limit(self._vacuum)[0]
+        return stable_limit(self._unit)[0]
 
     def __call__(
         self,
@@ -139,10 +151,12 @@ class HelicalModel:
     ) -> dict[str, Any]:
         """All quantities at a contraction, or at a voltage, by name; see `UNITS`.
 
-        ``strain`` is that of the elastomer, ``displacement`` the stroke of all driven layers,
-        ``blocked_force`` the axial force eps (V/T)^2 times the electrode's area when the
-        height is held, ``energy_density`` the elastic energy that the field has stored, per
-        volume of elastomer.  NaN where there is no such state (beyond pull-in or lock-up).
+        ``strain`` is that of the elastomer, ``displacement`` is the stroke of all driven layers.
+        ``blocked_force`` is the axial force when the height is held.  It is eps (V/T)^2 times the
+        electrode's area, and times 1 + (d ln eps/de_1 - d ln eps/de_3)/2, with the logarithmic
+        stretches e, where the permittivity changes.  ``energy_density`` is the elastic energy that
+        the field has stored, per volume of elastomer.  Values are NaN where there is no such state
+        (beyond pull-in or lock-up).
         """
         if (contraction is None) == (voltage is None):
             raise InputError("The model needs either a contraction or a voltage.")
@@ -151,22 +165,27 @@ class HelicalModel:
         # Rings without width are judged by their constraint; here they need only be computable.
         widest = np.maximum(ro - 2 * self.inset, 1e-9) * (1 - 1e-6)
         shape = Helicoid(ro, np.minimum(ri, widest), T, self.electrode, self.inset, self.turns)
-        vacuum = self._vacuum
+        unit = self._unit
+        root = np.sqrt(eps * EPSILON_0 / unit.dielectric.permittivity())
         if contraction is None:
-            contraction = shape.contraction(vacuum, np.asarray(voltage) * np.sqrt(eps))
+            contraction = shape.contraction(unit, np.asarray(voltage) * root)
         k = np.asarray(contraction, dtype=float)
-        volts = shape.voltage(vacuum, np.where(np.isnan(k), 0.0, k)) / np.sqrt(eps) + 0 * k
+        volts = shape.voltage(unit, np.where(np.isnan(k), 0.0, k)) / root + 0 * k
         r1, _ = shape.electrode_radii
         field = shape.field(volts, r1, k)
         lam = 1 / np.sqrt(1 - k)
         law = _breakdown(self.material)
-        energy, _, _ = taylor(self.material.elastic, np.log(np.stack([lam, lam, 1 - k])))
+        e = np.log(np.stack([lam, lam, 1 - k]))
+        energy, _, _ = taylor(self.material.elastic, e)
+        electric = FilmField(unit.dielectric)
+        growth = electric.strain_part(e)[0] / unit.dielectric.permittivity()
+        held = electric.push(np.zeros((3, 1)))[:, 0]
         with np.errstate(divide="ignore", invalid="ignore"):
             found = {
                 "voltage": volts,
                 "strain": k,
                 "displacement": shape.layers * k * T,
-                "blocked_force": shape.pressure(eps, volts) * shape.flat_area,
+                "blocked_force": shape.pressure(eps, volts) * (held[0] - held[2]) * shape.flat_area,
                 "energy_density": energy,
                 "contraction": k,
                 "pitch_angle_deg": np.degrees(shape.lead_angle(ro)),
@@ -174,8 +193,8 @@ class HelicalModel:
                 "height": shape.height,
                 "electrode_width": ro - ri - 2 * self.inset,
                 "true_field": field,
-                "capacitance": shape.capacitance(eps, k),
-                "pull_in_margin": shape.pull_in_voltage(vacuum) / np.sqrt(eps) / volts,
+                "capacitance": shape.capacitance(eps * growth, k),
+                "pull_in_margin": shape.pull_in_voltage(unit) / root / volts,
                 "contraction_over_pull_in": k / self.pull_in_contraction,
             }
             if law is not None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.exact.film_field import FilmField
 from dea_fenicsx.exact.states import elastic_stress
 from dea_fenicsx.materials import Material
 from dea_fenicsx.support.errors import InputError
@@ -33,8 +34,13 @@ def activation_voltage(material: Material, thickness: float, k: Any, stretch: fl
     lam3 = 1 / stretch**2 - np.asarray(k, dtype=float)
     if np.any(lam3 <= 0) or np.any(np.asarray(k) < 0):
         raise InputError(f"k must lie between 0 and 1/stretch^2 = {1 / stretch**2:g}.")
-    dielectric = material.dielectric
     lam = 1 / np.sqrt(lam3)
     before = elastic_stress(material, stretch, stretch)[0]
     pressure = elastic_stress(material, lam, lam)[0] - before
-    return thickness * lam3 * np.sqrt(pressure / dielectric.constant_permittivity("An activation"))
+    field = FilmField(material.dielectric)
+    e = np.log(np.stack([lam, lam, lam3]))
+    push = field.push(e)
+    share = push[0] - push[2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        M = np.where(share > 0, pressure / share, np.nan)  # no field thins it if share <= 0
+    return thickness * lam3 * field.field(e, M)

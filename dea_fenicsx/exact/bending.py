@@ -9,8 +9,8 @@ and equilibrium, with total stresses (the field's included),
 
     d sigma_r/dZ = k (sigma_t - sigma_r)/(a lam_t^2),   sigma_r = 0 on both faces,   no moment,
 
-fixes b and k (and a, where the section may stretch across).  The field is radial, E = Q/(eps r) in
-each driven layer.  Rivlin, Proc. R. Soc. A 195 (1949) 463, for one layer without a field.
+fixes b and k (and a, where the section may stretch across).  The field is radial, with D r uniform
+in each driven layer.  Rivlin, Proc. R. Soc. A 195 (1949) 463, for one layer without a field.
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.optimize import root
 
+from dea_fenicsx.exact.film_field import FilmField
 from dea_fenicsx.exact.laminate import Across, Laminate, Ply
+from dea_fenicsx.materials.electric import Dielectric
 from dea_fenicsx.materials.stretches import taylor
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import si
@@ -110,6 +112,15 @@ _INTEGRAL = np.array(
 ).T  # fmt: skip
 
 
+def _maxwell(
+    law: Dielectric, e: np.ndarray, heights: np.ndarray, volts: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """D E in Pa at the points of a layer, and the Kirchhoff stress of the field over -D E."""
+    field, lam = FilmField(law), np.exp(e)
+    E = field.through(e, heights * lam[2], lam[0], volts)
+    return field.maxwell(e, E), field.push(e)
+
+
 def _resultants(plies: Sequence[Ply], height: float, x: np.ndarray, volts: float) -> np.ndarray:
     """Radial stress on the top over k, moment and force across, in units of stress.
 
@@ -128,13 +139,8 @@ def _resultants(plies: Sequence[Ply], height: float, x: np.ndarray, volts: float
         _, R, _ = taylor(ply.material.elastic, e)
         hoop, side = R[0] - R[2], R[1] - R[2]
         if ply.driven:
-            start = max(b * b + 2 * k * low / a, 1e-6)
-            share = 2 * k * t / (a * start)
-            # V = E r ln(r_2/r_1), written so that k may be 0
-            turn = share / np.log1p(share) if abs(share) > 1e-8 and share > -1 else 1 + share / 2
-            E = volts * a * start / t * turn / lam
-            maxwell = ply.material.dielectric.constant_permittivity("A bending strip") * E * E
-            hoop, side = hoop - maxwell, side - maxwell
+            M, push = _maxwell(ply.material.dielectric, e, t / 2 * _W, volts)
+            hoop, side = hoop - (push[0] - push[2]) * M, side - (push[1] - push[2]) * M
         slope = hoop / square
         radial = k / a * (force + t / 2 * (_INTEGRAL @ slope))
         arm = 2 * Z / (lam + b)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dea_fenicsx.exact.film_field import FilmField
 from dea_fenicsx.exact.states import of_kept_volume
 from dea_fenicsx.materials import Material
 from dea_fenicsx.support.errors import InputError
@@ -69,13 +70,15 @@ def harvesting_cycle(material: Material, low: float, high: float, field: float) 
     """Energy of a cycle: charged at the high stretch, released, discharged at the low one.
 
     In between the film is disconnected and keeps its charge.  With the nominal field V/T at
-    charging, energy = eps/2 (V/T)^2 high^4 [(high/low)^4 - 1]; a resistor takes away
-    eps/2 (V/T)^2 high^4 of it.  It does not depend on the elastic energy.
+    charging and one permittivity, energy = eps/2 (V/T)^2 high^4 [(high/low)^4 - 1]; a resistor
+    takes away eps/2 (V/T)^2 high^4 of it.  Where the permittivity eps is a function of the
+    stretch, (high/low)^4 eps(high)/eps(low) takes the place of (high/low)^4, and eps is that at the
+    high stretch.  The energy does not depend on the elastic energy.
 
     Parameters
     ----------
     material
-        An incompressible ideal dielectric.
+        An incompressible dielectric.
     low, high
         Equal-biaxial stretches, low < high.
     field
@@ -90,14 +93,22 @@ def harvesting_cycle(material: Material, low: float, high: float, field: float) 
     if not low < high:
         raise InputError(f"The low stretch {low:g} must be less than the high one, {high:g}.")
     of_kept_volume(material, "A harvesting cycle")
-    eps = material.dielectric_of("film's material").constant_permittivity("A film in a circuit")
-    given = eps / 2 * field**2 * high**4
-    gain = (high / low) ** 4
-    nominal = (field, field * gain)
+    electric = FilmField(material.dielectric_of("film's material"))
+    e = np.log(np.array([[low, high], [low, high], [low**-2, high**-2]]))
+    at_high = electric.maxwell(e[:, 1:], np.array([field * high**2]))
+    charge = high**2 * float(electric.displacement(e[:, 1:], at_high)[0])
+    displacement = charge * np.array([low, high]) ** -2.0
+    true = electric.field_of(e, displacement)
+    if not np.isfinite(true).all():
+        raise InputError(
+            f"At the low stretch {low:g}, the charge is more than the dielectric takes before it "
+            "saturates; take a lower field or a higher low stretch."
+        )
+    stored = electric.stored(e, displacement * true)
     return Harvest(
-        energy=given * (gain - 1),
-        energy_through_resistor=given * (gain - 2),
-        charge=eps * field * high**4,
-        nominal_fields=nominal,
-        true_fields=(nominal[0] * high**2, nominal[1] * low**2),
+        energy=float(stored[0] - stored[1]),
+        energy_through_resistor=float(stored[0] - charge * field),
+        charge=charge,
+        nominal_fields=(field, float(true[0]) * low**-2),
+        true_fields=(field * high**2, float(true[0])),
     )

@@ -261,7 +261,7 @@ class Course:
         W, R, _ = film.elastic(f.e)
         J = np.exp(f.e.sum(axis=0))
         M = state.maxwell(f.e, loads)
-        R = R + state.pull(f) - state.v * M * J
+        R = R + state.pull(f) - film.push(f.e) * M * J
         stress = (R[:2] - R[2] if film.incompressible else R[:2]) / np.exp(f.e[:2])
         charge = film.charge(f.e, M)
         sign = np.sign(loads[0])
@@ -269,9 +269,10 @@ class Course:
         volts = sign * film.voltage(f.e, M)
         return Moments(
             time=t, stretches=np.exp(f.e), viscous=np.exp(third),
-            nominal_field=volts / film.thickness, field=sign * np.sqrt(M / film.permittivity),
+            nominal_field=volts / film.thickness, field=sign * film.electric.field(f.e, M),
             voltage=volts, charge=sign * charge, stress=stress,
-            energy=W + state.spring_energy(f) + M * J / 2, dissipation=state.dissipation(f),
+            energy=W + state.spring_energy(f) + film.electric.stored(f.e, M) * J,
+            dissipation=state.dissipation(f),
             dissipated=w * state.scale,
         )  # fmt: skip
 

@@ -163,14 +163,13 @@ class Film:
         return self.material.bulk_modulus is None
 
     @property
-    def v(self) -> np.ndarray:
+    def v(self) -> tuple[float, float, float]:
         """Kirchhoff stress of the field over -M J, without that of a changing permittivity."""
-        return np.array([0.5, 0.5, -0.5]) if self.stress == "field" else np.array([0.0, 0.0, -1.0])
+        return (0.5, 0.5, -0.5) if self.stress == "field" else (0.0, 0.0, -1.0)
 
     def push(self, e: np.ndarray) -> np.ndarray:
         """Kirchhoff stress of the field over -M J, shape (3, ...)."""
-        _, g, _ = self.electric.strain_part(e)
-        return self.v.reshape(3, *[1] * (e.ndim - 1)) + g / 2
+        return self.electric.push(e, self.v)
 
     def freedoms(self, symmetric: bool) -> tuple[np.ndarray, np.ndarray]:
         """Offset e0 and basis B of e = e0 + B y; with `symmetric`, equal sides stay equal.

@@ -66,6 +66,19 @@ class FilmField:
         """eps at small fields in F/m, and gradient and Hessian of ln eps; see film_permittivity."""
         return film_permittivity(self.law, e)
 
+    def push(self, e: np.ndarray, v: tuple[float, float, float] = (0.5, 0.5, -0.5)) -> np.ndarray:
+        """Kirchhoff stress of the field over -M J, shape (3, ...).
+
+        Parameters
+        ----------
+        e
+            Logarithms of the stretches, shape (3, ...).
+        v
+            The same at a permittivity that does not change.
+        """
+        _, slope, _ = self.strain_part(e)
+        return np.reshape(v, (3, *[1] * (e.ndim - 1))) + slope / 2
+
     def _grown(self, field: Any) -> tuple[np.ndarray, np.ndarray]:
         """M = D E in Pa, and d ln D/d ln E."""
         field = np.asarray(field, dtype=float)
@@ -110,12 +123,68 @@ class FilmField:
         start = D / self.strain_part(e)[0]
         if self.law.is_linear:
             return start
-        low, high = start, start + D / EPSILON_0 * 1e6
-        for _ in range(200):  # the field grows with the displacement, so that halving finds it
-            middle = np.sqrt(low * high)
-            below = self._grown(middle)[0] < D * middle
-            low, high = np.where(below, middle, low), np.where(below, high, middle)
-        return np.where(D > 0, np.sqrt(low * high), 0.0)
+        low, high, E = start, start + D / EPSILON_0 * 1e6, start
+        beyond = high / 2
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for _ in range(200):  # Newton's method for ln E, kept between bounds
+                M, n = self._grown(E)
+                below = M < D * E
+                low, high = np.where(below, E, low), np.where(below, high, E)
+                aim = E * np.exp(np.log(D * E / M) / n)
+                last, E = E, np.where((aim >= low) & (aim <= high), aim, np.sqrt(low * high))
+                if not np.any(np.abs(E - last) > 1e-15 * E):
+                    break
+        return np.where(D > 0, np.where(beyond > E, E, np.inf), 0.0)
+
+    def stored(self, e: np.ndarray, M: Any) -> Any:
+        """Energy of the field in J per deformed m^3, the integral of E dD at kept strain."""
+        if self.law.is_linear:
+            return M / 2
+        t = np.log(np.maximum(self.field(e, M), 1e-30))
+        return np.where(M > 0, M - self.law.in_si().coenergy(_Growing(t)).c[0], 0.0)
+
+    def through(
+        self, e: np.ndarray, lengths: np.ndarray, areas: np.ndarray, volts: float
+    ) -> np.ndarray:
+        """True fields in V/m in parts that one flux passes in turn, as in a curved layer.
+
+        Newton's method for the N fields E_i and the flux, with
+
+            D_i(E_i) a_i = flux,   sum l_i E_i = V.
+
+        Parameters
+        ----------
+        e
+            Logarithms of the stretches of the parts, shape (3, N); the field is along 3.
+        lengths
+            Weights l_i in m, shape (N,): lengths along the field.
+        areas
+            Areas a_i that the flux passes, of any one unit, shape (N,).
+        volts
+            V in V.
+
+        Raises
+        ------
+        InputError
+            If the displacement hardly grows with the field any more.
+        """
+        E = np.full(lengths.shape, abs(volts) / lengths.sum())
+        for _ in range(NEWTON if volts else 0):
+            M, n = (self.maxwell(e, E), 1.0) if self.law.is_linear else self._grown(E)
+            D = M / E
+            with np.errstate(divide="ignore", invalid="ignore"):
+                slope = n * D / E  # dD/dE
+                flux = (abs(volts) - lengths @ (E - D / slope)) / (lengths @ (1 / (areas * slope)))
+                step = (flux / areas - D) / slope
+            E = np.maximum(E + step, E / 10)
+            if not np.abs(step).max() > 1e-14 * E.max():
+                break
+        if not np.isfinite(E).all():
+            raise InputError(
+                f"At {volts:g} V the {type(self.law).__name__} is saturated so far that its field "
+                "cannot be computed; take a lower voltage."
+            )
+        return np.copysign(E, volts)
 
     def growth(self, e: np.ndarray, M: Any) -> Any:
         """d ln D/d ln E at kept strain: 1 where they are proportional."""

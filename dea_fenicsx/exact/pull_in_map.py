@@ -118,6 +118,12 @@ class _Line:
                 "A map of pull-in needs an incompressible film with one free stretch: two equal "
                 "sides, or one of them held."
             )
+        law = film.material.dielectric
+        if not law.is_linear:
+            raise InputError(
+                f"A map of pull-in needs a permittivity that does not change with the field, but "
+                f"that of {type(law).__name__} does; call exact.march for each drive."
+            )
         branches = closed_branches(film.material, "A map of pull-in")
         self.film, self.b, self.e0 = film, rest.B[:, 0], rest.e0
         self.mu = np.array([x.mu for x in branches]).reshape(-1, 1, 1)
@@ -131,7 +137,6 @@ class _Line:
             self.y0 = float(Equations(instantaneous(film)).rest()[0][0])
             self.a0 = np.zeros((self.count, 3, 1))
         self.scale = film.material.elastic.shear_modulus() + float(self.mu.sum())
-        self.push = film.permittivity * (self.b[0] + self.b[1] - self.b[2]) / 2
         self._sample(rest)
 
     def _sample(self, rest: Equations) -> None:
@@ -151,10 +156,13 @@ class _Line:
         force, slope = force / self.scale, slope / self.scale
         self.elastic = CubicHermiteSpline(y, force, slope, extrapolate=False)
         self.stiffness = self.elastic.derivative()
-
-    def field_term(self, y: np.ndarray) -> np.ndarray:
-        """Force of the field over the square of the nominal field, in units of the scale."""
-        return self.push / self.scale * np.exp(-2 * (self.e0[2] + self.b[2] * y))
+        eps, g, h = self.film.electric.strain_part(e)
+        pull = self.b @ self.film.push(e)
+        size = eps * np.exp(-2 * e[2]) / self.scale
+        slope = size * (pull * (self.b @ g - 2 * self.b[2])
+                        + np.einsum("i,ijn,j->n", self.b, h, self.b) / 2)  # fmt: skip
+        self.field_term = CubicHermiteSpline(y, size * pull, slope, extrapolate=False)
+        self.field_slope = self.field_term.derivative()
 
     def springs(self, y: np.ndarray, a: np.ndarray) -> np.ndarray:
         e = self.e0[:, None] + self.b[:, None] * y
@@ -163,10 +171,9 @@ class _Line:
     def forces(self, y: np.ndarray, x: np.ndarray, E: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual and stiffness."""
         b = self.b[:, None] * self.mu / self.scale
-        push = self.field_term(y) * E**2
-        F = self.elastic(y) + (b * x).sum(axis=(0, 1)) - push
+        F = self.elastic(y) + (b * x).sum(axis=(0, 1)) - self.field_term(y) * E**2
         K = self.stiffness(y) + (2 * b * self.b[:, None] * x).sum(axis=(0, 1))
-        return F, K + 2 * self.b[2] * push
+        return F, K - self.field_slope(y) * E**2
 
 
     def frozen_branch(self) -> tuple[np.ndarray, np.ndarray, float]:

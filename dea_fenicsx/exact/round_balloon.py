@@ -2,7 +2,7 @@
 
 The rubber fills the sphere between the radii A and B, with electrodes on both faces.  With the
 inner radius a, the outer one b (b^3 = a^3 + B^3 - A^3) and the stretch s = r/R, a round state is in
-equilibrium if
+equilibrium if, for a constant permittivity,
 
     integral of 2 (t_s - t_r)/r dr from a to b = eps V^2/2 (a^-4 - b^-4)/(1/a - 1/b)^2,
 
@@ -27,6 +27,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.optimize import brentq
 
+from dea_fenicsx.exact.film_field import FilmField
 from dea_fenicsx.exact.states import of_kept_volume, without_time
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.stretches import taylor
@@ -50,6 +51,9 @@ LARGEST_THIN_WALL = 0.03
 
 POINTS = 16
 """Number of Gauss points in the radius."""
+
+SMALLEST_FIELD, LARGEST_FIELD = 1e-3, 1e10
+"""True fields in V/m at the inner face between which a round state is sought."""
 
 SAMPLES = 120
 """Number of radii at which signs are looked at before a root is refined."""
@@ -93,7 +97,9 @@ class ShapeChange:
 @dataclass(frozen=True)
 @in_si(inner="m", outer="m")
 class RoundBalloon:
-    """A thick sphere of an incompressible ideal dielectric elastomer.
+    """A thick sphere of an incompressible dielectric elastomer.
+
+    Its stability is known for a constant permittivity only.
 
     Parameters
     ----------
@@ -227,12 +233,16 @@ class _Wall:
         _, R, H = taylor(material.elastic, np.stack([-2 * e, e, e]))
         self.R, self.H = np.asarray(R) / mu, np.asarray(H) / mu
         self.squares = np.exp(2 * np.stack([-2 * e, e, e]))
-        # The wall's pressure, and that of the charges per V^2, in units of A sqrt(mu/eps).
         wall = float(self.weights @ (2 * (self.R[1] - self.R[0]) / r))
+        law = material.dielectric
+        self.is_ideal = law.is_ideal
+        if not law.is_ideal:
+            self.volts = self._volts(FilmField(law), np.stack([e, e, -2 * e]), wall * mu, A)
+            return
+        # The wall's pressure, and that of the charges per V^2, in units of A sqrt(mu/eps).
         drop = 1 / a - 1 / b
         volts = math.copysign(math.sqrt(abs(2 * wall / (a**-4 - b**-4))) * drop, wall)
-        eps = material.dielectric.constant_permittivity("A balloon")
-        self.volts = volts * A * math.sqrt(mu / eps)
+        self.volts = volts * A * math.sqrt(mu / law.permittivity())
         self.field = volts / drop / r**2
         # Radial stress from the outer face, where it vanishes, by the polynomial of its slope.
         slope = 2 / r * (self.R[1] - self.R[0] - self.field**2)
@@ -240,11 +250,54 @@ class _Wall:
         outward = legendre.legval(self.x, series) - legendre.legval(1.0, series)
         self.pressure = self.R[0] + self.field**2 / 2 - outward
 
+    def _volts(self, electric: FilmField, e: np.ndarray, wall: float, unit: float) -> float:
+        """Voltage in V that carries the wall, for a permittivity that changes.
+
+        Parameters
+        ----------
+        electric
+            The dielectric.
+        e
+            Logarithms of the stretches along, along and through the sphere, shape (3, N).
+        wall
+            Integral of 2 (t_s - t_r)/r in Pa, of the elastic stresses.
+        unit
+            Inner radius A in m.
+        """
+        if wall == 0:
+            return 0.0
+        push = electric.push(e)
+        shares = self.weights * 2 * (push[0] - push[2]) / self.r
+        inner = e[:, :1]  # where the field is largest
+
+        def fields(log_field: float) -> np.ndarray:
+            E = np.array([math.exp(log_field)])
+            flux = electric.maxwell(inner, E) / E * self.r[0] ** 2
+            # Of a saturated part, the displacement does not tell the field, so that E stays.
+            return np.concatenate([E, electric.field_of(e[:, 1:], flux / self.r[1:] ** 2)])
+
+        def missing(log_field: float) -> float:
+            return float(shares @ electric.maxwell(e, fields(log_field))) - abs(wall)
+
+        ends = math.log(SMALLEST_FIELD), math.log(LARGEST_FIELD)
+        if missing(ends[1]) < 0:
+            raise InputError(
+                f"RoundBalloon.at: no field up to {LARGEST_FIELD:g} V/m carries the wall at "
+                f"{self.a:g} times its inner radius; ask for a smaller one."
+            )
+        E = fields(brentq(missing, *ends, xtol=1e-14, rtol=1e-14))
+        return math.copysign(float(self.weights @ E) * unit, wall)
+
     def softest(self, n: int) -> float:
         """Smallest eigenvalue of the second variation against shapes of a number n.
 
         The potential is eliminated, and the shapes are measured by their displacements.
         """
+        if not self.is_ideal:
+            raise InputError(
+                "RoundBalloon: the stability of a sphere is known for one permittivity at all "
+                "strains and fields; take IdealDielectric, or finite elements."
+            )
         K, mass = self._form(n)
         m = self.count
         stiffness = K[:m, :m] - K[:m, m:] @ np.linalg.solve(K[m:, m:], K[m:, :m])

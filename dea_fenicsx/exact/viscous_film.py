@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dea_fenicsx.exact.film import CONTROLS, Dead, Film, Held
+from dea_fenicsx.exact.film import Dead, Film, Held
 
 DEVIATOR = np.eye(3) - 1 / 3
 
@@ -74,8 +74,6 @@ class ViscousFilm:
         self.held = [k for k, side in enumerate(film.sides) if isinstance(side, Held)]
         self.B = self._basis(symmetric)
         self.n = self.B.shape[1]
-        self.push = CONTROLS[control].reshape(3, 1)
-        self.v = film.v.reshape(3, 1)
 
     def _times(self) -> list[float]:
         """The relaxation times of the branches in s."""
@@ -112,11 +110,12 @@ class ViscousFilm:
         return e
 
     def maxwell(self, e: np.ndarray, loads: np.ndarray) -> np.ndarray:
-        """Maxwell pressure eps E^2 in Pa, shape (N,)."""
-        eps = self.film.permittivity
+        """Maxwell pressure D E in Pa, shape (N,)."""
+        electric = self.film.electric
         if self.control == "voltage":
-            return eps * (loads[0] * np.exp(-e[2])) ** 2
-        return (loads[0] * np.exp(-e[0] - e[1])) ** 2 / eps
+            return np.asarray(electric.maxwell(e, loads[0] * np.exp(-e[2])))
+        D = np.abs(loads[0]) * np.exp(-e[0] - e[1])
+        return np.asarray(D * electric.field_of(e, D))
 
     def _sides(self, e: np.ndarray, values: np.ndarray) -> np.ndarray:
         """Kirchhoff stresses in Pa of loads on the sides (or their rates), shape (3, N)."""
@@ -156,10 +155,12 @@ class ViscousFilm:
         """Residual, stiffness and full stiffness, from the branches' stresses and stiffness."""
         _, R, H = self.film.elastic(e)
         tau = self._sides(e, loads[1:])
-        push = self.maxwell(e, loads) * np.exp(e.sum(axis=0))
-        R = R + DEVIATOR @ pull - tau - self.v * push
+        M = self.maxwell(e, loads)
+        MJ, push = M * np.exp(e.sum(axis=0)), self.film.push(e)
+        R = R + DEVIATOR @ pull - tau - push * MJ
         H = H + slope - self._sides_slope(e, tau)
-        H = H - self.v[:, None] * self.push[None, :] * push
+        kept = self.film.electric.controls(e, M, self.control)
+        H = H - (push[:, None] * kept[None, :] + self.film.electric.strain_part(e)[2] / 2) * MJ
         B = self.B
         K = np.einsum("ip,ijn,jq->pqn", B, H, B)
         return B.T @ R / self.scale, K / self.scale, H / self.scale
@@ -213,12 +214,12 @@ class ViscousFilm:
         """Rate of the residual in 1/s while the free stretches are kept, shape (n, N)."""
         third = np.concatenate([adot, -adot.sum(axis=1, keepdims=True)], axis=1)
         R = -DEVIATOR @ self._released(f, third) - self._sides(f.e, rates[1:])
-        eps = self.film.permittivity
-        if self.control == "voltage":
-            rate = 2 * eps * loads[0] * rates[0] * np.exp(-2 * f.e[2])
-        else:
-            rate = 2 / eps * loads[0] * rates[0] * np.exp(-2 * (f.e[0] + f.e[1]))
-        R = R / self.scale - self.v * rate * np.exp(f.e.sum(axis=0)) / self.scale
+        M = self.maxwell(f.e, loads)
+        n = self.film.electric.growth(f.e, M)
+        power = 1 + (n if self.control == "voltage" else 1 / n)  # d ln M / d ln load
+        driven = loads[0] != 0
+        rate = power * rates[0] * np.where(driven, M / np.where(driven, loads[0], 1.0), 0.0)
+        R = R / self.scale - self.film.push(f.e) * rate * np.exp(f.e.sum(axis=0)) / self.scale
         if self.held:
             along = np.zeros_like(rates[1:])
             along[self.held] = rates[1:][self.held] / loads[1:][self.held]
