@@ -103,6 +103,9 @@ LINES = {
     "demo over another": ("demos cube --to {mine}", "not overwritten"),
     "two demos": ("demos cube fit_rubber", "unrecognized arguments"),
     "no such material": ("materials vhb", "the nearest is"),
+    "no material to plot": ("materials --plot {run}/a.png", "name it"),
+    "material as no picture": ("materials mylar --plot {run}/a.txt", "end in .png"),
+    "material in no folder": ("materials mylar --plot {run}/no/a.png", "There is no folder"),
     "no such system": ("table --system cub", "did you mean 'cube'"),
     "table onto a file": ("table --system cube --out {run}/history.csv", "exists"),
     "whole table onto a file": ("table --out {run}/history.csv", "exists"),
@@ -362,3 +365,10 @@ def test_table(dea, rows, tmp_path, monkeypatch):
     assert "thesis 1763 V, here 1763.106 V" in out
     assert (tmp_path / "thesis.csv").read_text().count("\ncube,") > 3
     assert (tmp_path / "thesis.md").exists()
+
+
+def test_a_picture_of_a_material(dea, tmp_path):
+    path = tmp_path / "curves.png"
+    status, out, _ = dea("materials", "vhb4910-hossain2012", "--plot", path)
+    assert status == 0 and out == f"wrote {path}\n"
+    assert path.stat().st_size > 5000

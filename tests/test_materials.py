@@ -17,6 +17,8 @@ from dea_fenicsx.materials import (
     NeoHookean,
     Ogden,
     Yeoh,
+    names,
+    preset,
 )
 from dea_fenicsx.materials.stretches import nominal_stress, taylor
 
@@ -245,3 +247,19 @@ def test_breakdown_laws():
     law = IdealDielectric(3.0, Breakdown(30.6e6, 1.13))
     assert law.breakdown_field(2.0) == pytest.approx(30.6e6 * 2**1.13)
     assert Conductor().faults() == []
+
+
+def test_presets_tell_year_range_and_data():
+    with_data = [name for name in names() if preset(name).curve]
+    assert len(with_data) >= 5
+    for name in with_data:
+        found = preset(name)
+        data = found.data()
+        low, high = found.stretches
+        inside = (data.stretch >= low) & (data.stretch <= high)
+        model = nominal_stress(found.material.elastic, "uniaxial", data.stretch[inside])
+        error = np.sqrt(np.mean((model - data.stress[inside]) ** 2)) / data.stress[inside].max()
+        assert found.year and error < 0.12
+    for name in names():
+        found = preset(name)
+        assert found.year is None or str(found.year) in found.source

@@ -5,15 +5,22 @@ from __future__ import annotations
 import argparse
 import json
 import textwrap
+from pathlib import Path
 from typing import Any
 
+from dea_fenicsx.support.errors import InputError
+
 HELP = "the library of materials"
+
+PICTURES = (".png", ".svg", ".pdf")
+"""Kinds of pictures that can be drawn."""
 
 _UNITS = {"mu": "Pa", "C10": "Pa", "C01": "Pa", "C20": "Pa", "C30": "Pa"}
 
 
 def add(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("name", nargs="?", help="one material; without it all are listed")
+    parser.add_argument("--plot", metavar="FILE", help="draw the curves of NAME, with data (.png)")
     parser.add_argument("--json", action="store_true", help="for programs: SI units")
 
 
@@ -38,6 +45,8 @@ def told(name: str) -> dict[str, Any]:
         "mark": found.mark,
         "marked": MARKS[found.mark],
         "source": found.source,
+        "year": found.year,
+        "stretches": found.stretches,
         "note": found.note,
         "use": found.use,
     }
@@ -50,6 +59,9 @@ def run(options: argparse.Namespace) -> int:
     from dea_fenicsx.materials import names
     from dea_fenicsx.materials.presets import MARKS
 
+    if options.plot is not None:
+        _draw(options.name, options.plot)
+        return 0
     if options.name is not None:
         one = told(options.name)
         print(json.dumps(one, indent=2, ensure_ascii=False) if options.json else _page(one))
@@ -73,6 +85,25 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
+def _draw(name: str | None, file: str) -> None:
+    """Write the picture of a preset's curves."""
+    from dea_fenicsx.materials import preset
+
+    if name is None:
+        raise InputError("--plot draws one material; name it: dea materials NAME --plot FILE.")
+    path = Path(file)
+    if path.suffix.lower() not in PICTURES:
+        raise InputError(f"{file} is no picture; let its name end in {' or '.join(PICTURES)}.")
+    if not path.parent.is_dir():
+        raise InputError(f"There is no folder {path.parent} for {path.name}; make it first.")
+    found = preset(name)
+    import matplotlib
+
+    matplotlib.use("Agg")
+    found.plot().figure.savefig(path, dpi=150)
+    print(f"wrote {path}")
+
+
 def _page(m: dict[str, Any]) -> str:
     lines = [m["name"], f"  for              {m['use']}", f"  model            {m['model']}"]
     for name, value in m["constants"].items():
@@ -92,6 +123,9 @@ def _page(m: dict[str, Any]) -> str:
     rest = f"{m['marked']}: {m['source']}." + (f" {m['note']}" if m["note"] else "")
     lines.append(textwrap.fill(rest, 96, initial_indent="  source           ",
                                subsequent_indent=" " * 19))  # fmt: skip
+    low, high = m["stretches"] or (None, None)
+    lines.append(f"  year             {m['year'] or 'not told'}")
+    lines.append(f"  range of data    {f'stretch {low:g} to {high:g}' if high else 'not told'}")
     lines.append(f'\nIn a script: dea.materials.get("{m["name"]}")')
     return "\n".join(lines)
 

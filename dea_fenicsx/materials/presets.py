@@ -13,6 +13,7 @@ import numpy as np
 
 from dea_fenicsx.materials.base import Elastic
 from dea_fenicsx.materials.chains import ArrudaBoyce, Gent
+from dea_fenicsx.materials.curve_data import TestData, read_data
 from dea_fenicsx.materials.electric import Breakdown, Conductor, Electric, IdealDielectric
 from dea_fenicsx.materials.material import Material, bulk_modulus_of
 from dea_fenicsx.materials.ogden import Ogden
@@ -37,6 +38,9 @@ MARKS = {
 UNVERIFIED = "M"
 """The mark of presets that give a warning where they are used."""
 
+UNTOLD_STRETCH = 3.0
+"""Largest stretch in pictures of presets whose source does not tell the range of its tests."""
+
 MOST_TOLD = 4
 """Number of sets for one rubber that a message tells."""
 
@@ -54,6 +58,9 @@ class Preset:
     note : what to beware of, or empty
     use : what it is for, in one line
     density_source : where the density comes from, or empty where there is none
+    year : of the source, or None where it is not known
+    stretches : least and largest stretch of the tests behind it, or None where not told
+    curve : name of the measured curve that comes with it, or empty
     """
 
     name: str
@@ -63,6 +70,17 @@ class Preset:
     note: str = ""
     use: str = ""
     density_source: str = ""
+    year: int | None = None
+    stretches: tuple[float, float] | None = None
+    curve: str = ""
+
+    def data(self) -> TestData | None:
+        """The measured uniaxial curve that its constants were fitted to, or None without one."""
+        if not self.curve:
+            return None
+        file = resources.files("dea_fenicsx.materials").joinpath("curves", f"{self.curve}.csv")
+        with resources.as_file(file) as path:
+            return read_data(path, "uniaxial", 0, 1, unit=1.0, delimiter=",")
 
     def __str__(self) -> str:
         note = f" {self.note}" if self.note else ""
@@ -70,20 +88,35 @@ class Preset:
         viscous = f", branches {', '.join(map(str, branches))}" if branches else ""
         return f"{self.name}: {elastic}{viscous} ({MARKS[self.mark]}: {self.source}).{note}"
 
-    def plot(self, max_stretch: float = 3.0, ax: Any = None) -> Any:
+    def plot(self, max_stretch: float | None = None, ax: Any = None) -> Any:
         """Draw the uniaxial, planar and equi-biaxial curves; returns the axes of matplotlib.
 
-        Those of a viscous material are of its equilibrium, after an infinite time.
+        Those of a viscous material are of its equilibrium, after an infinite time.  Measured points
+        are drawn where they come with the preset.
+
+        Parameters
+        ----------
+        max_stretch
+            Largest stretch; by default that of the tests, or 3 where it is not told.
+        ax
+            Axes to draw on; made if None.
         """
         import matplotlib.pyplot as plt
 
         ax = ax or plt.subplots()[1]
+        data = self.data()
+        if max_stretch is None:
+            max_stretch = self.stretches[1] if self.stretches else UNTOLD_STRETCH
         stretch = np.linspace(1, max_stretch, 200)
         for test in TESTS:
             ax.plot(stretch, nominal_stress(self.material.elastic, test, stretch) / 1e3, label=test)
+        if data is not None:
+            inside = data.stretch <= max_stretch
+            points = data.stretch[inside], data.stress[inside] / 1e3
+            ax.plot(*points, "ko", label="measured, uniaxial")
         ax.set_xlabel("stretch")
         ax.set_ylabel("nominal stress in kPa")
-        ax.set_title(self.name)
+        ax.set_title(f"{self.name} ({self.year})" if self.year else self.name)
         ax.legend()
         return ax
 
@@ -176,4 +209,7 @@ def _build(name: str, entry: dict[str, Any]) -> Preset:
         entry.get("note", ""),
         entry["use"],
         entry.get("density_source", ""),
+        entry.get("year"),
+        tuple(entry["stretches"]) if "stretches" in entry else None,
+        entry.get("curve", ""),
     )
