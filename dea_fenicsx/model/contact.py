@@ -42,11 +42,16 @@ MODULI_AT_TOLERANCE = 2.0
 """Deviation of f from p, in shear moduli, at which a gap reaches its tolerance.
 
 Such a deviation only belongs to a pressure that the mesh does not resolve.  A larger value would
-leave larger rounding errors in the forces, which are those of the places times r.  In cells that
-are flatter than they are wide, r is multiplied by the cube of their slenderness.  So the stiffness
-of bending of a wall of that height falls, which gives way to a pressure that varies from one facet
-to the next.  With an r that is much stiffer than the wall, a Newton step that closes one point
-opens its neighbours, and the points that touch never settle.
+leave larger rounding errors in the forces, which are those of the places times r."""
+
+FLAT_CELLS = 25.0
+"""Factor on the cube of a cell's slenderness, height over width, by which r falls if it is below 1.
+
+A pressure that varies from one facet of the width w to the next bends a wall of the height t.  For
+this the wall is (pi t/w)^3/6 = 5 (t/w)^3 times as stiff as a thick body, incompressible.  With an r
+that is much stiffer than the wall, a Newton step that closes one point opens its neighbours, and
+the points that touch never settle.  The factor is larger than 5, since gaps at single points grow
+with a smaller r: cells of which the width is less than three times the height keep all of r.
 """
 
 LEAST_SLENDERNESS = 0.01
@@ -164,7 +169,8 @@ class Contact:
     def _stiffness(self, surface: TouchingSurface) -> Any:
         """r: moduli over the tolerance of the gap, constant in each cell.  Collective."""
         widths = surface.widths
-        self._yielding = np.maximum(surface.slenderness, LEAST_SLENDERNESS) ** 3
+        slender = np.maximum(surface.slenderness, LEAST_SLENDERNESS)
+        self._yielding = np.minimum(FLAT_CELLS * slender**3, 1.0)
         self._tolerances = np.zeros(len(widths))
         given, cells = self.told.tolerance, self.facets[:, 0]
         self._tolerances[cells] = (
