@@ -137,7 +137,7 @@ def test_modes_of_a_rigid_region():
 
 
 def test_a_motion_that_starts_pressed():
-    """A rigid block rests on a plane, and is loaded further at once: it stays, the plane bears all."""
+    """A rigid block on a plane is loaded further at once: it stays, and the plane bears all."""
     weight, more = 0.03, 0.02
     told = scene(
         block((2, 2)), dea.Rigid("film", turns="", held="x"), dea.Spring("film", 1.0, "y"),

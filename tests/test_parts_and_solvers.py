@@ -39,8 +39,9 @@ def pressed(friction):
 def under_air():
     stack = BoxStack(H, None, [Layer("film", H), Layer("gap", H)], divisions=(2,))
     sides = [dea.Clamp("bottom"), dea.Fix("top", "y"), dea.Fix("top", "x")]
-    return plane(sides, [dea.DeadLoad("interface_1", (0.0, 5e3))],
-                 dea.read_gmsh(stack, MPI.COMM_SELF), {"film": FILM, "gap": dea.Air(density=LIGHT)})  # fmt: skip
+    device = dea.read_gmsh(stack, MPI.COMM_SELF)
+    return plane(sides, [dea.DeadLoad("interface_1", (0.0, 5e3))], device,
+                 {"film": FILM, "gap": dea.Air(density=LIGHT)})  # fmt: skip
 
 
 def balloon():
