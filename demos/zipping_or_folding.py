@@ -143,8 +143,10 @@ def fold(args, comm, settings):
         for rod, out in ((True, args.out), (False, Path(args.out) / "without_rod"))
     ]  # fmt: skip
     run, free = runs
-    stroke, gap = -run.column("stroke_m"), run.column("gap_m")
-    closed = np.flatnonzero(run.column("pressure_Pa") > 0)
+    # Of the strokes asked for alone: which others a run takes on its way depends on rounding.
+    mine = at_strokes(run, args)
+    stroke, gap = -run.column("stroke_m")[mine], run.column("gap_m")[mine]
+    closed = np.flatnonzero(run.column("pressure_Pa")[mine] > 0)
     meet = None
     if len(closed):  # the gap before is continued to 0
         k = max(int(closed[0]) - 1, 1)
@@ -272,11 +274,16 @@ def four_sides(args, meets, comm):
     )  # fmt: skip
 
 
+def at_strokes(run, args):
+    """Which rows of a run's history are strokes that were asked for."""
+    share = run.column("stretch_factor")
+    return np.abs(share * args.steps - np.round(share * args.steps)) < 1e-9 * args.steps
+
+
 def asked(run, args):
     """Stroke in m and force in N of the strokes that were asked for, as far as a run came."""
-    share = run.column("stretch_factor")
-    chosen = np.abs(share * args.steps - np.round(share * args.steps)) < 1e-9 * args.steps
-    return args.stroke * share[chosen], run.column("force_N")[chosen]
+    chosen = at_strokes(run, args)
+    return args.stroke * run.column("stretch_factor")[chosen], run.column("force_N")[chosen]
 
 
 def meet(args, comm, settings):

@@ -136,6 +136,22 @@ def test_modes_of_a_rigid_region():
     assert modes.masses[0] == pytest.approx(MASS, rel=1e-5)
 
 
+def test_a_motion_that_starts_pressed():
+    """A rigid block on a plane is loaded further at once: it stays, and the plane bears all."""
+    weight, more = 0.03, 0.02
+    told = scene(
+        block((2, 2)), dea.Rigid("film", turns="", held="x"), dea.Spring("film", 1.0, "y"),
+        dea.Obstacle("bottom", dea.Plane((0, 0), (0, 1)), tolerance=H),
+        loads=[dea.Force("film", (0.0, -weight)), dea.Force("film", (0.0, -more), ramp="jump")],
+    )  # fmt: skip
+    path = [dea.Ramp("load", steps=1),
+            dea.March(1e-3, {"jump": lambda t: 1.0}, steps=4, inertia=dea.Inertia())]
+    run = solve(told, {"f": dea.ContactForce("bottom", "y"), "K": dea.KineticEnergy()}, path,
+                options=None)  # fmt: skip
+    assert run.column("f_N")[-4:] == pytest.approx(weight + more, rel=1e-6)
+    assert np.all(run.column("K_J")[-4:] < 1e-9 * weight * H)
+
+
 # ------------------------------------------------------------------ held by springs
 
 

@@ -166,6 +166,27 @@ def test_a_gap_that_is_not_closed(monkeypatch):
         run_of(dented(tolerance=3e-6))
 
 
+def test_a_stiff_foil_that_bends_around_a_cylinder():
+    """Its material is stiff and its bending is not; the steps do not get short after contact."""
+    layers = [Layer("foil", 25e-6), Layer("film", 100e-6)]
+    film = dea.Material(dea.NeoHookean(2e5), dea.IdealDielectric(2.8))
+    told = dea.Scene(
+        dea.read_gmsh(BoxStack(30e-3, None, layers, divisions=15), MPI.COMM_SELF),
+        {"film": film, "foil": dea.Material(dea.NeoHookean(7e8))},
+        electrodes=[dea.Electrode("top", 3e3), dea.Ground("interface_1")],
+        supports=[dea.Clamp("x_min"),
+                  dea.Obstacle("bottom", dea.Cylinder((20e-3, -8e-3), None, 6e-3))],
+        kinematics=dea.PlaneStrain(10e-3),
+    )  # fmt: skip
+    record = {"f": dea.ContactForce("bottom", "y"), "g": dea.ContactGap("bottom")}
+    few, many = (
+        dea.solve(told, dea.Ramp("voltage", steps=n), record, quiet=True) for n in (3, 6)
+    )
+    assert len(few.history) < 25
+    assert few["f_N"] > 0 and abs(few["g_m"]) < 1e-5
+    assert few["f_N"] == pytest.approx(many["f_N"], rel=1e-6)
+
+
 def test_along_an_arc():
     """A trace goes through contact to the state of a ramp."""
     wanted = run_of(dented()).history[-1]

@@ -42,8 +42,20 @@ MODULI_AT_TOLERANCE = 2.0
 """Deviation of f from p, in shear moduli, at which a gap reaches its tolerance.
 
 Such a deviation only belongs to a pressure that the mesh does not resolve.  A larger value would
-leave larger rounding errors in the forces, which are those of the places times r.
+leave larger rounding errors in the forces, which are those of the places times r."""
+
+FLAT_CELLS = 25.0
+"""Factor on the cube of a cell's slenderness, height over width, by which r falls if it is below 1.
+
+A pressure that varies from one facet of the width w to the next bends a wall of the height t.  For
+this the wall is (pi t/w)^3/6 = 5 (t/w)^3 times as stiff as a thick body, incompressible.  With an r
+that is much stiffer than the wall, a Newton step that closes one point opens its neighbours, and
+the points that touch never settle.  The factor is larger than 5, since gaps at single points grow
+with a smaller r: cells of which the width is less than three times the height keep all of r.
 """
+
+LEAST_SLENDERNESS = 0.01
+"""Slenderness of a cell below which r does not fall further."""
 
 
 def _place(kinematics: Kinematics, u: Any, x: Any) -> Any:
@@ -126,7 +138,7 @@ class Contact:
         self.gap = metres / unit + self.offset
         self.pressure = space.present[name]
         self.softening = dolfinx.fem.Constant(mesh, 1.0)
-        self.stiffness = self.softening * self._stiffness(surface.widths)
+        self.stiffness = self.softening * self._stiffness(surface)
         self.pushed = self.pressure - self.stiffness * self.gap
         self.touches = ufl.gt(self.pushed, 0)
         self.force = ufl.conditional(self.touches, self.pushed, 0)
@@ -154,8 +166,11 @@ class Contact:
         """A number as a constant of the form, so that another value needs no compilation."""
         return dolfinx.fem.Constant(self._mesh, float(value))
 
-    def _stiffness(self, widths: np.ndarray) -> Any:
+    def _stiffness(self, surface: TouchingSurface) -> Any:
         """r: moduli over the tolerance of the gap, constant in each cell.  Collective."""
+        widths = surface.widths
+        slender = np.maximum(surface.slenderness, LEAST_SLENDERNESS)
+        self._yielding = np.minimum(FLAT_CELLS * slender**3, 1.0)
         self._tolerances = np.zeros(len(widths))
         given, cells = self.told.tolerance, self.facets[:, 0]
         self._tolerances[cells] = (
@@ -170,7 +185,8 @@ class Contact:
         for name, material in materials.items():
             cells = np.intersect1d(self._scene.device.cells_of(name), self.facets[:, 0])
             modulus = material.elastic.shear_modulus() / self._scales.stress
-            self._r.x.array[cells] = MODULI_AT_TOLERANCE * modulus / self._tolerances[cells]
+            stiff = MODULI_AT_TOLERANCE * modulus / self._tolerances[cells]
+            self._r.x.array[cells] = self._yielding[cells] * stiff
         self._r.x.scatter_forward()
 
     @property

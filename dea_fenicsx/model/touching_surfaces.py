@@ -32,6 +32,9 @@ class TouchingSurface:
         Its facets, each with the cell from which it is seen, see `one_sided`; shape (n, 2).
     widths, areas
         Mean width and area of the facets of each owned cell; 0 for a cell without facets.
+    slenderness
+        Height of each owned cell above these facets over their width, at most 1; 1 for a cell
+        without facets.
     """
 
     name: str
@@ -39,6 +42,7 @@ class TouchingSurface:
     facets: np.ndarray
     widths: np.ndarray
     areas: np.ndarray
+    slenderness: np.ndarray
 
 
 def touching_surfaces(scene: Scene) -> list[TouchingSurface]:
@@ -91,13 +95,22 @@ def traction_of(name: str) -> str:
     return f"friction{name.removeprefix('contact')}"
 
 
-def _facet_sizes(device: Device, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The widths and the areas of `TouchingSurface`.  Collective."""
+def _facet_sizes(
+    device: Device, facets: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The widths, the areas and the slenderness of `TouchingSurface`.  Collective."""
     mesh, dim = device.mesh, device.dim
     each = ufl.TestFunction(dolfinx.fem.functionspace(mesh, ("DG", 0)))
     ds = measure(device, [facets], 2, "ds")(0)
     owned = device.owned_cells()
-    areas = dolfinx.fem.assemble_vector(compat.compile_form(each * ds)).array[:owned].copy()
+    areas, volumes = (
+        dolfinx.fem.assemble_vector(compat.compile_form(each * over)).array[:owned].copy()
+        for over in (ds, ufl.dx(mesh))
+    )
     cells, counts = np.unique(facets[:, 0], return_counts=True)
     areas[cells] /= counts
-    return areas ** (1 / (dim - 1)), areas
+    widths, slenderness = areas ** (1 / (dim - 1)), np.ones(owned)
+    tapers = dim if mesh.topology.cell_name() in ("triangle", "tetrahedron") else 1
+    heights = tapers * volumes[cells] / areas[cells]
+    slenderness[cells] = np.minimum(heights / widths[cells], 1.0)
+    return widths, areas, slenderness

@@ -8,6 +8,10 @@ Displacement u and velocity v are given, and the load may have jumped.  What fol
 
 linear in a, p and phi.  Without the second equation, an acceleration that does not keep the volume
 would start an oscillation of the pressure.
+
+Two more conditions bind places alone: a point that is pressed stays on its obstacle (and sticks, if
+its friction suffices), and the cells of the air follow the body.  Their rows take the acceleration
+in the same way, B a = 0.  What their own curvature adds along a velocity is left out there.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.state import State
 from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.tangent import scalar_masses
 from dea_fenicsx.solvers.unsymmetric import by_lu
 from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import SolverError
@@ -34,6 +39,9 @@ VOLUME_DIFFERENCE = 0.05
 
 NEGLIGIBLE = 1e-12
 """Change of a pressure or a potential, dimensionless, after which none is corrected any more."""
+
+NO_ENTRY = 1e-11
+"""Entries of a row below this share of its entries for displacements are rounding errors."""
 
 CORRECTIONS = 3
 """Most solves: the equations are linear, but for a potential whose dielectric is not."""
@@ -143,10 +151,10 @@ class Start:
         return float(self.problem.comm.allreduce(largest, op=MPI.MAX))
 
     def _matrix(self) -> tuple[Any, np.ndarray]:
-        """The matrix of the equations, and the rows of the volume's second derivative."""
+        """The matrix of the equations, and the rows that bind accelerations."""
         problem = self.problem
         self.mass.rest()
-        stiff = self.solver.tangent.matrix(START_COMPRESSIBILITY)
+        stiff = self.solver.tangent.matrix()
         start, _ = stiff.getOwnershipRange()
         offsets, columns, values = stiff.getValuesCSR()
         values = values.copy()
@@ -155,7 +163,8 @@ class Start:
         moving = np.zeros(total, dtype=bool)
         moving[np.concatenate(everywhere)] = True
         row = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
-        kept = self._incompressible_rows()
+        by_place = self._rows_by_place(row, np.abs(values), moving[columns])
+        kept = np.union1d(self._incompressible_rows(), by_place)
         holds = np.zeros(len(offsets) - 1, dtype=bool)
         holds[kept] = True
         values[moving[columns] & ~holds[row]] = 0.0
@@ -164,8 +173,31 @@ class Start:
         heavy = self.mass.reduced(problem.free, problem.expansion)
         matrix.axpy(1.0, heavy, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         heavy.destroy()
+        diagonal = matrix.createVecLeft()
+        diagonal.array[:] = -START_COMPRESSIBILITY * scalar_masses(problem)
+        diagonal.array[self.moves] = 0.0
+        matrix.setDiagonal(diagonal, PETSc.InsertMode.ADD)
+        diagonal.destroy()
         self.solver.forget_factor()
         return matrix, kept
+
+    def _rows_by_place(
+        self, row: np.ndarray, sizes: np.ndarray, moving: np.ndarray
+    ) -> np.ndarray:
+        """Rows of internal fields that hold places alone, such as a gap that is closed.
+
+        Parameters
+        ----------
+        row, sizes, moving
+            For each entry of the tangent its row, its size, and whether it is for a displacement.
+        """
+        problem = self.problem
+        owned = len(problem.free)
+        moved = np.bincount(row[moving], sizes[moving], owned)
+        other = np.bincount(row[~moving], sizes[~moving], owned)
+        holds = (moved > 0) & (other <= NO_ENTRY * moved)
+        places = problem.roles.free(Role.INTERNAL)
+        return np.asarray(places[holds[places]])
 
     def _incompressible_rows(self) -> np.ndarray:
         """Places of pressures among the free unknowns that belong to no compressible cell."""
@@ -197,4 +229,5 @@ class Start:
                 # Along a straight line, which nodes of rigid parts leave by their acceleration.
                 problem.w.x.array[:] = state.values + place * step * velocity
                 total += weight * problem.restrict(problem.residual())
+        total[problem.roles.free(Role.INTERNAL)] = 0.0
         return total / step**2
