@@ -46,7 +46,6 @@ def vhb(G):
     )  # fmt: skip
 
 
-
 HEIGHT, LENGTH, DEEP, WIDE = 20e-3, 120e-3, 0.02e-3, 0.12e-3
 """Of the layer and of its notch, in m."""
 
@@ -108,6 +107,7 @@ def parse():
     parser.number("--notch", 1.0, "-", "length and depth of the notch, over 0.12 and 0.02 mm")
     parser.count("--notch-cells", 2, "cells along the notch, and finest cells of the mesh")
     parser.count("--mesh", 1, "refinement of the mesh")
+    parser.add_argument("--contact", action="store_true", help="the sides of the crease touch")
     return parser, parser.parse_args()
 
 
@@ -121,7 +121,12 @@ def scene(args):
         dea.read_gmsh(layer, MPI.COMM_WORLD),
         {"layer": vhb(args.mu)},
         electrodes=[dea.Electrode("top", unit), dea.Ground("bottom")],
-        supports=[dea.Clamp("bottom"), dea.Fix("x_min", "x"), dea.Fix("x_max", "x")],
+        supports=[
+            dea.Clamp("bottom"),
+            dea.Fix("x_min", "x"),
+            dea.Fix("x_max", "x"),
+            *([dea.Obstacle("top", dea.Plane((0.0, 0.0), (1.0, 0.0)))] if args.contact else []),
+        ],
         kinematics=dea.PlaneStrain(),
     )
 
