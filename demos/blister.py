@@ -397,8 +397,10 @@ def report(args, run):
         f"last field {s['last_field']:.5f}, deflection {s['last_deflection_over_thickness']:.4g} "
         f"thicknesses, {s['steps']} steps, {s['unknowns']} unknowns, {s['seconds']:.0f} s"
     )
-    print(f"largest true field {s['last_true_field_over_nominal']:.4g} times the nominal one; a free "
-          f"film pulls in at {s['free_film_pull_in_field']:.5f}")  # fmt: skip
+    print(
+        f"largest true field {s['last_true_field_over_nominal']:.4g} times the nominal one; "
+        f"a free film pulls in at {s['free_film_pull_in_field']:.5f}"
+    )
     print(f"end: {s['end']}\n\nresults: {run.out}/history.csv, deflection_field.png, fields.xdmf")
 
 
