@@ -221,15 +221,11 @@ class Plate:
         for e in fields[1:]:
             old = decay * v + (ramp - decay) * before
             load = (e / self.fields) ** 2
-            # with inertia the trapezoidal rule
-            stiff, pushed = 1 + (g * ramp).sum(0) - load, load * self.share + (g * old).sum(0)
-            if density:
-                past = 4 / dt**2 * before + 4 / dt * speed + push
-                moved = np.linalg.solve(np.diag(stiff) + 4 / dt**2 * inert, pushed + inert @ past)
-                push = 4 / dt**2 * moved - past
-                speed = 2 / dt * (moved - before) - speed
-            else:
-                moved = pushed / stiff
+            stiff = np.diag(1 + (g * ramp).sum(0) - load) + 4 / dt**2 * inert
+            past = 4 / dt**2 * before + 4 / dt * speed + push  # trapezoidal rule
+            pushed = load * self.share + (g * old).sum(0) + inert @ past
+            moved = np.linalg.solve(stiff, pushed)
+            push, speed = 4 / dt**2 * moved - past, 2 / dt * (moved - before) - speed
             v, before = old + (1 - ramp) * moved, moved
             found.append(abs(imperfection) * float(self.middle @ moved))
             if found[-1] > MOVED:
@@ -295,9 +291,7 @@ def path(args):
     if args.to > early:
         seconds = (args.to - early) / args.rate
         drive = dea.Rise(args.to, seconds, low=early)
-        path.append(
-            dea.March(seconds, {"voltage": drive}, tolerance=args.tolerance, inertia=inertia)
-        )
+        path.append(dea.March(seconds, {"voltage": drive}, None, args.tolerance, inertia=inertia))
     return path
 
 
@@ -352,10 +346,7 @@ def findings(args, run, end):
 
 
 def free_film(rate):
-    """Field at which a film that nothing holds pulls in under the same rising voltage.
-
-    It does not depend on the modulus, with which the branches go.
-    """
+    """Field at which a film of any modulus that nothing holds pulls in under this rate."""
     film = FreeFilm(VHB, THICKNESS)
     unit = THICKNESS * float(np.sqrt(G / film.permittivity))
     course = march(film, 2 / rate, voltage=dea.Rise(2 * unit, 2 / rate))
