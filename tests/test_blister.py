@@ -18,8 +18,10 @@ def plate():
     return blister.Plate()
 
 
-def scene(imperfection=0.0):
-    return blister.scene(Namespace(mesh="coarse", imperfection=imperfection, mu=blister.G))
+def scene(imperfection=0.0, density=0.0):
+    return blister.scene(
+        Namespace(mesh="coarse", imperfection=imperfection, mu=blister.G, density=density)
+    )
 
 
 def middle(imperfection):
@@ -36,7 +38,13 @@ def test_a_plate_with_an_electrode_all_over_buckles_at_the_known_load():
 
 
 def test_the_imperfection_of_the_demo_is_made_of_the_modes_of_the_plate(plate):
-    assert plate.middle.sum() == pytest.approx(1, abs=1e-9)
+    assert plate.share @ plate.middle == pytest.approx(1, abs=1e-9)
+
+
+def test_the_plate_has_the_lowest_frequency_of_a_clamped_square(plate):
+    """35.985 sqrt(D/(rho H))/(2 L)^2 with D = mu H^3/3 (Leissa)."""
+    factor = 4 / np.sqrt(np.linalg.eigvalsh(plate.mass)[-1])
+    assert factor == pytest.approx(35.985, rel=5e-4)
 
 
 @pytest.mark.parametrize("response", ["relaxed", "instantaneous"])
@@ -60,12 +68,17 @@ def test_the_film_buckles_where_a_plate_of_its_modulus_does(plate, response):
     assert found == pytest.approx(critical, rel=0.01)
 
 
-@pytest.mark.parametrize("rate", [1e-3, 1e-1])
-def test_the_onset_in_time_is_that_of_a_viscous_plate(plate, rate):
-    """A tenth of the thickness, from an offset of a fiftieth."""
-    onset, seconds = plate.onset(rate, 0.02, steps=4000), 0.052 / rate
-    march = dea.March(seconds, {"voltage": dea.Rise(0.052, seconds)}, steps=40)
-    run = dea.solve(scene(0.02), march, middle(0.02), quiet=True, stability="never")
+@pytest.mark.parametrize(
+    ("rate", "density", "to", "near"),
+    [(1e-3, 0.0, 0.052, 0.01), (1e-1, 0.0, 0.052, 0.01), (1e-1, 1000.0, 0.085, 0.015)],
+)
+def test_the_onset_in_time_is_that_of_a_viscous_plate(plate, rate, density, to, near):
+    """A tenth of the thickness, from an offset of a fiftieth.  At 0.1 /s inertia delays it much:
+    from 0.0486 to 0.0821; the mesh that is too soft takes 1 % from this (0.7 % the next one)."""
+    onset, seconds = plate.onset(rate, 0.02, density), to / rate
+    inertia = dea.Inertia(0.0) if density else False
+    march = dea.March(seconds, {"voltage": dea.Rise(to, seconds)}, steps=40, inertia=inertia)
+    run = dea.solve(scene(0.02, density), march, middle(0.02), quiet=True, stability="never")
     moved = np.log(np.maximum(run.column("w_m") / blister.THICKNESS, 1e-12))
     found = np.interp(np.log(blister.MOVED), moved, rate * run.column("time_s"))
-    assert found == pytest.approx(onset, rel=0.01)
+    assert found == pytest.approx(onset, rel=near)

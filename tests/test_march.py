@@ -185,6 +185,19 @@ def test_a_jump_is_instantaneous_and_lands_on_its_time():
     assert run.history[-1]["u_m"] > rows[-1]["u_m"]
 
 
+@pytest.mark.parametrize("kind", ["viscous", "elastic", "moving"])
+def test_a_fast_drive_after_a_long_rest_is_that_without_the_rest(kind):
+    """An hour is rounded to 5e-13 s, which is no jump of the drive and no time left to the end."""
+    branches = BRANCHES if kind == "viscous" else ()
+    material = dea.Material(EQUILIBRIUM, VHB.electric, viscous=branches, density=1e3)
+    drive = {"voltage": dea.Rise(0.4, 1e-3)}
+    pulse = dea.March(1e-3, drive, steps=10, inertia=kind == "moving")
+    at_once = solve(film(material=material), pulse).history
+    rested = solve(film(material=material), [dea.March(3600.0, steps=1), pulse]).history
+    assert (len(at_once), len(rested)) == (11, 12)
+    assert rested[-1]["u_m"] == pytest.approx(at_once[-1]["u_m"], rel=1e-6)
+
+
 def test_waves_know_their_corners():
     assert dea.Triangle(0.5).corners(0, 4) == (0.5, 1.5, 2.5, 3.5)
     assert dea.Square(1.0).corners(0, 2) == (0.5, 1.0, 1.5)

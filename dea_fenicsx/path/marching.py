@@ -19,7 +19,14 @@ from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import March, Ramp
 from dea_fenicsx.path.ramping import RampWalk
-from dea_fenicsx.path.step_lengths import Ladder, is_among, landings, next_after, tell_landings
+from dea_fenicsx.path.step_lengths import (
+    CLOCK_STEP,
+    Ladder,
+    is_among,
+    landings,
+    next_after,
+    tell_landings,
+)
 from dea_fenicsx.path.time_limit import follow_time
 from dea_fenicsx.path.time_stepping import TimeStepper
 from dea_fenicsx.path.verdicts import march_lost, march_stuck, march_too_exact
@@ -39,9 +46,6 @@ SHORTEST_STEP = 2.0**-30
 
 The time gone is at least the first step after a jump, and counts up to the longest step.
 """
-
-CLOCK_STEP = 2.0**-44
-"""Shortest step in units of the time of the problem, which is rounded to 2^-53 of itself."""
 
 EXACT_SHARE = 2.0**-8
 """Longest step to a limit point, in units of a fixed step, that counts as exact."""
@@ -118,6 +122,7 @@ class MarchWalk:
         self.drive: dict[str, Wave] = march.waves
         self.room = TIME_TOLERANCE * march.seconds
         self.stepper = TimeStepper(solver, self.drive, cursor.began, march.order)
+        self.stepper.set_clock(cursor.position * march.seconds)
         self.adaptive = march.steps is None and bool(self.stepper.memories)
         end = march.seconds
         self.corners = sorted({t for w in self.drive.values() for t in w.corners(0.0, end)})
@@ -278,12 +283,11 @@ class MarchWalk:
             time = end if step.cursor.position == 1.0 else now + step.cursor.position * seconds
             state = replace(step.state, time=self._clock(time))
             self.problem.commit(state)
-            self.cursor = replace(
-                self._moved(time, self.ladder.longest), step=step.cursor.step
-            )
+            self.cursor = replace(self._moved(time, self.ladder.longest), step=step.cursor.step)
             last = self._is_end(time) and not step.event and not self._due(time)
             yield replace(step, cursor=self.cursor, state=state, last=last)
         self.stepper.restart(self.problem.state)
+        self.stepper.set_clock(time)
 
     def _clock(self, now: float) -> float:
         """Time of the problem at a time of the drive, in s."""
@@ -293,9 +297,7 @@ class MarchWalk:
         """The steps of a ramp in no time."""
         ramp = Jump(steps=1, targets=goals)
         try:
-            yield from RampWalk(
-                self.solver, ramp, start, False, self.sentinel, self.log
-            ).follow()
+            yield from RampWalk(self.solver, ramp, start, False, self.sentinel, self.log).follow()
         except EquilibriumLost as error:
             error.args = (f"{error} The march had come to {self.stepper.now:.9g} s.",)
             raise
@@ -349,9 +351,7 @@ class MarchWalk:
             at = now + event.share * seconds
             self.cursor = self._moved(at, self.cursor.size)
             self.log(f"march: {event.name} at {at:.9g} s")
-            yield Step(
-                self.cursor, "march", event.state, event=event.name, mode=event.mode
-            )
+            yield Step(self.cursor, "march", event.state, event=event.name, mode=event.mode)
 
     def _moved(self, now: float, size: float) -> Cursor:
         """The cursor of the next step."""
@@ -360,7 +360,7 @@ class MarchWalk:
 
     def _accept(self, now: float, settled: State, retries: int) -> Step:
         self.problem.commit(settled)
-        self.stepper.accept(settled)
+        self.stepper.accept(settled, now)
         self.cursor = self._moved(now, self.ladder.size(self.rung))
         last = self._is_end(now) and not self._due(now)
         return Step(self.cursor, "march", settled, retries, last)

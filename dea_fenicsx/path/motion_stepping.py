@@ -176,7 +176,7 @@ class MotionStepper(TimeStepper):
         """Start from a displacement, a velocity and the present load.  Collective."""
         velocity, driven = velocity.copy(), np.zeros(self.problem.size)
         fixed = self.problem.conditions.fixed_values
-        local, h = state.time - self.began, DRIVE_STEP * self.finest
+        local, h = self.now, DRIVE_STEP * self.finest
         on = fixed.fixed & self.mask
         velocity[on] = 0.0
         if parts := self.problem.rigid:  # their unknowns are no displacements, and may be given

@@ -22,7 +22,7 @@ from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import CONSERVING, Inertia, March
 from dea_fenicsx.path.motion_stepping import MotionStepper
-from dea_fenicsx.path.step_lengths import Ladder, landings, next_after, tell_landings
+from dea_fenicsx.path.step_lengths import CLOCK_STEP, Ladder, landings, next_after, tell_landings
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 from dea_fenicsx.support.errors import InputError, SolverError
@@ -68,6 +68,7 @@ class MotionWalk:
         self.ladder = Ladder(self._longest())
         kind = ConservingStepper if self.inertia.scheme == CONSERVING else MotionStepper
         self.stepper = kind(solver, self.drive, cursor.began, self.inertia, self.ladder.longest)
+        self.stepper.set_clock(cursor.position * end)
         self.rung = self.ladder.at_most(cursor.size) if cursor.size else 0
         self.failed: tuple[float, float, Outcome] | None = None  # first failure at a time
         self.fresh = not cursor.size  # whether the first step since a jump is still to come
@@ -183,7 +184,7 @@ class MotionWalk:
         allowed = seconds * max(error, 1e-30) ** (-1 / 3)
         if error > 1:
             self.rung = max(self.rung + 1, self.ladder.at_most(allowed))
-            if self.ladder.size(self.rung) < SHORTEST_STEP * self.ladder.longest:
+            if self.ladder.size(self.rung) < self._shortest():
                 raise SolverError(
                     f"The estimated error of a step at {self.stepper.now:.9g} s of the march stays "
                     f"{error:.2g} times its tolerance, however short the step; give Inertia or "
@@ -208,13 +209,18 @@ class MotionWalk:
             f"{attempt.iterations} Newton iterations); step halved"
         )
         self.rung = max(self.rung + 1, self.ladder.at_most(seconds / 2))
-        if self.ladder.size(self.rung) < SHORTEST_STEP * self.ladder.longest:
+        if self.ladder.size(self.rung) < self._shortest():
             speed = self._speed()
             raise SolverError(
                 f"No step from {now:.9g} s of the march could be made, from {longest:.3g} s "
                 f"({why.value}) down to {seconds:.3g} s; the body moves at up to {speed:.3g} m/s "
                 "there, perhaps in a collapse that nothing stops, and all steps before it are kept."
             )
+
+    def _shortest(self) -> float:
+        """Shortest step in s."""
+        clock = abs(self.cursor.began + self.stepper.now)
+        return max(SHORTEST_STEP * self.ladder.longest, CLOCK_STEP * clock)
 
     def _speed(self) -> float:
         """Largest velocity of a node along an axis in m/s.  Collective."""
@@ -244,7 +250,7 @@ class MotionWalk:
 
     def _accept(self, now: float, settled: State, retries: int) -> Step:
         self.problem.commit(settled)
-        self.stepper.accept(settled)
+        self.stepper.accept(settled, now)
         self.cursor = self._moved(now, self.ladder.size(self.rung))
         last = self.is_last and now >= self.march.seconds - self.room and not self._due()
         return Step(self.cursor, "march", settled, retries, last)

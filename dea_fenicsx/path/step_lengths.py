@@ -44,6 +44,8 @@ GROWTH_MARGIN = 1.2
 LONGEST_LAST_STEP = 1.25
 """Largest remainder before a landing, in units of the present step, that is gone in one step."""
 
+CLOCK_STEP = 2.0**-44
+"""Shortest step in units of the time of the problem, which is rounded to 2^-53 of itself."""
 
 
 def landings(

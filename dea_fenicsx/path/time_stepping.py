@@ -6,6 +6,7 @@ length of the step, and events within a step are found in this way.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -63,6 +64,9 @@ class TimeStepper:
     ----------
     base
         The last accepted state.
+    now
+        Time of the drive there, in s.  That of the problem is rounded more coarsely where much time
+        had passed before: after a rest of an hour to 5e-13 s, which a fast drive would notice.
     """
 
     def __init__(
@@ -77,12 +81,9 @@ class TimeStepper:
         self.drive, self.began, self.order = drive, began, order
         self.known: list[State] = []
         self._stages: Histories = {}
-        self.restart(self.problem.state)
-
-    @property
-    def now(self) -> float:
-        """Time of the drive at the last accepted state, in s."""
-        return self.base.time - self.began
+        self.base = self.problem.state
+        self.now = self._shown(self.base)
+        self.restart(self.base)
 
     @property
     def histories(self) -> Histories:
@@ -110,13 +111,27 @@ class TimeStepper:
                     name: memory.refreshed(self.problem.histories[name], state.time)
                     for name, memory in self.memories.items() if jump or name in new
                 })  # fmt: skip
+        if state.time != self.base.time:
+            self.now = self._shown(state)
         self.base = state
         self.known = [state]
 
-    def accept(self, state: State) -> None:
-        """Go on from the settled end of a step."""
+    def accept(self, state: State, now: float | None = None) -> None:
+        """Go on from the settled end of a step, at some time of the drive in s."""
         self.base = state
+        self.now = self._shown(state)
+        if now is not None:
+            self.set_clock(now)
         self.known = [*self.known[-2:], state]
+
+    def set_clock(self, now: float) -> None:
+        """Take a more exact time of the drive in s, if it is that of the last accepted state."""
+        if abs(self.now - now) <= 2 * math.ulp(max(abs(self.base.time), abs(self.began))):
+            self.now = now
+
+    def _shown(self, state: State) -> float:
+        """Time of the drive in s by the time of a state."""
+        return state.time - self.began
 
     def rule(self, seconds: float) -> Rule:
         """The rule of a next step of some length in s."""
