@@ -21,6 +21,7 @@ from mpi4py import MPI
 from dea_fenicsx.path.arclength import Branch, Point
 from dea_fenicsx.path.cubic import Cubic
 from dea_fenicsx.path.guiding import Guide
+from dea_fenicsx.path.soft_shapes import SoftShapes
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
 WATCHED_SHAPES = 8
@@ -55,6 +56,7 @@ class SoftWatch:
     def __init__(self, branch: Branch) -> None:
         self.branch = branch
         self._known: tuple[Point, Guide | None] | None = None
+        self._carried = SoftShapes(branch, WATCHED_SHAPES)
 
     def advance(
         self, here: Point, arc: float, before: Point | None
@@ -122,7 +124,9 @@ class SoftWatch:
         if not branch.problem.forms.is_symmetric:
             return None
         if self._known is None or self._known[0] is not here:
-            self._known = here, Guide.across(branch, before, here, WATCHED_SHAPES)
+            found = self._carried.at(here)
+            guide = None if found is None else Guide.beside(branch, before, here, *found)
+            self._known = here, guide
         return self._known[1]
 
     def _moved(self, start: np.ndarray, there: Point) -> np.ndarray:

@@ -182,6 +182,27 @@ def trace_lost(what: str, factors: Factors, outcome: Outcome) -> PathError:
     return error
 
 
+def trace_turned(what: str, factors: Factors, begin: float) -> PathError:
+    """The error that ends a trace where its branch turns aside.
+
+    Parameters
+    ----------
+    what
+        The ramp of the trace.
+    factors
+        Where the trace has come to.
+    begin
+        The factor of the ramp at which the turn begins.
+    """
+    error = EquilibriumLost(
+        f"The branch of the {what} trace turns aside between factor {begin:.6g} and "
+        f"{factors.told((what,))}, because another branch almost crosses it: the structure or the "
+        'mesh is not quite symmetric.  at_turn="pass" goes straight on, "follow" follows the turn.'
+    )
+    error.reached, error.failed, error.ramps = dict(factors), dict(factors), ()
+    return error
+
+
 def trace_short(what: str, column: str, value: float, gap: float, steps: int) -> NotReached:
     """The error that ends a trace whose steps were used up before its end.
 
