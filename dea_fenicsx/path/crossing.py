@@ -107,13 +107,17 @@ class Crossings:
         """Begin anew, as on another branch."""
         self._anchors: list[tuple[Point, Point]] = []
         self._arc, self._short, self._next = 0.0, 0, 0.0
+        self.watch.forget()
         self.trail: list[Point] = []
 
     def reached(self, point: Point, before: Point, arc: float) -> None:
         """Take note of an accepted point, of the one before it, and of the arc between the two."""
         arc = min(arc, self.longest)  # a step over a crossing may have been longer
         self._short += 1
-        self.trail = [*self.trail[-(MOST_POINTS_BACK + MOST_ANCHORS + SMALL_STEPS) :], point]
+        # A step over a crossing begins at an earlier point: those after it are on the turn.
+        last = next((k for k, p in enumerate(self.trail) if p is before), len(self.trail) - 1)
+        kept = self.trail[: last + 1]
+        self.trail = [*kept[-(MOST_POINTS_BACK + MOST_ANCHORS + SMALL_STEPS) :], point]
         if self._short > SMALL_STEPS:
             self._anchors, self._arc = [], arc
         if 2 * arc >= self._arc:

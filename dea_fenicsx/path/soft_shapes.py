@@ -29,8 +29,8 @@ Shapes that are nearly neutral exceed the error by the ratio of the eigenvalues.
 FRESH_VECTORS = 2
 """How many pseudo-random vectors take part in an iteration."""
 
-MOST_ITERATIONS = 3
-"""Most iterations at one point, and their number at the first one."""
+FIRST_ITERATIONS, MOST_ITERATIONS = 4, 3
+"""Number of iterations at the first point, and the most at a later one."""
 
 LEAST_KEPT = 0.9
 """Least share of a shape in the space of the shapes before; below it, they are iterated again."""
@@ -54,10 +54,6 @@ class SoftShapes:
         self.branch, self.count = branch, count
         self._block: np.ndarray | None = None
 
-    def forget(self) -> None:
-        """Search anew at the next point, which may be far away."""
-        self._block = None
-
     def at(self, point: Point) -> tuple[np.ndarray, np.ndarray] | None:
         """Shapes V at a point in the free unknowns, and M V, both of shape (n, count).  Collective.
 
@@ -71,7 +67,8 @@ class SoftShapes:
         """The shapes at the present state from those before; None if a solve fails."""
         known = self._block is not None
         block = self._block if self._block is not None else self._motions(self.count, 0)
-        for number in range(1, MOST_ITERATIONS + 1):
+        most = MOST_ITERATIONS if known else FIRST_ITERATIONS
+        for number in range(1, most + 1):
             old = self._weighed(block)
             found = self._iterated(block, old, number)
             if found is None:

@@ -62,12 +62,12 @@ class Turns:
 
     def __init__(self, branch: Branch, crossings: Crossings) -> None:
         self.branch, self.crossings = branch, crossings
-        self._shapes = SoftShapes(branch, SHAPES_LOOKED_AT)
         self.forget()
 
     def forget(self) -> None:
         """Begin anew, as on another branch."""
         self.crossings.forget()
+        self._shapes = SoftShapes(self.branch, SHAPES_LOOKED_AT)
         self._first: Point | None = None
 
     def reached(self, point: Point, before: Point, arc: float) -> Point | None:
