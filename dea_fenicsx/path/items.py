@@ -187,8 +187,9 @@ class Trace:
     at_turn
         What happens where the branch turns aside because another branch almost crosses it, as in
         an imperfect structure or on a mesh that is not quite symmetric.  Such a turn has the event
-        ``"turn aside"`` in the history.  ``"follow"`` follows the turn, ``"pass"`` goes straight on
-        over the gap, ``"end"`` ends the trace with an error.
+        ``"turn aside"`` in the history.  ``"follow"`` follows the turn.  ``"pass"`` goes straight
+        on over the gap, and ends the trace with an error where no way leads on.  ``"end"`` ends it
+        with an error at once.
     """
 
     what: str

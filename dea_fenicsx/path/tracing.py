@@ -45,11 +45,19 @@ class BranchLost(Exception):
 
 
 class BranchTurned(Exception):
-    """A branch turns aside, where the trace was to end; the load factor at which that begins."""
+    """A branch turns aside, and is not to be followed.
 
-    def __init__(self, factor: float) -> None:
+    Attributes
+    ----------
+    factor
+        The load factor at which the turn begins.
+    tried
+        Whether no way straight on was found.
+    """
+
+    def __init__(self, factor: float, tried: bool) -> None:
         super().__init__(f"{factor:.6g}")
-        self.factor = factor
+        self.factor, self.tried = factor, tried
 
 
 class Tracer:
@@ -83,7 +91,7 @@ class Tracer:
         self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
         self.branch.precise = sentinel.stability
         self.crossings = Crossings(self.branch, item.longest, SoftWatch(self.branch))
-        self.turns = Turns(self.branch, self.crossings)
+        self.turns = Turns(self.branch, self.crossings, item.at_turn == "follow")
         self._cut = 1.0
         self._over: Passage | None = None
 
@@ -102,7 +110,7 @@ class Tracer:
         BranchLost
             If no step can be made any more.
         BranchTurned
-            If the branch turns aside, and the trace is to end there.
+            If the branch turns aside and is not to be followed, and no way leads straight on.
         """
         item, branch = self.item, self.branch
         here = branch.point(self.problem.state, None, sign)
@@ -145,10 +153,10 @@ class Tracer:
                 continue
             self.log(f"{item.what}: the branch turns aside; another one almost crosses it")
             yield Traced(there.state, arc, float(np.sign(there.slope)), retries, TURN_ASIDE)
-            if item.at_turn == "end":
-                raise BranchTurned(turn.factor)
             if item.at_turn == "pass":
                 self._over = self.crossings.straight_on(turn, there)
+            if item.at_turn != "follow" and self._over is None:
+                raise BranchTurned(turn.factor, item.at_turn == "pass")
 
     def _aside(self, traced: Traced) -> Point:
         """A bifurcation as the first point of the branch that crosses there."""
@@ -246,7 +254,7 @@ class Tracer:
         A mesh that is not quite symmetric opens them, so that no equilibrium near them has a
         singular tangent.  With the shapes held the states between pass through them.
         """
-        found = sum(event.mode is not None for event in events)
+        found = sum(event.changes for event in events if event.mode is not None)
         if not self.sentinel.stability or before is None or step.count is None:
             return None
         if found >= min(abs(step.count - before) - limits, MOST_CHANGES_LOCATED):
@@ -256,7 +264,7 @@ class Tracer:
             return None
         place = self.branch.place(held.start, held.there, held.arc, held.guide)
         more = self.sentinel.bifurcations(place, before, step.count, self.rates)
-        if len(more) <= found:
+        if sum(event.changes for event in more) <= found:
             return None
         others = [event for event in events if event.mode is None]
         return held, [*others, *more]

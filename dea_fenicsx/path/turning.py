@@ -45,6 +45,9 @@ It is extrapolated from its change up to the first one of them.
 MOST_DRIVEN = 0.1
 """Largest ratio of w . b to d . b for a turn aside."""
 
+POINTS_OF_ONE_TURN = 12
+"""Number of points after a turn that is followed, at which no other one is looked for."""
+
 SHAPES_LOOKED_AT = 8
 """How many soft shapes are taken into account."""
 
@@ -58,10 +61,12 @@ class Turns:
         The branch.
     crossings
         Goes straight on.
+    follows
+        Whether the trace follows a turn: then it is told once.
     """
 
-    def __init__(self, branch: Branch, crossings: Crossings) -> None:
-        self.branch, self.crossings = branch, crossings
+    def __init__(self, branch: Branch, crossings: Crossings, follows: bool) -> None:
+        self.branch, self.crossings, self.follows = branch, crossings, follows
         self.forget()
 
     def forget(self) -> None:
@@ -69,6 +74,7 @@ class Turns:
         self.crossings.forget()
         self._shapes = SoftShapes(self.branch, SHAPES_LOOKED_AT)
         self._first: Point | None = None
+        self._quiet = 0
 
     def reached(self, point: Point, before: Point, arc: float) -> Point | None:
         """Take note of an accepted point, of the one before it, and of the arc between the two.
@@ -79,7 +85,8 @@ class Turns:
             The point from which the branch has turned aside up to this one, if it has.
         """
         self.crossings.reached(point, before, arc)
-        if not self.branch.problem.forms.is_symmetric:
+        self._quiet = max(0, self._quiet - 1)
+        if self._quiet or not self.branch.problem.forms.is_symmetric:
             return None
         trail = self.crossings.trail
         begin = next((k for k, p in enumerate(trail) if p is self._first), 0)
@@ -89,7 +96,10 @@ class Turns:
             return None
         here, back = trail[at], trail[max(0, at - MOST_POINTS_BACK)]
         self._first = point
-        return here if self._turns_aside(back, here, point) else None
+        if not self._turns_aside(back, here, point):
+            return None
+        self._quiet = POINTS_OF_ONE_TURN if self.follows else 0
+        return here
 
     def _angle(self, first: Point, second: Point) -> float:
         """Angle between the directions of the motion at two points."""

@@ -182,7 +182,7 @@ def trace_lost(what: str, factors: Factors, outcome: Outcome) -> PathError:
     return error
 
 
-def trace_turned(what: str, factors: Factors, begin: float) -> PathError:
+def trace_turned(what: str, factors: Factors, begin: float, tried: bool) -> PathError:
     """The error that ends a trace where its branch turns aside.
 
     Parameters
@@ -193,11 +193,18 @@ def trace_turned(what: str, factors: Factors, begin: float) -> PathError:
         Where the trace has come to.
     begin
         The factor of the ramp at which the turn begins.
+    tried
+        Whether no way straight on was found.
     """
+    other = (
+        "no way straight on was found; take a finer mesh or longer steps" if tried
+        else 'at_turn="pass" goes straight on, "follow" follows the turn'
+    )  # fmt: skip
+    start, now = ((factors | {what: f}).told((what,)) for f in (begin, factors[what]))
     error = EquilibriumLost(
-        f"The branch of the {what} trace turns aside between factor {begin:.6g} and "
-        f"{factors.told((what,))}, because another branch almost crosses it: the structure or the "
-        'mesh is not quite symmetric.  at_turn="pass" goes straight on, "follow" follows the turn.'
+        f"The branch of the {what} trace turns aside between {start} and {now}, because another "
+        "branch almost crosses it: the structure or the mesh is not quite symmetric; "
+        f"{other}."
     )
     error.reached, error.failed, error.ramps = dict(factors), dict(factors), ()
     return error

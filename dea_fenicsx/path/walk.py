@@ -166,7 +166,8 @@ class Walk:
             except BranchLost as lost:
                 raise trace_lost(item.what, problem.factors, lost.outcome) from None
             except BranchTurned as turned:
-                raise trace_turned(item.what, problem.factors, turned.factor) from None
+                now = problem.factors
+                raise trace_turned(item.what, now, turned.factor, turned.tried) from None
             if found is None:
                 return
             problem.commit(found.state)
