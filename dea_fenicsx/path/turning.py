@@ -8,12 +8,13 @@ symmetric states.  So a turn is looked for, and told.
 
 Where the direction of the motion has changed by a certain angle since a point, we look at the
 softest shapes there, without the branch's own direction d.  With w the part of the change along
-these shapes, as long as d, and b = dR/df, a turn aside is shown by three signs:
+these shapes, as long as d, and b = dR/df, a turn aside is shown by four signs:
 
 1.  w is most of the change;
 2.  the stiffness w . K w has become smaller towards that point, and so quickly that it would be 0
     not far behind the present point;
-3.  w . b is small compared with d . b: the load does not drive w.  (Towards a limit point the
+3.  it is not 0, but has become larger again: the branches have not crossed;
+4.  w . b is small compared with d . b: the load does not drive w.  (Towards a limit point the
     motion turns into the shape that the load drives.)
 """
 
@@ -95,8 +96,12 @@ class Turns:
         if at == 0:
             return None
         here, back = trail[at], trail[max(0, at - MOST_POINTS_BACK)]
+        aside = self._aside(back, here, point)
+        stiffness = [] if aside is None else [self._stiffness(aside, p) for p in (here, point)]
+        if stiffness and 0 < stiffness[1] / stiffness[0] <= 1:
+            return None  # it may still become 0, and is looked at again at the next point
         self._first = point
-        if not self._turns_aside(back, here, point):
+        if not stiffness or stiffness[1] / stiffness[0] < 0:
             return None
         self._quiet = POINTS_OF_ONE_TURN if self.follows else 0
         return here
@@ -108,32 +113,33 @@ class Turns:
         size = np.sqrt(one * other)
         return float(np.arccos(np.clip(both / size, -1.0, 1.0))) if size else 0.0
 
-    def _turns_aside(self, back: Point, here: Point, point: Point) -> bool:
-        """Whether the three signs of a turn aside between two points are there."""
+    def _aside(self, back: Point, here: Point, point: Point) -> np.ndarray | None:
+        """The part of a change of direction along soft shapes that shows all signs but the third.
+
+        None if some of them are missing.
+        """
         found = self._shapes.at(here)
         guide = None if found is None else Guide.beside(self.branch, back, here, *found)
         if guide is None:
-            return False
+            return None
         first, last = self._unit(here.direction), self._unit(point.direction)
         aside = guide.part(last - first)
         if self._size(aside) < LEAST_SOFT_SHARE * self._size(last - first):
-            return False
+            return None
         before, now = (self._stiffness(aside, p) for p in (back, here))
         way, ahead = -self.branch.advanced(here, back), self.branch.advanced(here, point)
         if before * now <= 0 or abs(now) >= abs(before) or way <= 0:
-            return False
+            return None
         vanishes = now / (before - now) * way < FARTHEST_ZERO * ahead
-        return vanishes and self._driven(self._unit(aside), here) <= MOST_DRIVEN * self._driven(
-            first, here
-        )
+        driven = self._driven(self._unit(aside), here) / self._driven(first, here)
+        return aside if vanishes and driven <= MOST_DRIVEN else None
 
     def _driven(self, motion: np.ndarray, point: Point) -> float:
         """The work |w . b| of the load's derivative at a point on a motion."""
         problem = self.branch.problem
         with problem.at(point.state):
             load = self.branch.course.derivative()
-        u = self.branch.u
-        return abs(float(problem.comm.allreduce(motion[u] @ load[u], op=MPI.SUM)))
+        return abs(float(problem.comm.allreduce(motion @ load, op=MPI.SUM)))
 
     def _unit(self, motion: np.ndarray) -> np.ndarray:
         return motion / self._size(motion)
