@@ -116,3 +116,37 @@ def test_a_branch_at_a_small_angle_is_refused():
     assert pole == pytest.approx(equator, abs=2e-7)
     volts = [ball.at(1e-3 + u).volts for u in equator]
     assert run.column("voltage_V")[1:] == pytest.approx(volts, rel=2e-5)
+
+
+def coarse(at_turn):
+    """A trace of a sphere whose 7 cells from pole to equator open its crossings widely."""
+    wall = dea.Material(dea.Gent(5e4, 50.0), dea.IdealDielectric(4.0))
+    ball = exact.RoundBalloon(1e-3, 1.48e-3, wall)
+    scene = dea.Scene(
+        dea.read_gmsh(HollowSphere(1e-3, 1.48e-3, "half", 3, 7)), {"wall": wall},
+        electrodes=[dea.Electrode("inner", ball.limits(2e-3)[0].volts), dea.Ground("outer")],
+        supports=[dea.Fix("equator", "z"), dea.Fix("axis", "r")], kinematics=dea.Axisymmetric(),
+    )  # fmt: skip
+    path = dea.Trace("voltage", steps=200, first=0.08, longest=0.69, until=("equator_m", 1.9e-3),
+                     at_turn=at_turn)  # fmt: skip
+    return dea.solve(scene, path, INNER, quiet=True, stability="never")
+
+
+@pytest.mark.slow
+def test_a_turn_aside_is_passed():
+    run = coarse("pass")
+    events = list(run.column("event"))
+    turn = events.index("turn aside")
+    equator, pole = run.column("equator_m"), run.column("pole_m")
+    assert equator[-1] == pytest.approx(1.9e-3, rel=1e-6)
+    assert pole[turn] - equator[turn] == pytest.approx(0, abs=3e-5)
+    assert pole[turn + 1 :] == pytest.approx(equator[turn + 1 :], rel=1e-4)
+
+
+@pytest.mark.slow
+def test_a_trace_ends_at_a_turn_aside():
+    with pytest.raises(dea.EquilibriumLost, match=r"turns aside between .* V and .* V") as error:
+        coarse("end")
+    last = error.value.run.history[-1]
+    assert last["event"] == "turn aside"
+    assert "turn aside" in str(error.value.run.summary["events"])

@@ -44,6 +44,12 @@ SOFT_SHAPES = 24
 MOST_GUIDED_STEPS = 6
 """Most steps with held shapes, each as long as the longest of late."""
 
+POINTS_BEFORE_TURN = (4, 1)
+"""How many points before the beginning of a turn we try to go straight on from."""
+
+MOST_STEPS_OVER_TURN = 16
+"""Most steps with held shapes over a turn, which may be wide."""
+
 MOST_POINTS_BACK = 4
 """The chord that tells the branch's own direction goes back by at most so many points."""
 
@@ -86,6 +92,11 @@ class Crossings:
         Longest step in units of arc; a step over a crossing may begin farther back.
     watch
         Tells whether a step leaves the branch along a soft shape.
+
+    Attributes
+    ----------
+    trail
+        The last accepted points, the latest one at the end.
     """
 
     def __init__(self, branch: Branch, longest: float, watch: SoftWatch) -> None:
@@ -96,13 +107,17 @@ class Crossings:
         """Begin anew, as on another branch."""
         self._anchors: list[tuple[Point, Point]] = []
         self._arc, self._short, self._next = 0.0, 0, 0.0
-        self._trail: list[Point] = []
+        self.watch.forget()
+        self.trail: list[Point] = []
 
     def reached(self, point: Point, before: Point, arc: float) -> None:
         """Take note of an accepted point, of the one before it, and of the arc between the two."""
         arc = min(arc, self.longest)  # a step over a crossing may have been longer
         self._short += 1
-        self._trail = [*self._trail[-(MOST_POINTS_BACK + MOST_ANCHORS + SMALL_STEPS) :], point]
+        # A step over a crossing begins at an earlier point: those after it are on the turn.
+        last = next((k for k, p in enumerate(self.trail) if p is before), len(self.trail) - 1)
+        kept = self.trail[: last + 1]
+        self.trail = [*kept[-(MOST_POINTS_BACK + MOST_ANCHORS + SMALL_STEPS) :], point]
         if self._short > SMALL_STEPS:
             self._anchors, self._arc = [], arc
         if 2 * arc >= self._arc:
@@ -136,22 +151,41 @@ class Crossings:
                     return Passage(attempt, anchor, there, arc, done)
         return self._guided_passage(here)
 
+    def straight_on(self, begin: Point, here: Point) -> Passage | None:
+        """A step with soft shapes held from before a turn to behind a later point, if there is one.
+
+        Parameters
+        ----------
+        begin
+            A point from which the branch has turned.
+        here
+            The last point.
+        """
+        place = next((k for k, p in enumerate(self.trail) if p is begin), 0)
+        for k in (place - n for n in POINTS_BEFORE_TURN if n < place):
+            back = self.trail[max(0, k - MOST_POINTS_BACK)]
+            if found := self._along_guides(self.trail[k], back, here, MOST_STEPS_OVER_TURN):
+                return found
+        return None
+
     def _guided_passage(self, here: Point) -> Passage | None:
         """The same with soft shapes held on the way."""
         if not self.branch.problem.forms.is_symmetric:
             return None
         for anchor, before in self._anchors:
-            place = next((k for k, p in enumerate(self._trail) if p is anchor), 0)
-            back = self._trail[max(0, place - MOST_POINTS_BACK)] if place else before
+            place = next((k for k, p in enumerate(self.trail) if p is anchor), 0)
+            back = self.trail[max(0, place - MOST_POINTS_BACK)] if place else before
             if found := self._along_guides(anchor, back, here):
                 return found
         return None
 
-    def _along_guides(self, anchor: Point, back: Point, here: Point) -> Passage | None:
+    def _along_guides(
+        self, anchor: Point, back: Point, here: Point, most: int = MOST_GUIDED_STEPS
+    ) -> Passage | None:
         """Steps with held shapes from an anchor, until an equilibrium lies nearby."""
         branch = self.branch
         done, point = branch.advanced(anchor, here), anchor
-        for _ in range(MOST_GUIDED_STEPS):
+        for _ in range(most):
             guide = Guide.across(branch, back, point, SOFT_SHAPES)
             if guide is None:
                 return None

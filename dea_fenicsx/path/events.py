@@ -6,7 +6,7 @@ Each event is located by equilibria in between, so its load does not depend on t
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,12 @@ MOST_CHANGES_LOCATED = 3
 """Largest number of changes of the inertia that are located in one step.
 
 A slack film has dozens of them in one step.
+"""
+
+COINCIDENT = 1e-5
+"""Share of a step within which several modes become neutral at one bifurcation.
+
+Symmetry makes them do so at once, but for the errors of the search and of rounding.
 """
 
 
@@ -54,12 +60,15 @@ class Passed:
         How the equilibrium there was found.
     mode
         The null vector of a bifurcation, laid out like the state.
+    changes
+        How many eigenvalues pass zero there, of those that were located.
     """
 
     name: str
     share: float
     attempt: Attempt
     mode: np.ndarray | None = None
+    changes: int = 1
 
     @property
     def state(self) -> State:
@@ -200,6 +209,7 @@ class Sentinel:
     ) -> list[Passed]:
         """The first bifurcations on the way, located by changes of the inertia.
 
+        Where several modes become neutral at once, there is one bifurcation, with the first mode.
         Limit points also change the inertia; they are left out.
 
         Parameters
@@ -217,10 +227,12 @@ class Sentinel:
             critical = self._spectrum.locate(place, before, rates, low)
             if critical is None:
                 break
-            if critical.is_bifurcation:
-                found.append(
-                    Passed("bifurcation", critical.share, critical.attempt, critical.mode)
-                )
+            changes = abs(critical.after - before)
+            if found and critical.share - found[-1].share < COINCIDENT:
+                found[-1] = replace(found[-1], changes=found[-1].changes + changes)
+            elif critical.is_bifurcation:
+                share, attempt, mode = critical.share, critical.attempt, critical.mode
+                found.append(Passed("bifurcation", share, attempt, mode, changes))
             before, low = critical.after, min(1.0, critical.share + 10 * critical.width + 1e-7)
             if before == after or low >= 1.0:
                 break

@@ -112,19 +112,29 @@ class Guide:
             return None
         shapes = np.stack([pair.vector for pair in pairs], axis=1)
         weighed = np.stack([products.times(shape) for shape in shapes.T], axis=1)
-        chord = (start.state.values - back.state.values)[problem.free]
-        along = np.asarray(problem.comm.allreduce(weighed.T @ chord, op=MPI.SUM))
-        size = np.linalg.norm(along)
-        if size == 0 or len(pairs) == 1:
-            return None
-        # The first row of the orthogonal matrix lies along the chord, the others across it.
-        across = np.linalg.svd(along[None] / size)[2][1:].T
-        guide = cls(branch, start, shapes @ across, weighed @ across)
-        straight = branch.point(start.state, start, guide=guide)
-        if straight is None:
+        guide = cls.beside(branch, back, start, shapes, weighed)
+        straight = None if guide is None else branch.point(start.state, start, guide=guide)
+        if guide is None or straight is None:
             return None
         guide.start = straight
         return guide
+
+    @classmethod
+    def beside(
+        cls, branch: Followed, back: Point, start: Point, shapes: np.ndarray, weighed: np.ndarray
+    ) -> Guide | None:
+        """Hold given shapes at a point, but not the direction of the chord from an earlier one.
+
+        None if the chord has no part along them, or if there is one shape only.  Collective.
+        """
+        chord = (start.state.values - back.state.values)[branch.problem.free]
+        along = np.asarray(branch.problem.comm.allreduce(weighed.T @ chord, op=MPI.SUM))
+        size = np.linalg.norm(along)
+        if size == 0 or shapes.shape[1] == 1:
+            return None
+        # The first row of the orthogonal matrix lies along the chord, the others across it.
+        across = np.linalg.svd(along[None] / size)[2][1:].T
+        return cls(branch, start, shapes @ across, weighed @ across)
 
     def release(self) -> None:
         """Begin a new solve, without guiding forces."""

@@ -16,6 +16,9 @@ from dea_fenicsx.support.validation import known
 Response = Literal["instantaneous", "relaxed"]
 RESPONSES: tuple[Response, ...] = get_args(Response)
 
+Turn = Literal["follow", "pass", "end"]
+TURNS: tuple[Turn, ...] = get_args(Turn)
+
 Loss = Literal["end", "snap", "motion"]
 LOSSES: tuple[Loss, ...] = get_args(Loss)
 
@@ -181,6 +184,12 @@ class Trace:
     leave
         Number of the bifurcation of this trace at which `switch` leaves the branch; those before
         it are passed.
+    at_turn
+        What happens where the branch turns aside because another branch almost crosses it, as in
+        an imperfect structure or on a mesh that is not quite symmetric.  Such a turn has the event
+        ``"turn aside"`` in the history.  ``"follow"`` follows the turn.  ``"pass"`` goes straight
+        on over the gap, and ends the trace with an error where no way leads on.  ``"end"`` ends it
+        with an error at once.
     """
 
     what: str
@@ -192,6 +201,7 @@ class Trace:
     switch: float = 0.0
     response: Response | None = None
     leave: int = 1
+    at_turn: Turn = "follow"
 
     def names(self, scene: Scene) -> tuple[str, ...]:
         return (self.what,)

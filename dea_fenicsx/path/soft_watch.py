@@ -21,6 +21,7 @@ from mpi4py import MPI
 from dea_fenicsx.path.arclength import Branch, Point
 from dea_fenicsx.path.cubic import Cubic
 from dea_fenicsx.path.guiding import Guide
+from dea_fenicsx.path.soft_shapes import SoftShapes
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
 WATCHED_SHAPES = 8
@@ -31,6 +32,14 @@ LEAST_ASIDE = 3e-3
 
 LEAST_MISSED = 7.5e-4
 """Motion beside the prediction, as a share of the arc, below which a step is accepted as it is."""
+
+USUAL_GROWTH = 2.0
+"""Growth of the error of the cubic, for equal steps, up to which a step is accepted as it is.
+
+The error of the cubic through two points is h^2 (h + k)^2 / 24 times the fourth derivative of the
+branch, for the step h and the step before k.  A step to another branch has a larger one.  The
+growth is that from the smallest error since the soft shapes were looked at.
+"""
 
 LEAST_CHANGE = 0.5, 2.0
 """Stiffness of a shape at the end of a step over that at its start, between which it is no danger.
@@ -54,19 +63,40 @@ class SoftWatch:
 
     def __init__(self, branch: Branch) -> None:
         self.branch = branch
+        self.forget()
+
+    def forget(self) -> None:
+        """Begin anew, as on another branch."""
         self._known: tuple[Point, Guide | None] | None = None
+        self._carried = SoftShapes(self.branch, WATCHED_SHAPES)
+        self._fourth: float | None = None
 
     def advance(
         self, here: Point, arc: float, before: Point | None
     ) -> tuple[Attempt, Point | None]:
         """As of `Branch.advance`, but refuse a step that leaves along a soft shape.  Collective."""
         attempt, there = self.branch.advance(here, arc, before)
-        if there is None or before is None or self.stays(here, there, arc, before):
+        if there is None or before is None or self._continues(here, there, arc, before):
             return attempt, there
         straight, there = self._straight(here, arc, before)
-        if there is not None and self.stays(here, there, arc, before):
+        if there is not None and self._continues(here, there, arc, before):
             return straight, there
         return attempt.refused(Outcome.OTHER_BRANCH), None
+
+    def _continues(self, here: Point, there: Point, arc: float, before: Point) -> bool:
+        """As of `stays`, but costs little as long as the cubic is as good as before."""
+        missed = self._missed(here, there, arc, before)
+        back = self.branch.advanced(here, before)
+        fourth = missed / (arc * (arc - back)) ** 2  # a multiple of the fourth derivative
+        if self._fourth is not None and fourth <= USUAL_GROWTH * self._fourth:
+            self._fourth = min(fourth, self._fourth)
+            return True
+        if missed <= LEAST_MISSED * arc:
+            return True
+        if not self.stays(here, there, arc, before):
+            return False
+        self._fourth = fourth
+        return True
 
     def stays(self, here: Point, there: Point, arc: float, before: Point) -> bool:
         """Whether a step keeps to its branch.  Collective.
@@ -87,6 +117,11 @@ class SoftWatch:
         unpredicted = self._size(shapes.part(missed))
         few = max(LEAST_MISSED * arc, LEAST_UNPREDICTED * aside)
         return aside <= LEAST_ASIDE * arc or unpredicted <= few
+
+    def _missed(self, here: Point, there: Point, arc: float, before: Point) -> float:
+        """Size of the motion beside the prediction of the cubic."""
+        guess, _ = Cubic.through(self.branch, here, before).guess(arc)
+        return self._size(self._moved(guess.values, there))
 
     def _stay_stiff(self, shapes: Guide, here: Point, there: Point) -> bool:
         """Whether the stiffnesses of the soft shapes hardly change in a step.  Collective."""
@@ -122,7 +157,9 @@ class SoftWatch:
         if not branch.problem.forms.is_symmetric:
             return None
         if self._known is None or self._known[0] is not here:
-            self._known = here, Guide.across(branch, before, here, WATCHED_SHAPES)
+            found = self._carried.at(here)
+            guide = None if found is None else Guide.beside(branch, before, here, *found)
+            self._known = here, guide
         return self._known[1]
 
     def _moved(self, start: np.ndarray, there: Point) -> np.ndarray:

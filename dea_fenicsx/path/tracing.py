@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, Point
-from dea_fenicsx.path.crossing import SOFT_SHAPES, Crossings
-from dea_fenicsx.path.events import Passed, Sentinel
+from dea_fenicsx.path.crossing import SOFT_SHAPES, Crossings, Passage
+from dea_fenicsx.path.events import MOST_CHANGES_LOCATED, Passed, Sentinel
 from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.items import Trace
 from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.path.roots import Bracket
 from dea_fenicsx.path.soft_watch import SoftWatch
+from dea_fenicsx.path.traced import Reached, Spot, Traced
+from dea_fenicsx.path.turning import TURN_ASIDE, Turns
 from dea_fenicsx.solvers.newton import NewtonSolver
-from dea_fenicsx.solvers.outcome import Attempt, Outcome
+from dea_fenicsx.solvers.outcome import Outcome
 
 END_TOLERANCE = 1e-7
 """Largest distance from the value at which a trace ends, as a share of the gap of the last step."""
@@ -34,81 +36,28 @@ each of them gets a step of its own.  A long step also may have jumped over them
 """
 
 
-@dataclass(frozen=True)
-class Traced:
-    """An accepted point of a trace.
-
-    Attributes
-    ----------
-    state
-        The equilibrium.
-    arc
-        Length of the next step.
-    direction
-        Sign of the load's change along the branch.
-    retries
-        How often the step was halved.
-    event, mode, held, last
-        As of a `Step`; `last` where the trace has come to its end.
-    """
-
-    state: State
-    arc: float
-    direction: float
-    retries: int = 0
-    event: str = ""
-    mode: np.ndarray | None = None
-    held: float = 0.0
-    last: bool = False
-
-
-@dataclass(frozen=True)
-class _Spot:
-    """An event, a requested load or the end, between two points of a branch.
-
-    `arc` is its distance from the first of the two points.
-    """
-
-    arc: float
-    traced: Traced
-
-
-@dataclass(frozen=True)
-class _Reached:
-    """A step that was accepted, from one point of the branch to another.
-
-    Attributes
-    ----------
-    attempt
-        How Newton's method ended.
-    start, there, arc
-        The two points, and the distance between them in units of arc.
-    count
-        Number of negative eigenvalues at its end, if it is counted.
-    retries
-        How often it was halved.
-    done
-        Distance from its start up to which events are known already.
-    guide
-        Holds soft shapes where the step passes other branches, or None.
-    """
-
-    attempt: Attempt
-    start: Point
-    there: Point
-    arc: float
-    count: int | None
-    retries: int
-    done: float = 0.0
-    guide: Guide | None = None
-
-
 class BranchLost(Exception):
     """A branch cannot be followed any further, however short the arc."""
 
     def __init__(self, outcome: Outcome) -> None:
         super().__init__(outcome.value)
         self.outcome = outcome
+
+
+class BranchTurned(Exception):
+    """A branch turns aside, and is not to be followed.
+
+    Attributes
+    ----------
+    factor
+        The load factor at which the turn begins.
+    tried
+        Whether no way straight on was found.
+    """
+
+    def __init__(self, factor: float, tried: bool) -> None:
+        super().__init__(f"{factor:.6g}")
+        self.factor, self.tried = factor, tried
 
 
 class Tracer:
@@ -142,7 +91,9 @@ class Tracer:
         self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
         self.branch.precise = sentinel.stability
         self.crossings = Crossings(self.branch, item.longest, SoftWatch(self.branch))
+        self.turns = Turns(self.branch, self.crossings, item.at_turn == "follow")
         self._cut = 1.0
+        self._over: Passage | None = None
 
     def follow(self, arc: float, sign: float, leave: int = 1) -> Iterator[Traced]:
         """Yield the accepted points, one after another.
@@ -158,6 +109,8 @@ class Tracer:
         ------
         BranchLost
             If no step can be made any more.
+        BranchTurned
+            If the branch turns aside and is not to be followed, and no way leads straight on.
         """
         item, branch = self.item, self.branch
         here = branch.point(self.problem.state, None, sign)
@@ -182,12 +135,12 @@ class Tracer:
                 if traced.event == "bifurcation" and item.switch and leave == 0:
                     here, switched = self._aside(traced), True
                     before, arc, self._cut = None, abs(item.switch), 1.0
-                    self.crossings.forget()
+                    self.turns.forget()
                     self.sentinel.excess = None  # the new branch's own is taken at its first state
                     break
             if switched:
                 continue
-            self.crossings.reached(there, start, arc)
+            turn = self.turns.reached(there, start, arc)
             iterations = step.attempt.iterations
             grown = 1.5 if iterations <= 3 else 1.0 if iterations <= 6 else 0.7
             beyond = _just_beyond(arc, left, self._left(there.state))
@@ -195,7 +148,15 @@ class Tracer:
             arc = min(usual, beyond)
             self._cut = arc / usual  # a step that is short because the end is near tells nothing
             before, here = start, there
-            yield Traced(there.state, arc, float(np.sign(there.slope)), retries)
+            if turn is None:
+                yield Traced(there.state, arc, float(np.sign(there.slope)), retries)
+                continue
+            self.log(f"{item.what}: the branch turns aside; another one almost crosses it")
+            yield Traced(there.state, arc, float(np.sign(there.slope)), retries, TURN_ASIDE)
+            if item.at_turn == "pass":
+                self._over = self.crossings.straight_on(turn, there)
+            if item.at_turn != "follow" and self._over is None:
+                raise BranchTurned(turn.factor, item.at_turn == "pass")
 
     def _aside(self, traced: Traced) -> Point:
         """A bifurcation as the first point of the branch that crosses there."""
@@ -207,19 +168,22 @@ class Tracer:
         with self.problem.at(state):
             return self.gap()
 
-    def _step(self, here: Point, arc: float, before: Point | None) -> _Reached:
+    def _step(self, here: Point, arc: float, before: Point | None) -> Reached:
         """Go an arc, halved until the step is accepted, or pass a crossing in one step."""
         retries = 0
         while True:
-            if self.crossings.announced(arc / self._cut) and (over := self._passed(here, retries)):
-                return over
+            over, self._over = self._over, None
+            if over is None and self.crossings.announced(arc / self._cut):
+                over = self.crossings.passage(here)
+            if over is not None:
+                return self._passed(over, retries)
             attempt, there = self.crossings.watch.advance(here, arc, before)
             outcome = attempt.outcome
             if there is not None:
                 count = self.sentinel.count(there.state)
                 if not self._is_doubtful(here, there, arc, count):
                     self._tell_unexplained(count, here.slope * there.slope < 0)
-                    return _Reached(attempt, here, there, arc, count, retries)
+                    return Reached(attempt, here, there, arc, count, retries)
                 outcome = Outcome.MIXED_EVENTS
             retries += 1
             arc /= 2
@@ -240,14 +204,11 @@ class Tracer:
         explained = abs(count - before) == int(here.slope * there.slope < 0)
         return many or (not explained and not self.branch.is_smooth(here, there, arc))
 
-    def _passed(self, here: Point, retries: int) -> _Reached | None:
-        """A step from the last point with a long step, over what makes the steps short now."""
-        over = self.crossings.passage(here)
-        if over is None:
-            return None
+    def _passed(self, over: Passage, retries: int) -> Reached:
+        """A step from an earlier point, straight on over what comes after it."""
         self.log(f"{self.item.what}: went straight on where another branch crosses or almost does")
         count = self.sentinel.count(over.there.state)
-        return _Reached(
+        return Reached(
             over.attempt, over.start, over.there, over.arc, count, retries, over.done, over.guide
         )  # fmt: skip
 
@@ -264,7 +225,7 @@ class Tracer:
 
     # ------------------------------------------------------------------ between two points
 
-    def _spots(self, step: _Reached, left: float | None) -> list[_Spot]:
+    def _spots(self, step: Reached, left: float | None) -> list[Spot]:
         """Events, requested loads and the end within a step, in the order of travel."""
         branch, start, there, arc = self.branch, step.start, step.there, step.arc
         spots = list(self._landings(step))
@@ -282,40 +243,40 @@ class Tracer:
         for event in events:
             state, held = self._settled(step, event.state)
             traced = Traced(state, arc, slope, event=event.name, mode=event.mode, held=held)
-            spots.append(_Spot(event.share * arc, traced))
+            spots.append(Spot(event.share * arc, traced))
         return sorted((s for s in spots if s.arc > step.done), key=lambda spot: spot.arc)
 
     def _missed(
-        self, step: _Reached, before: int | None, events: list[Passed], limits: int
-    ) -> tuple[_Reached, list[Passed]] | None:
+        self, step: Reached, before: int | None, events: list[Passed], limits: int
+    ) -> tuple[Reached, list[Passed]] | None:
         """The step with the soft shapes held, and its events, if bifurcations were not located.
 
         A mesh that is not quite symmetric opens them, so that no equilibrium near them has a
         singular tangent.  With the shapes held the states between pass through them.
         """
-        found = sum(event.mode is not None for event in events)
+        found = sum(event.changes for event in events if event.mode is not None)
         if not self.sentinel.stability or before is None or step.count is None:
             return None
-        if found >= min(abs(step.count - before) - limits, 1):
+        if found >= min(abs(step.count - before) - limits, MOST_CHANGES_LOCATED):
             return None
         held = self._with_guide(step)
         if held is None:
             return None
         place = self.branch.place(held.start, held.there, held.arc, held.guide)
         more = self.sentinel.bifurcations(place, before, step.count, self.rates)
-        if not more:
+        if sum(event.changes for event in more) <= found:
             return None
         others = [event for event in events if event.mode is None]
         return held, [*others, *more]
 
-    def _with_guide(self, step: _Reached) -> _Reached | None:
+    def _with_guide(self, step: Reached) -> Reached | None:
         """A step with the soft shapes held; None if they are held already or cannot be found."""
         if step.guide is not None or not self.problem.forms.is_symmetric:
             return None
         guide = Guide.across(self.branch, step.start, step.there, SOFT_SHAPES)
         return None if guide is None else replace(step, guide=guide)
 
-    def _landings(self, step: _Reached) -> Iterator[_Spot]:
+    def _landings(self, step: Reached) -> Iterator[Spot]:
         """Limit point and requested loads within a step."""
         branch, item = self.branch, self.item
         here, there, arc = step.start, step.there, step.arc
@@ -333,7 +294,7 @@ class Tracer:
             pieces.insert(1, (s, limit))
             mode = self.sentinel.mode_of(limit.direction) if self.sentinel.stability else None
             state, held = self._settled(step, limit.state)
-            yield _Spot(s, Traced(state, arc, sign, event=kind, mode=mode, held=held))
+            yield Spot(s, Traced(state, arc, sign, event=kind, mode=mode, held=held))
         for (low, start), (high, end) in pairwise(pieces):
             for wanted in item.at:
                 if (start.factor - wanted) * (end.factor - wanted) < 0:
@@ -341,9 +302,9 @@ class Tracer:
                     if attempt.converged:
                         share = (wanted - start.factor) / (end.factor - start.factor)
                         traced = Traced(attempt.found, arc, sign, event="landed")
-                        yield _Spot(low + share * (high - low), traced)
+                        yield Spot(low + share * (high - low), traced)
 
-    def _end(self, step: _Reached, left: float | None) -> _Spot | None:
+    def _end(self, step: Reached, left: float | None) -> Spot | None:
         """Where the trace ends, if that is in this step; `left` is the gap at its start."""
         here, there, arc = step.start, step.there, step.arc
         beyond = self._left(there.state)
@@ -365,9 +326,9 @@ class Tracer:
             state = attempt.found
             bracket.narrow(s, now)
         state, held = self._settled(step, state)
-        return _Spot(s, Traced(state, arc, float(np.sign(there.slope)), held=held, last=True))
+        return Spot(s, Traced(state, arc, float(np.sign(there.slope)), held=held, last=True))
 
-    def _settled(self, step: _Reached, state: State) -> tuple[State, float]:
+    def _settled(self, step: Reached, state: State) -> tuple[State, float]:
         """The equilibrium near a state that was found with guiding forces.
 
         Where there is none, it is the state itself, and its scaled residual.

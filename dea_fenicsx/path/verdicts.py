@@ -182,6 +182,34 @@ def trace_lost(what: str, factors: Factors, outcome: Outcome) -> PathError:
     return error
 
 
+def trace_turned(what: str, factors: Factors, begin: float, tried: bool) -> PathError:
+    """The error that ends a trace where its branch turns aside.
+
+    Parameters
+    ----------
+    what
+        The ramp of the trace.
+    factors
+        Where the trace has come to.
+    begin
+        The factor of the ramp at which the turn begins.
+    tried
+        Whether no way straight on was found.
+    """
+    other = (
+        "no way straight on was found; take a finer mesh or longer steps" if tried
+        else 'at_turn="pass" goes straight on, "follow" follows the turn'
+    )  # fmt: skip
+    start, now = ((factors | {what: f}).told((what,)) for f in (begin, factors[what]))
+    error = EquilibriumLost(
+        f"The branch of the {what} trace turns aside between {start} and {now}, because another "
+        "branch almost crosses it: the structure or the mesh is not quite symmetric; "
+        f"{other}."
+    )
+    error.reached, error.failed, error.ramps = dict(factors), dict(factors), ()
+    return error
+
+
 def trace_short(what: str, column: str, value: float, gap: float, steps: int) -> NotReached:
     """The error that ends a trace whose steps were used up before its end.
 

@@ -27,8 +27,8 @@ from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.path.ramping import RampWalk
 from dea_fenicsx.path.relaxing import come_to_rest, respond, settle
 from dea_fenicsx.path.switching import move_switch
-from dea_fenicsx.path.tracing import BranchLost, Tracer
-from dea_fenicsx.path.verdicts import trace_lost, trace_short
+from dea_fenicsx.path.tracing import BranchLost, BranchTurned, Tracer
+from dea_fenicsx.path.verdicts import trace_lost, trace_short, trace_turned
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.newton import NewtonSolver
 
@@ -165,6 +165,9 @@ class Walk:
                 found = next(points, None)
             except BranchLost as lost:
                 raise trace_lost(item.what, problem.factors, lost.outcome) from None
+            except BranchTurned as turned:
+                now = problem.factors
+                raise trace_turned(item.what, now, turned.factor, turned.tried) from None
             if found is None:
                 return
             problem.commit(found.state)

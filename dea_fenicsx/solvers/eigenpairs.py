@@ -175,7 +175,7 @@ class _NoProduct:
         x.copy(y)
 
 
-def _ritz_values(stiffness: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def ritz_values(stiffness: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Eigenvalues of S y = m W y in ascending order, and the columns y with y . W y = 1.
 
     W holds the products of unit vectors.  Where some depend on the others, W is singular but for
@@ -340,7 +340,7 @@ class _Search:
             return []
         KV = np.stack([self.solver.tangent.times(v) for v in V.T], axis=1)
         stiffness, weights = self._sum(V.T @ KV), self._sum(V[self.motion].T @ MV)
-        values, turn = _ritz_values((stiffness + stiffness.T) / 2, (weights + weights.T) / 2)
+        values, turn = ritz_values((stiffness + stiffness.T) / 2, (weights + weights.T) / 2)
         V, KV, MV = V @ turn, KV @ turn, MV @ turn
         rest = KV.copy()
         rest[self.motion] -= MV * values
