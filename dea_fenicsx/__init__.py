@@ -190,6 +190,7 @@ if TYPE_CHECKING:
         MachineError,
         NotReached,
         SolverError,
+        StabilityLost,
     )
 
 _HOME = {
@@ -220,7 +221,7 @@ _HOME = {
     "studies.study": ("Study", "study"),
     "support.errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
-        "SolverError",
+        "SolverError", "StabilityLost",
     ),
     "gradients.adjoint": ("Gradient",),
     "gradients.variables": ("ShapeChange",),

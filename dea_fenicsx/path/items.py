@@ -16,7 +16,7 @@ from dea_fenicsx.support.validation import known
 Response = Literal["instantaneous", "relaxed"]
 RESPONSES: tuple[Response, ...] = get_args(Response)
 
-Loss = Literal["end", "snap", "motion"]
+Loss = Literal["end", "unstable", "snap", "motion"]
 LOSSES: tuple[Loss, ...] = get_args(Loss)
 
 
@@ -112,7 +112,9 @@ class Ramp:
         time; with ``"relaxed"`` they carry no stress, as in a ramp that takes forever.
     at_loss
         What happens at a limit point, where equilibrium is lost.  With ``"end"`` the ramp ends
-        there with `EquilibriumLost`.  Otherwise the load stays constant, as the voltage of a
+        there with `EquilibriumLost`.  With ``"unstable"`` it also ends at the first state beyond
+        which nothing rests: at a bifurcation that makes the branch unstable, with `StabilityLost`.
+        This needs ``stability="every"``.  Otherwise the load stays constant, as the voltage of a
         battery does.  With ``"snap"`` the device snaps to the next stable state of the branch at
         this load.  With ``"motion"``, or an `InMotion`, it moves with its inertia until its
         damping has brought it to rest.  Then the ramp goes on.

@@ -144,6 +144,12 @@ def check_arguments(given: Arguments) -> None:
             'A trace with switch=... needs stability="every", but stability is '
             f"{given.stability!r}."
         )
+    ends = any(getattr(item, "at_loss", "") == "unstable" for item in items)
+    if ends and given.stability != "every":
+        raise InputError(
+            'A ramp with at_loss="unstable" needs stability="every", but stability is '
+            f"{given.stability!r}."
+        )
     if given.options is not None:
         given.options.check()
     _check_contacts(given)
