@@ -155,6 +155,10 @@ class Ramp:
         return f"ramp of {self.label(scene)} to {self.to:g} in {self.steps} steps"
 
 
+MOST_SHAPES = 8
+"""Most shapes of one state along which a trace may leave its branch."""
+
+
 @dataclass(frozen=True)
 @plain_numbers
 class Trace:
@@ -182,7 +186,16 @@ class Trace:
         How viscous branches take part, as of a `Ramp`.
     leave
         Number of the bifurcation of this trace at which `switch` leaves the branch; those before
-        it are passed.
+        it are passed.  With several numbers the branch that was taken is left again:
+        ``leave=(2, 1)`` leaves at the second bifurcation, and then at the first one on the branch
+        that begins there.
+    along
+        The direction in which the branch is left, at the last bifurcation of `leave`: None is its
+        null vector.  Where several modes are neutral at once, numbers are factors of their null
+        vectors, whose largest displacements are 1, in the order that `path.leaving` tells.  Or a function of undeformed positions in m, of shape
+        (3, n), that gives displacements of shape (axes, n), of which the part in the null vectors
+        is taken.  What lies there is found by equilibrium: where no branch has this direction, the
+        trace comes to one nearby.
     """
 
     what: str
@@ -193,7 +206,15 @@ class Trace:
     at: tuple[float, ...] = ()
     switch: float = 0.0
     response: Response | None = None
-    leave: int = 1
+    leave: int | tuple[int, ...] = 1
+    along: tuple[float, ...] | Callable[[Any], Any] | None = None
+
+    @property
+    def exits(self) -> tuple[int, ...]:
+        """Numbers of the bifurcations at which the branch is left, each counted from the last."""
+        if not self.switch:
+            return ()
+        return self.leave if isinstance(self.leave, tuple) else (self.leave,)
 
     def names(self, scene: Scene) -> tuple[str, ...]:
         return (self.what,)
