@@ -126,6 +126,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.results.finished import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
+    from dea_fenicsx.results.stored_state import StoredStep
     from dea_fenicsx.run.branches import Diagram, branches
     from dea_fenicsx.run.deflating import Equilibrium, deflate
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
@@ -270,6 +271,7 @@ _HOME = {
     "measure.vibration": ("Frequency",),
     "measure.in_motion": ("AngularMomentum", "KineticEnergy", "Momentum"),
     "results.finished": ("Run",),
+    "results.stored_state": ("StoredStep",),
     "run.session": ("solve",),
     "run.branches": ("Diagram", "branches"),
     "run.deflating": ("Equilibrium", "deflate"),

@@ -192,10 +192,10 @@ class Trace:
     along
         The direction in which the branch is left, at the last bifurcation of `leave`: None is its
         null vector.  Where several modes are neutral at once, numbers are factors of their null
-        vectors, whose largest displacements are 1, in the order that `path.leaving` tells.  Or a function of undeformed positions in m, of shape
-        (3, n), that gives displacements of shape (axes, n), of which the part in the null vectors
-        is taken.  What lies there is found by equilibrium: where no branch has this direction, the
-        trace comes to one nearby.
+        vectors, whose largest displacements are 1, in the order that `path.leaving` tells.  A
+        function of undeformed positions in m, of shape (3, n), gives displacements of shape
+        (axes, n), of which the part in the null vectors is taken.  What lies there is found by
+        equilibrium: where no branch has this direction, the trace comes to one nearby.
     """
 
     what: str

@@ -70,8 +70,9 @@ def _definite(branch: Branch, vectors: np.ndarray) -> np.ndarray:
     weight = np.zeros(problem.size)
     places = [part.space.tabulate_dof_coordinates() for part in problem.displacement]
     every = np.concatenate(places) if places else np.zeros((0, 3))
-    low = problem.comm.allreduce(every.min(axis=0, initial=np.inf), op=MPI.MIN)
-    high = problem.comm.allreduce(every.max(axis=0, initial=-np.inf), op=MPI.MAX)
+    low, high = np.empty(3), np.empty(3)
+    problem.comm.Allreduce(every.min(axis=0, initial=np.inf), low, op=MPI.MIN)
+    problem.comm.Allreduce(every.max(axis=0, initial=-np.inf), high, op=MPI.MAX)
     half = np.max(high - low) / 2
     for part, place, share in zip(problem.displacement, places, COMPONENTS, strict=False):
         away = (place - (low + high) / 2) / half

@@ -47,7 +47,8 @@ def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str
 
 
 STATUS = {
-    EquilibriumLost: "equilibrium lost", StabilityLost: "stability lost", SolverError: "solver failed",
+    EquilibriumLost: "equilibrium lost", StabilityLost: "stability lost",
+    SolverError: "solver failed",
     MachineError: "machine failed", Interrupted: "interrupted", NotReached: "not reached",
 }  # fmt: skip
 """Status of a run that ends by an error; see `ending` for the others."""

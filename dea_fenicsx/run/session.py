@@ -201,6 +201,7 @@ class _Session:
         return Journal(
             solver, self.path, self.given.stability, measurements, gauges,
             self.progress, folder, writer, identity, started=self.started,
+            keeps=self.given.keep_states,
         )  # fmt: skip
 
     def _begin(self, journal: Journal) -> Beginning | None:
