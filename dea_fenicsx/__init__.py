@@ -132,6 +132,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
     from dea_fenicsx.run.frequency_response import FrequencyResponse, frequency_response
     from dea_fenicsx.run.imperfections import ModeShape, RandomShape, imperfect
+    from dea_fenicsx.run.knocking_down import KnockDown, knock_down
     from dea_fenicsx.run.modes import Modes, modes
     from dea_fenicsx.run.parser import Parser
     from dea_fenicsx.run.session import solve
@@ -276,6 +277,7 @@ _HOME = {
     "run.branches": ("Diagram", "branches"),
     "run.deflating": ("Equilibrium", "deflate"),
     "run.imperfections": ("ModeShape", "RandomShape", "imperfect"),
+    "run.knocking_down": ("KnockDown", "knock_down"),
     "run.modes": ("Modes", "modes"),
     "run.frequency_response": ("FrequencyResponse", "frequency_response"),
     "scene.scene": ("Scene",),
