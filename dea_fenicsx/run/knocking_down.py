@@ -189,7 +189,7 @@ def _checked(
             raise InputError("The size of an imperfection is 0 m; leave the perfect device out.")
     if shape is None and out is None:
         raise InputError(
-            "knock_down takes the mode of the perfect device from its results folder; give it out=, "
-            "or a shape."
+            "knock_down takes the mode of the perfect device from its results folder; give it "
+            "out=, or a shape."
         )
     return items
