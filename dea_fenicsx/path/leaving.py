@@ -14,7 +14,9 @@ ranks nor on rounding.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -186,7 +188,7 @@ class Exits:
         shapes = null_shapes(self.branch, state)
         many = shapes.shape[1]
         if callable(along):
-            shares = self._shares(shapes)
+            shares = self._shares(along, shapes)
         else:
             shares = np.array(along, dtype=float)
         if len(shares) > many:
@@ -198,7 +200,7 @@ class Exits:
         found[problem.free] = shapes[:, : len(shares)] @ shares
         return found
 
-    def _shares(self, shapes: np.ndarray) -> np.ndarray:
+    def _shares(self, along: Callable[[Any], Any], shapes: np.ndarray) -> np.ndarray:
         """The shares of null vectors in the shape that the trace is given as a function."""
         problem, products = self.branch.problem, self.branch.products
         given = np.zeros(problem.size)
@@ -206,7 +208,7 @@ class Exits:
         def displacements() -> None:
             for axis, part in enumerate(problem.displacement):
                 places = problem.scales.length * part.space.tabulate_dof_coordinates().T
-                values = np.asarray(self.item.along(places), dtype=float)  # type: ignore[misc]
+                values = np.asarray(along(places), dtype=np.float64)
                 if values.ndim != 2 or values.shape[1] != places.shape[1] or axis >= len(values):
                     raise InputError(
                         f"along= of the trace in {self.item.what} gives numbers of shape "

@@ -38,6 +38,9 @@ from dea_fenicsx.support.validation import whole
 MOST_NAMES = 10_000
 """Most fields, ramps or amounts that a checkpoint may speak of."""
 
+MOST_STEPS = 1_000_000_000
+"""Largest number of a step."""
+
 
 @dataclass(frozen=True)
 class StoredStep:
@@ -62,6 +65,10 @@ class StoredStep:
                 "folder of a run, as a text or a path."
             )
         whole(self.step, "The step of StoredStep", 0)
+        if self.step > MOST_STEPS:
+            raise InputError(
+                f"The step of StoredStep is {shown(self.step)}, but a run has at most {MOST_STEPS}."
+            )
 
 
 @dataclass(frozen=True)

@@ -80,7 +80,7 @@ def beginning(problem: Problem, writer: FieldWriter, start: Start) -> Beginning:
     return Beginning(state, {"folder": folder, "step": step, **loads}, place)
 
 
-def _stored(problem: Problem, start: str | PathLike | Run) -> StoredState:
+def _stored(problem: Problem, start: str | PathLike | StoredStep | Run) -> StoredState:
     if isinstance(start, StoredStep):
         return of_folder(start.folder, problem.comm, start.step)
     if not isinstance(start, Run):
