@@ -126,11 +126,13 @@ if TYPE_CHECKING:
     from dea_fenicsx.results.finished import Run
     from dea_fenicsx.results.per_turn import per_turn
     from dea_fenicsx.results.reading import read_history, read_summary
+    from dea_fenicsx.results.stored_state import StoredStep
     from dea_fenicsx.run.branches import Diagram, branches
     from dea_fenicsx.run.deflating import Equilibrium, deflate
     from dea_fenicsx.run.fidelity_ladder import speed_vs_error
     from dea_fenicsx.run.frequency_response import FrequencyResponse, frequency_response
     from dea_fenicsx.run.imperfections import ModeShape, RandomShape, imperfect
+    from dea_fenicsx.run.knocking_down import KnockDown, knock_down
     from dea_fenicsx.run.modes import Modes, modes
     from dea_fenicsx.run.parser import Parser
     from dea_fenicsx.run.session import solve
@@ -190,6 +192,7 @@ if TYPE_CHECKING:
         MachineError,
         NotReached,
         SolverError,
+        StabilityLost,
     )
 
 _HOME = {
@@ -220,7 +223,7 @@ _HOME = {
     "studies.study": ("Study", "study"),
     "support.errors": (
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
-        "SolverError",
+        "SolverError", "StabilityLost",
     ),
     "gradients.adjoint": ("Gradient",),
     "gradients.variables": ("ShapeChange",),
@@ -269,10 +272,12 @@ _HOME = {
     "measure.vibration": ("Frequency",),
     "measure.in_motion": ("AngularMomentum", "KineticEnergy", "Momentum"),
     "results.finished": ("Run",),
+    "results.stored_state": ("StoredStep",),
     "run.session": ("solve",),
     "run.branches": ("Diagram", "branches"),
     "run.deflating": ("Equilibrium", "deflate"),
     "run.imperfections": ("ModeShape", "RandomShape", "imperfect"),
+    "run.knocking_down": ("KnockDown", "knock_down"),
     "run.modes": ("Modes", "modes"),
     "run.frequency_response": ("FrequencyResponse", "frequency_response"),
     "scene.scene": ("Scene",),

@@ -30,7 +30,6 @@ from scipy.optimize import brentq
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
-from dea_fenicsx.results.stable_parts import stability_intervals
 
 
 def parse():
@@ -68,29 +67,6 @@ def film_on_base(args, length, unit):
     return scene(args, mesh, unit)
 
 
-def mixed(args, built, record, diagram, unit):
-    """The branch of mixed shapes from the secondary bifurcation on; None if there is none."""
-    second = diagram["branch_2"]
-    if not second.bifurcations:
-        return None
-    row = second.bifurcations[0][0]
-    trace = dea.Trace("voltage", first=0.02, steps=40, switch=0.05,
-                      until=("voltage_V", args.to * unit))  # fmt: skip
-    try:
-        run = dea.solve(
-            built, trace, record, Path(args.out) / "mixed", start=second.state(row - 1),
-            quiet=args.quiet, stability="every",
-        )  # fmt: skip
-    except (dea.EquilibriumLost, dea.NotReached) as error:
-        run = error.run
-    begins = next((k for k, r in enumerate(run.history) if r["event"] == "bifurcation"), None)
-    if begins is None:
-        return None
-    parts = stability_intervals(run.history, "voltage_V", begins)
-    run.add(branch_begins_at_step=begins, stability_intervals=parts)
-    return run
-
-
 def main():
     parser, args = parse()
     for name in ("mu", "ratio", "thickness", "depth"):
@@ -109,9 +85,9 @@ def main():
     diagram = dea.branches(
         built,
         dea.Trace("voltage", first=0.4, until=("voltage_V", args.to * unit), steps=60),
-        record, args.out, most=2, quiet=args.quiet, resume=args.resume,
+        record, args.out, most=(2, 1), quiet=args.quiet, resume=args.resume,
     )  # fmt: skip
-    run = mixed(args, built, record, diagram, unit)
+    mixed = next((b for b in diagram.branches if b.name == "branch_2_1"), None)
     first, one, two = (diagram[name] for name in ("first", "branch_1", "branch_2"))
     found = [(first.run.history[row]["voltage_V"] / unit) ** 2 * min(values)
              for row, _ in first.bifurcations[:2]]  # fmt: skip
@@ -124,7 +100,7 @@ def main():
         first_q=found[0], second_q=found[1], neutral_first_q=min(values),
         neutral_second_q=max(values), stable_from_q=secondary, distance_ratio=ratio,
         both_stable_at_end=one.run["inertia"] == two.run["inertia"] == 0,
-        mixed_negative_modes=None if run is None else int(run["inertia"]),
+        mixed_negative_modes=None if mixed is None else int(mixed.run["inertia"]),
     )  # fmt: skip
     if MPI.COMM_WORLD.rank == 0:
         kept = {"summary.json": one.run.out, "history.csv": one.run.out}
@@ -145,7 +121,7 @@ def report(run, out):
               f"{s['distance_ratio']:.3f} times the distance of the two behind it")  # fmt: skip
     print("both shapes are stable at the end" if s["both_stable_at_end"]
           else "one shape alone is stable at the end")  # fmt: skip
-    print(f"\nresults: {out}/left_voltage.png, first/, branch_1/, branch_2/, mixed/")
+    print(f"\nresults: {out}/left_voltage.png, first/, branch_1/, branch_2/, branch_2_1/")
 
 
 if __name__ == "__main__":

@@ -45,5 +45,6 @@ def check_two_modes(out, printed):
     assert s["mixed_negative_modes"] == 1
     told = json.loads((out / "diagram.json").read_text("utf-8"))
     parts = [[p["negative_modes"] for p in b["stability_intervals"]] for b in told["branches"]]
-    assert parts == [[0, 1, 2], [0], [1, 0]]
+    assert parts[:3] == [[0, 1, 2], [0], [1, 0]]
+    assert [b["leaves"] for b in told["branches"]] == ["", "first", "first", "branch_2"]
     assert (out / "left_voltage.png").exists()

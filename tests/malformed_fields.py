@@ -244,6 +244,7 @@ FIELDS = {
     dea.RandomShape: (lambda **g: dea.imperfect(strip(1), dea.RandomShape(**g), 1e-5),
                       dict(axis="y", wavelength=1e-3, dim=2)),
     dea.Trace: (lambda **g: solve(path=dea.Trace(**g)), dict(what="voltage")),
+    dea.StoredStep: (lambda **g: solve(start=dea.StoredStep(**g)), dict(folder="nowhere", step=1)),
     dea.March: (lambda **g: solve(path=dea.March(**g)), dict(seconds=1.0)),
     dea.Constant: (driven(dea.Constant), {}),
     dea.Rise: (driven(dea.Rise), {}),

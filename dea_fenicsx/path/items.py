@@ -19,7 +19,7 @@ RESPONSES: tuple[Response, ...] = get_args(Response)
 Turn = Literal["follow", "pass", "end"]
 TURNS: tuple[Turn, ...] = get_args(Turn)
 
-Loss = Literal["end", "snap", "motion"]
+Loss = Literal["end", "unstable", "snap", "motion"]
 LOSSES: tuple[Loss, ...] = get_args(Loss)
 
 
@@ -115,7 +115,9 @@ class Ramp:
         time; with ``"relaxed"`` they carry no stress, as in a ramp that takes forever.
     at_loss
         What happens at a limit point, where equilibrium is lost.  With ``"end"`` the ramp ends
-        there with `EquilibriumLost`.  Otherwise the load stays constant, as the voltage of a
+        there with `EquilibriumLost`.  With ``"unstable"`` it also ends at the first state beyond
+        which nothing rests: at a bifurcation that makes the branch unstable, with `StabilityLost`.
+        This needs ``stability="every"``.  Otherwise the load stays constant, as the voltage of a
         battery does.  With ``"snap"`` the device snaps to the next stable state of the branch at
         this load.  With ``"motion"``, or an `InMotion`, it moves with its inertia until its
         damping has brought it to rest.  Then the ramp goes on.
@@ -156,6 +158,10 @@ class Ramp:
         return f"ramp of {self.label(scene)} to {self.to:g} in {self.steps} steps"
 
 
+MOST_SHAPES = 8
+"""Most shapes of one state along which a trace may leave its branch."""
+
+
 @dataclass(frozen=True)
 @plain_numbers
 class Trace:
@@ -183,7 +189,16 @@ class Trace:
         How viscous branches take part, as of a `Ramp`.
     leave
         Number of the bifurcation of this trace at which `switch` leaves the branch; those before
-        it are passed.
+        it are passed.  With several numbers the branch that was taken is left again:
+        ``leave=(2, 1)`` leaves at the second bifurcation, and then at the first one on the branch
+        that begins there.
+    along
+        The direction in which the branch is left, at the last bifurcation of `leave`: None is its
+        null vector.  Where several modes are neutral at once, numbers are factors of their null
+        vectors, whose largest displacements are 1, in the order that `path.leaving` tells.  A
+        function of undeformed positions in m, of shape (3, n), gives displacements of shape
+        (axes, n), of which the part in the null vectors is taken.  What lies there is found by
+        equilibrium: where no branch has this direction, the trace comes to one nearby.
     at_turn
         What happens where the branch turns aside because another branch almost crosses it, as in
         an imperfect structure or on a mesh that is not quite symmetric.  Such a turn has the event
@@ -200,8 +215,16 @@ class Trace:
     at: tuple[float, ...] = ()
     switch: float = 0.0
     response: Response | None = None
-    leave: int = 1
+    leave: int | tuple[int, ...] = 1
+    along: tuple[float, ...] | Callable[[Any], Any] | None = None
     at_turn: Turn = "follow"
+
+    @property
+    def exits(self) -> tuple[int, ...]:
+        """Numbers of the bifurcations at which the branch is left, each counted from the last."""
+        if not self.switch:
+            return ()
+        return self.leave if isinstance(self.leave, tuple) else (self.leave,)
 
     def names(self, scene: Scene) -> tuple[str, ...]:
         return (self.what,)

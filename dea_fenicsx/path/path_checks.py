@@ -13,6 +13,7 @@ from dea_fenicsx.path.items import (
     CONSERVING,
     INERTIAL_SCHEMES,
     LOSSES,
+    MOST_SHAPES,
     RESPONSES,
     TURNS,
     Close,
@@ -290,10 +291,27 @@ def _check_trace(trace: Trace) -> None:
 
 
 def _check_leave(trace: Trace) -> None:
-    if trace.leave < 1:
+    numbers = trace.leave if isinstance(trace.leave, tuple) else (trace.leave,)
+    if not numbers or min(numbers) < 1:
         raise InputError(
             f"The trace in {trace.what} is to leave its branch at bifurcation "
-            f"{shown(trace.leave)}, but leave= is a whole number of at least 1."
+            f"{shown(trace.leave)}, but leave= is a whole number of at least 1, or several."
+        )
+    if trace.along is None:
+        return
+    if not trace.switch:
+        raise InputError(
+            f"The trace in {trace.what} is given along=, but stays on its branch; give it a step "
+            "switch= as well, such as 0.05."
+        )
+    if callable(trace.along):
+        return
+    for share in trace.along if isinstance(trace.along, tuple) else (trace.along,):
+        finite(share, f"A share in along= of the trace in {trace.what}")
+    if not 1 <= len(trace.along) <= MOST_SHAPES or not any(trace.along):
+        raise InputError(
+            f"along= of the trace in {trace.what} has {len(trace.along)} numbers, but needs 1 to "
+            f"{MOST_SHAPES} shares of shapes, not all 0."
         )
 
 

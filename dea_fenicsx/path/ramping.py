@@ -24,6 +24,7 @@ from dea_fenicsx.path.verdicts import (
     is_near_limit,
     never_at_rest,
     ramp_lost,
+    stability_lost,
 )
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
@@ -125,9 +126,12 @@ class RampWalk:
         ------
         EquilibriumLost
             If no equilibrium is found beyond a load.
+        StabilityLost
+            If the ramp is to end where the branch becomes unstable.
         SolverError
             If the linear solver or the method fails however small the step.
         """
+        self._check_rest(self.sentinel.excess)
         landings = _landings(self.ramp, self.start[self.names[0]])
         retries = 0
         while self.cursor.position < 1.0:
@@ -160,7 +164,7 @@ class RampWalk:
                 continue
             crush = self._crush(target)
             lost = self._lost(target, attempt, crush)
-            ends = crush or self.ramp.loss == "end"
+            ends = crush or self.ramp.loss in ("end", "unstable")
             if ends or not isinstance(lost(), EquilibriumLost):
                 raise lost()
             for step in self._snap(lost):
@@ -175,10 +179,10 @@ class RampWalk:
         self, position: float, target: float, found: State, place: Place
     ) -> Iterator[Step]:
         """Events between the last accepted state and this one, each as a step of its own."""
-        names = self.names
+        names, count = self.names, self.evidence.count
         rates = {n: (target - position) * rate for n, rate in self.rates.items()}
-        self._tell_change(self.sentinel.excess, self.evidence.count)
-        for event in self.sentinel.passed(found, place, rates, self.evidence.count):
+        self._tell_change(self.sentinel.excess, count)
+        for event in self.sentinel.passed(found, place, rates, count):
             self.problem.commit(event.state)
             at = position + event.share * (target - position)
             self.cursor = replace(self.cursor, step=self.cursor.step + 1, position=at)
@@ -186,6 +190,14 @@ class RampWalk:
             yield Step(
                 self.cursor, self.label, event.state, event=event.name, mode=event.mode
             )
+            if event.mode is not None:
+                self._check_rest(count)
+        self._check_rest(count)
+
+    def _check_rest(self, count: int | None) -> None:
+        """End the ramp where its states are unstable from now on, if it is to end there."""
+        if self.ramp.loss == "unstable" and count:
+            raise stability_lost(self.names, self.label, self.problem.factors)
 
     def _accept(
         self, position: float, target: float, lands: bool, attempt: Attempt, retries: int

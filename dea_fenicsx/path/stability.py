@@ -37,6 +37,9 @@ the larger one at the two ends.  Closer to the critical state Newton's method wo
 because its increments along the null vector are not determined.
 """
 
+SMALL_MOTION = 1e-6
+"""Largest dimensionless motion by which a null vector is laid out at all nodes."""
+
 Place = Callable[[float], Attempt]
 """Finds an equilibrium at a share, 0 to 1, of the way between two states."""
 
@@ -254,4 +257,8 @@ class Spectrum:
         if problem.comm.allreduce(compass, op=MPI.SUM) < 0:
             largest = -largest
         rest = problem.state.with_values(np.zeros(problem.size))
-        return problem.moved(rest, vector / largest).values
+        # The nodes of a rigid part are no linear functions of its rotation, which must be small.
+        there, here = (
+            problem.moved(rest, size * vector).values for size in (SMALL_MOTION / largest, 0.0)
+        )
+        return np.asarray((there - here) / SMALL_MOTION)

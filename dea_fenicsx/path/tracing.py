@@ -14,6 +14,7 @@ from dea_fenicsx.path.crossing import SOFT_SHAPES, Crossings, Passage
 from dea_fenicsx.path.events import MOST_CHANGES_LOCATED, Passed, Sentinel
 from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.items import Trace
+from dea_fenicsx.path.leaving import Exits
 from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.path.roots import Bracket
 from dea_fenicsx.path.soft_watch import SoftWatch
@@ -95,15 +96,15 @@ class Tracer:
         self._cut = 1.0
         self._over: Passage | None = None
 
-    def follow(self, arc: float, sign: float, leave: int = 1) -> Iterator[Traced]:
+    def follow(self, arc: float, sign: float, passed: int = 0) -> Iterator[Traced]:
         """Yield the accepted points, one after another.
 
         Parameters
         ----------
         arc, sign
             Length of the first step, and the sign of the load's change along it.
-        leave
-            At which bifurcation from here it leaves its first branch; 0 once it has left.
+        passed
+            Number of bifurcations that it has met before.
 
         Raises
         ------
@@ -117,6 +118,7 @@ class Tracer:
         if here is None:
             raise BranchLost(self.solver.trouble)
         before: Point | None = None
+        exits = Exits(branch, item, passed)
         while True:
             step = self._step(here, arc, before)
             start, there, arc, retries = step.start, step.there, step.arc, step.retries
@@ -131,9 +133,11 @@ class Tracer:
                 if traced.last:
                     return
                 retries = 0
-                leave -= traced.event == "bifurcation"
-                if traced.event == "bifurcation" and item.switch and leave == 0:
-                    here, switched = self._aside(traced), True
+                aside = None
+                if traced.event == "bifurcation" and traced.mode is not None:
+                    aside = exits.taken(traced.state, traced.mode)
+                if aside is not None:
+                    here, switched = aside, True
                     before, arc, self._cut = None, abs(item.switch), 1.0
                     self.turns.forget()
                     self.sentinel.excess = None  # the new branch's own is taken at its first state
@@ -157,11 +161,6 @@ class Tracer:
                 self._over = self.crossings.straight_on(turn, there)
             if item.at_turn != "follow" and self._over is None:
                 raise BranchTurned(turn.factor, item.at_turn == "pass")
-
-    def _aside(self, traced: Traced) -> Point:
-        """A bifurcation as the first point of the branch that crosses there."""
-        assert traced.mode is not None
-        return self.branch.aside(traced.state, np.sign(self.item.switch) * traced.mode)
 
     def _left(self, state: State) -> float | None:
         """How far a state is from the end of the trace, of either sign; None for no end."""

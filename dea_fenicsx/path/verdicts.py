@@ -14,7 +14,13 @@ from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.stability import path_slope
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
-from dea_fenicsx.support.errors import EquilibriumLost, NotReached, PathError, SolverError
+from dea_fenicsx.support.errors import (
+    EquilibriumLost,
+    NotReached,
+    PathError,
+    SolverError,
+    StabilityLost,
+)
 
 LIMIT_SPEED_RATIO = 3.0
 """Speed at the last state, over the mean speed from an earlier state, that shows a limit point.
@@ -148,6 +154,23 @@ def _advice(names: Sequence[str]) -> str:
         f"  {trace} follows the branch on; Ramp(snap=True) lands where the device snaps to, "
         'at_loss="motion" moves it.'
     )
+
+
+def stability_lost(names: Sequence[str], label: str, reached: Factors) -> StabilityLost:
+    """The error that ends a ramp where its branch becomes unstable.
+
+    Parameters
+    ----------
+    names, label, reached
+        As of `ramp_lost`.
+    """
+    error = StabilityLost(
+        f"Stability was lost at {reached.told(names)} of the {label} ramp: the branch goes on, but "
+        "no device rests on it from there on; all steps before are kept.  A dea.Trace with "
+        'switch= follows what leaves there, and at_loss="end" the unstable branch.'
+    )
+    error.reached, error.failed, error.ramps = dict(reached), dict(reached), ()
+    return error
 
 
 def never_at_rest(lost: Callable[[], PathError], trouble: str) -> PathError:

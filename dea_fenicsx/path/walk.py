@@ -159,7 +159,8 @@ class Walk:
         sign = cursor.direction or float(np.sign(item.first))
         tracer = Tracer(self.solver, item, sentinel, lambda: self.gap(number), self.log)
         arc = min(cursor.size or 1.0, item.longest)
-        points = tracer.follow(arc, sign, 0 if cursor.switched else item.leave - cursor.passed)
+        first = item.exits[0] if item.exits else 0
+        points = tracer.follow(arc, sign, max(cursor.passed, first * cursor.switched))
         while True:
             try:
                 found = next(points, None)
@@ -173,7 +174,7 @@ class Walk:
             problem.commit(found.state)
             done = item.steps if found.last else done + 1
             passed = cursor.passed + (found.event == "bifurcation")
-            switched = cursor.switched or (bool(item.switch) and passed >= item.leave)
+            switched = cursor.switched or (bool(item.switch) and passed >= first)
             cursor = replace(
                 cursor, step=cursor.step + 1, position=done / item.steps, size=found.arc,
                 start=dict(cursor.start), direction=found.direction, switched=switched,

@@ -9,6 +9,7 @@
     history.csv     a row for each accepted step
     summary.json    settings, versions, sizes, final observables
     checkpoint.npz  the last accepted state, to resume from
+    states/         the state of each step, to start another run from, if they are kept
     modes/          the null vector of each critical point, on its deformed state
     script.py       the script that made it
     run.log         what the run said, with the time of day
@@ -56,7 +57,7 @@ __all__ = ["RUN_FILES", "Folder", "read_history", "read_summary", "replace_file"
 
 RUN_FILES = (
     "fields.xdmf", "fields.h5", "history.csv", "summary.json", "checkpoint.npz", "parts", "modes",
-    "run.log", NODAL_DOCUMENT, *DOCUMENTS,
+    "states", "run.log", NODAL_DOCUMENT, *DOCUMENTS,
 )  # fmt: skip
 
 

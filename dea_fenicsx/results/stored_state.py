@@ -31,11 +31,44 @@ from dea_fenicsx.results.moment import NO_MOMENT, Moment, moment_of, moment_told
 from dea_fenicsx.results.untrusted import Foreign, inside
 from dea_fenicsx.scene.amounts import amounts_of
 from dea_fenicsx.support.errors import InputError
-from dea_fenicsx.support.files import clean
-from dea_fenicsx.support.type_checks import is_number
+from dea_fenicsx.support.files import clean, replace_file
+from dea_fenicsx.support.type_checks import is_number, shown
+from dea_fenicsx.support.validation import whole
 
 MOST_NAMES = 10_000
 """Most fields, ramps or amounts that a checkpoint may speak of."""
+
+MOST_STEPS = 1_000_000_000
+"""Largest number of a step."""
+
+
+@dataclass(frozen=True)
+class StoredStep:
+    """Any step of a run that has kept its states, to start another run from.
+
+    Parameters
+    ----------
+    folder
+        Results folder of the run, which was solved with ``keep_states=True``, as the branches of a
+        diagram are.
+    step
+        Number of the step, as in its history; events have states as well.
+    """
+
+    folder: str | PathLike
+    step: int
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.folder, str | PathLike):
+            raise InputError(
+                f"StoredStep is given the folder {shown(self.folder)}, but needs the results "
+                "folder of a run, as a text or a path."
+            )
+        whole(self.step, "The step of StoredStep", 0)
+        if self.step > MOST_STEPS:
+            raise InputError(
+                f"The step of StoredStep is {shown(self.step)}, but a run has at most {MOST_STEPS}."
+            )
 
 
 @dataclass(frozen=True)
@@ -98,8 +131,33 @@ def of_run(problem: Problem, folder: str | None, step: int) -> StoredState:
     )  # fmt: skip
 
 
-def of_folder(folder: str | PathLike, comm: MPI.Comm) -> StoredState:
-    """The last accepted state of the run in a folder, which is left as it is.  Collective.
+def state_file(step: int) -> str:
+    """Name of the file with the state of a step, in the folder ``states``."""
+    return f"step_{step:05d}.npz"
+
+
+def keep_state(folder: Path, values: np.ndarray, told: Mapping[str, Any]) -> None:
+    """Write the state of a step beside those of other steps (rank 0).
+
+    Parameters
+    ----------
+    folder
+        The results folder.
+    values, told
+        As of `checkpoint.write`.
+    """
+    place = folder / "states"
+    place.mkdir(exist_ok=True)
+    name = state_file(int(told["cursor"]["step"]))
+    replace_file(place / name, lambda target: checkpoint.write(target, values, told))
+
+
+def of_folder(
+    folder: str | PathLike, comm: MPI.Comm, step: int | None = None
+) -> StoredState:
+    """The last accepted state of the run in a folder, which is left as it is, or that of a step.
+
+    Collective.
 
     Raises
     ------
@@ -109,7 +167,7 @@ def of_folder(folder: str | PathLike, comm: MPI.Comm) -> StoredState:
     found, values, fault = None, None, ""
     if comm.rank == 0:
         try:
-            found = _read(Path(folder))
+            found = _read(Path(folder), step)
             values = found.values
             found = replace(found, values=None)
         except InputError as error:
@@ -121,14 +179,22 @@ def of_folder(folder: str | PathLike, comm: MPI.Comm) -> StoredState:
     return replace(found, values=values)
 
 
-def _read(folder: Path) -> StoredState:
+def _read(folder: Path, step: int | None) -> StoredState:
     name = clean(folder, 200)
     try:
-        file = inside(folder, "checkpoint.npz")
+        if step is None:
+            file = inside(folder, "checkpoint.npz")
+        else:
+            file = inside(folder / "states", state_file(step))
     except Foreign as error:
+        if step is None:
+            raise InputError(
+                f"start={name} is no folder of a run that could be started from: its "
+                f"checkpoint.npz is not usable ({error})."
+            ) from error
         raise InputError(
-            f"start={name} is no folder of a run that could be started from: its checkpoint.npz "
-            f"is not usable ({error})."
+            f"The run in {name} has no usable state of step {step} ({error}); a run with "
+            "keep_states=True keeps the states of all steps."
         ) from error
     told, values = checkpoint.read(file)
     why = _fault(told)

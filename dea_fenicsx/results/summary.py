@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import resource
 from collections.abc import Mapping, Sequence
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from dea_fenicsx.support.errors import (
     MachineError,
     NotReached,
     SolverError,
+    StabilityLost,
 )
 
 
@@ -45,7 +47,8 @@ def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str
 
 
 STATUS = {
-    EquilibriumLost: "equilibrium lost", SolverError: "solver failed",
+    EquilibriumLost: "equilibrium lost", StabilityLost: "stability lost",
+    SolverError: "solver failed",
     MachineError: "machine failed", Interrupted: "interrupted", NotReached: "not reached",
 }  # fmt: skip
 """Status of a run that ends by an error; see `ending` for the others."""
@@ -108,9 +111,50 @@ def ending(
     path
         The ramps and traces.
     """
-    status, message = _stability(history, isinstance(path[-1], Trace))
-    told = [message] if message else []
+    is_trace = isinstance(path[-1], Trace)
+    status, message = _stability(history, is_trace)
+    where = None if is_trace else unstable_from(scene, history, path)
+    told = [sentence for sentence in (message, where) if sentence]
     return status, " ".join(told + loads_not_passed(scene, history, path))
+
+
+def unstable_from(
+    scene: Scene, history: Sequence[Mapping[str, Any]], path: Sequence[Item]
+) -> str | None:
+    """A sentence on where a branch first becomes unstable along ramps, if it does.
+
+    Parameters
+    ----------
+    scene, history, path
+        As of `ending`.
+    """
+    before: Mapping[str, Any] | None = None
+    passed: Mapping[str, Any] | None = None
+    for row in history:
+        if row["event"] in CRITICAL:
+            passed = row
+        elif row["inertia_is_of_this_step"] and row["inertia"] is not None:
+            if row["inertia"]:
+                break
+            before, passed = row, None
+    else:
+        return None
+    item = path[max(0, ceil(row["time"]) - 1)]
+    moved = [load_column(scene, name)[0] for name in item.names(scene)]
+
+    def told(one: Mapping[str, Any]) -> str:
+        return ", ".join(f"{name} = {one[name]:.9g}" for name in moved)
+
+    if isinstance(item, Trace) or not moved:
+        return None
+    if passed is not None:
+        return f"Nothing rests on this branch from {told(passed)} (step {passed['step']}) on."
+    if before is not None:
+        return (
+            f"Nothing rests on this branch from between {told(before)} (step {before['step']}) and "
+            f"{told(row)} (step {row['step']}) on."
+        )
+    return 'From where on nothing rests there is told with stability="every".'
 
 
 def loads_not_passed(

@@ -15,6 +15,7 @@ from dea_fenicsx.model.state import State
 from dea_fenicsx.path.items import Close, Item, March, Open, Ramp, Trace
 from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.results.finished import Run
+from dea_fenicsx.results.stored_state import StoredStep
 from dea_fenicsx.run.starting import Start
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.options import NewtonOptions
@@ -36,8 +37,8 @@ class SolveOptions(TypedDict, total=False):
     start
         Begin in a state of another run with the same mesh and the same fields, instead of in the
         undeformed one: a run's results folder, whose last accepted state is taken (none of an
-        event); a `Run`; or a `State` of this very scene.  Its path, loads, supports and material
-        constants may be others.
+        event); a `StoredStep` of a run that has kept its states; a `Run`; or a `State` of this very
+        scene.  Its path, loads, supports and material constants may be others.
         A ramp that both have begins where it drives as much as it did there (volts stay volts); a
         new one begins at 0; one that the scene lacks must be at 0 there.  With other constants,
         loads or supports the state is first brought to equilibrium at that load.  The first step
@@ -59,6 +60,9 @@ class SolveOptions(TypedDict, total=False):
         Settings of Newton's method.
     settings
         The script's own settings, to be kept in summary.json.
+    keep_states
+        Keep the states of all steps in the folder ``states`` of `out`, from which other runs can
+        start (`StoredStep`).  Else the last one is kept.
     """
 
     resume: bool
@@ -69,11 +73,12 @@ class SolveOptions(TypedDict, total=False):
     failures: Sequence[Failure] | None
     options: NewtonOptions | None
     settings: Mapping[str, Any] | None
+    keep_states: bool
 
 
 DEFAULTS: SolveOptions = {
     "resume": False, "start": None, "quiet": False, "verbose": None, "stability": "last",
-    "failures": None, "options": None, "settings": None,
+    "failures": None, "options": None, "settings": None, "keep_states": False,
 }  # fmt: skip
 """What holds for the keywords that are left out."""
 
@@ -94,6 +99,7 @@ class Arguments:
     failures: Sequence[Failure] | None
     options: NewtonOptions | None
     settings: Mapping[str, Any] | None
+    keep_states: bool
 
     @property
     def items(self) -> list[Item]:
@@ -108,7 +114,7 @@ class Arguments:
         return {
             "path": self.items, "record": self.record, "out": self.out, "resume": self.resume,
             "start": start, "stability": self.stability, "failures": self.failures,
-            "options": self.options,
+            "options": self.options, "keep_states": self.keep_states,
         }  # fmt: skip
 
 
@@ -121,12 +127,13 @@ def check_arguments(given: Arguments) -> None:
         (given.record, Mapping | None, "a dictionary of observables by name"),
         (given.out, str | os.PathLike | None, "a path, or None to write nothing"),
         (given.resume, bool | np.bool_, "resume=True or False"),
-        (given.start, str | os.PathLike | Run | State | None,
-         "start= the folder of a run, a Run or a State"),
+        (given.start, str | os.PathLike | StoredStep | Run | State | None,
+         "start= the folder of a run, a StoredStep, a Run or a State"),
         (given.quiet, bool | np.bool_, "quiet=True or False"),
         (given.failures, list | tuple | None, "a list of failures to watch"),
         (given.options, NewtonOptions | None, "NewtonOptions(...)"),
         (given.settings, Mapping | None, "a dictionary"),
+        (given.keep_states, bool | np.bool_, "keep_states=True or False"),
     ):  # fmt: skip
         if not isinstance(value, kind):
             raise InputError(f"solve is given {shown(value)}, but needs {what}.")
@@ -142,6 +149,12 @@ def check_arguments(given: Arguments) -> None:
     if any(getattr(item, "switch", 0.0) for item in items) and given.stability != "every":
         raise InputError(
             'A trace with switch=... needs stability="every", but stability is '
+            f"{given.stability!r}."
+        )
+    ends = any(getattr(item, "at_loss", "") == "unstable" for item in items)
+    if ends and given.stability != "every":
+        raise InputError(
+            'A ramp with at_loss="unstable" needs stability="every", but stability is '
             f"{given.stability!r}."
         )
     if given.options is not None:

@@ -9,12 +9,15 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Unpack
 
+import numpy as np
+
 from dea_fenicsx.measure.observables import Observable
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.items import Item, Trace
+from dea_fenicsx.path.items import MOST_SHAPES, Item, Trace
 from dea_fenicsx.results.columns import load_column
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.results.stable_parts import multiplicity, stability_intervals
+from dea_fenicsx.results.stored_state import StoredStep
 from dea_fenicsx.run.arguments import SolveOptions
 from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.scene import Scene
@@ -35,10 +38,13 @@ class Branch:
     ----------
     name
         ``"first"``, ``"branch_1"`` from its first bifurcation, ``"branch_1_back"`` to the other
-        side of it, and so on.
+        side of it, ``"branch_1_2"`` from the second bifurcation of branch_1.  Where several modes
+        are neutral at once, ``"branch_1"`` has the first of their shapes,
+        ``"branch_1_shape_2"`` the second one, and of two shapes ``"branch_1_shapes_1+2"`` and
+        ``"branch_1_shapes_1-2"`` have the sum and the difference.  A `Trace` with ``along=`` goes
+        along others.
     run
-        The run that follows it.  A run of another branch than the first follows this one up to
-        the bifurcation.
+        The run that follows it.  It begins on the branch that is left, before the bifurcation.
     begins
         The row of the history with which the branch begins.
     intervals
@@ -47,6 +53,8 @@ class Branch:
         Row and multiplicity of each bifurcation on it, the one with which it begins left out.
     end
         Why the branch could not be followed to the end of its trace, or empty.
+    leaves
+        Name of the branch that it leaves; empty of the first one.
     """
 
     name: str
@@ -55,20 +63,27 @@ class Branch:
     intervals: list[dict[str, Any]]
     bifurcations: list[tuple[int, int | None]]
     end: str = ""
+    leaves: str = ""
 
     def column(self, name: str) -> Any:
         """A column of the history along this branch."""
         return self.run.column(name)[self.begins :]
 
-    def state(self, row: int) -> State:
+    def state(self, row: int) -> State | StoredStep:
         """The state of a row of its history, with which ``solve(scene, ..., start=)`` begins.
+
+        It is one in memory, or that of the step in the results folder.
 
         Raises
         ------
         InputError
-            If there is no such row, or its state is not in memory.
+            If there is no such row, or its state is neither in memory nor in a folder.
         """
-        return self.run._states.of(row, len(self.run.history))
+        rows = len(self.run.history)
+        at = row + rows if row < 0 else row
+        if self.run.out is not None and 0 <= at < rows:
+            return StoredStep(self.run.out, int(self.run.history[at]["step"]))
+        return self.run._states.of(row, rows)
 
 
 @dataclass(frozen=True)
@@ -125,15 +140,16 @@ def branches(
     path: Item | Sequence[Item],
     record: Mapping[str, Observable] | None = None,
     out: str | Path | None = None,
-    most: int = 3,
+    most: int | Sequence[int] = 3,
     aside: float = 0.05,
     both: bool = False,
     **options: Unpack[SolveOptions],
 ) -> Diagram:
     """Trace a branch, and each branch that leaves it at one of its first bifurcations.  Collective.
 
-    Each branch is a run of its own, with a results folder in `out` that can be opened, resumed and
-    used as a start.  A branch that cannot be followed to the end says so; the others go on.
+    Each branch is a run of its own, with a results folder in `out` that can be opened and resumed.
+    The folder keeps the states of all steps, so that any point can be the start of another run.
+    A branch that cannot be followed to the end says so; the others go on.
 
     Parameters
     ----------
@@ -147,7 +163,9 @@ def branches(
         Folder for the diagram: ``first``, ``branch_1``, ... and ``diagram.json``; None writes
         nothing.
     most
-        From how many bifurcations of the first branch others are followed.
+        From how many bifurcations of the first branch others are followed.  Of several numbers the
+        second one holds for each branch that leaves the first one (secondary bifurcations), and so
+        on.
     aside
         Length of the first step along the null vector, in units of arc.
     both
@@ -166,40 +184,95 @@ def branches(
     Interrupted, MachineError
         As of `solve`; with ``resume=True`` the same call carries on.
     """
-    items = _checked(path, most, aside, options)
-    options["stability"] = "every"
+    levels = list(most) if isinstance(most, Sequence) else [most]
+    items = _checked(path, levels, aside, options)
+    options["stability"], options["keep_states"] = "every", out is not None
     trace = items[-1]
     folder = None if out is None else Path(out)
     load = load_column(scene, trace.what)[0] if trace.what in scene.ramps else ""
 
-    def follow(name: str, item: Trace) -> tuple[Run, str]:
+    def follow(name: str, path: list[Any], start: Any, leave: int, leaves: str) -> Branch | None:
         where = None if folder is None else folder / name
+        given = options if start is None else options | {"start": start}
+        end = ""
         try:
-            return solve(scene, [*items[:-1], item], record, where, **options), ""
+            run = solve(scene, path, record, where, **given)
         except (Interrupted, MachineError):
             raise
         except PathError as error:
             if getattr(error, "run", None) is None:
                 raise
-            return error.run, str(error)
+            run, end = error.run, str(error)
+        rows = _bifurcations(run, len(path))
+        if len(rows) < leave:
+            return None
+        begins = rows[leave - 1] if leave else 0
+        return _branch(name, run, begins, rows[leave:], load, end, leaves)
 
-    run, end = follow(FIRST, trace)
-    met = _bifurcations(run, len(items))
-    found = [_branch(FIRST, run, 0, met, load, end)]
-    for k in range(1, min(most, len(met)) + 1):
-        for side, ending in ((1, ""), (-1, "_back"))[: 2 if both else 1]:
-            name = f"branch_{k}{ending}"
-            run, end = follow(name, replace(trace, switch=side * aside, leave=k))
-            rows = _bifurcations(run, len(items))
-            if len(rows) >= k:
-                found.append(_branch(name, run, rows[k - 1], rows[k:], load, end))
+    first = follow(FIRST, items, None, 0, "")
+    assert first is not None
+    found, left = [first], [first]
+    for many in levels:
+        left, parents = [], left
+        for parent in parents:
+            for k in range(1, min(many, len(parent.bifurcations)) + 1):
+                path, start, leave = _way(parent, k, items, load)
+                for ending, side, along in _directions(parent.bifurcations[k - 1][1], both):
+                    base = "branch" if parent is first else parent.name
+                    item = replace(path[-1], switch=side * aside, leave=leave, along=along)
+                    branch = follow(
+                        f"{base}_{k}{ending}", [*path[:-1], item], start, leave, parent.name
+                    )
+                    left += [branch] if branch else []
+        found += left
     diagram = Diagram(tuple(found), load, folder)
     _write(diagram, scene.device.comm.rank)
     return diagram
 
 
+def _way(
+    parent: Branch, number: int, items: Sequence[Any], load: str
+) -> tuple[list[Any], Any, int]:
+    """How to come to a bifurcation of a branch and leave it there.
+
+    Returns
+    -------
+    path : list
+        The items, of which the last is the trace.
+    start
+        The state in which the path begins; None is the undeformed one.
+    leave : int
+        At which bifurcation of the path the branch is left.
+    """
+    if not parent.leaves:
+        return list(items), None, number
+    rows = [row for row, _ in parent.bifurcations[:number]]
+    history = parent.run.history
+    begins = max(k for k in range(parent.begins + 1, rows[-1]) if not history[k]["event"])
+    change = history[begins][load] - history[begins - 1][load]
+    trace = items[-1]
+    first = abs(trace.first) if change >= 0 else -abs(trace.first)
+    leave = sum(row > begins for row in rows)
+    return [replace(trace, first=first)], parent.state(begins), leave
+
+
+def _directions(
+    multiplicity: int | None, both: bool
+) -> list[tuple[str, int, tuple[float, ...] | None]]:
+    """Endings of the names, sides and shares of shapes with which a bifurcation is left."""
+    many = min(multiplicity or 1, MOST_SHAPES)
+    ways: list[tuple[str, tuple[float, ...] | None]] = [("", None)]
+    if many > 1:
+        unit = np.eye(many)
+        ways = [("" if k == 0 else f"_shape_{k + 1}", tuple(unit[k])) for k in range(many)]
+    if many == 2:
+        ways += [("_shapes_1+2", (1.0, 1.0)), ("_shapes_1-2", (1.0, -1.0))]
+    sides = ((1, ""), (-1, "_back"))[: 2 if both else 1]
+    return [(name + back, side, along) for name, along in ways for side, back in sides]
+
+
 def _checked(
-    path: Item | Sequence[Item], most: int, aside: float, options: Mapping[str, Any]
+    path: Item | Sequence[Item], most: Sequence[int], aside: float, options: Mapping[str, Any]
 ) -> list[Any]:
     """The items of the path, if they and the numbers are usable."""
     items = list(path) if isinstance(path, Sequence) else [path]
@@ -209,7 +282,8 @@ def _checked(
             f"The path of a diagram must end by a Trace without switch=, not by {shown(last)}; "
             "`branches` changes the branch by itself."
         )
-    whole(most, "The number most= of bifurcations", 0)
+    for many in most:
+        whole(many, "The number most= of bifurcations", 0)
     if not is_number(aside) or not 0 < aside < 1e6:
         raise InputError(
             f"aside={shown(aside)} must be a length of arc above 0, such as 0.05; both=True goes "
@@ -229,12 +303,12 @@ def _bifurcations(run: Run, items: int) -> list[int]:
 
 
 def _branch(
-    name: str, run: Run, begins: int, rows: Sequence[int], load: str, end: str
+    name: str, run: Run, begins: int, rows: Sequence[int], load: str, end: str, leaves: str
 ) -> Branch:
     intervals = stability_intervals(run.history, load, begins)
     run.add(branch_begins_at_step=begins, stability_intervals=intervals)
     met = [(row, multiplicity(run.history, row)) for row in rows]
-    return Branch(name, run, begins, intervals, met, end)
+    return Branch(name, run, begins, intervals, met, end, leaves)
 
 
 def _write(diagram: Diagram, rank: int) -> None:
@@ -245,7 +319,7 @@ def _write(diagram: Diagram, rank: int) -> None:
         "load": diagram.load,
         "branches": [
             {
-                "name": b.name, "begins_at_step": b.begins, "end": b.end,
+                "name": b.name, "leaves": b.leaves, "begins_at_step": b.begins, "end": b.end,
                 "stability_intervals": b.intervals,
                 "bifurcations": [
                     {"step": row, diagram.load: float(b.run.history[row][diagram.load]),

@@ -22,7 +22,7 @@ from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
 from dea_fenicsx.results.kept_states import KeptStates
 from dea_fenicsx.results.moment import moment_of
-from dea_fenicsx.results.stored_state import about
+from dea_fenicsx.results.stored_state import about, keep_state
 from dea_fenicsx.run.step_checks import Checked, check_step
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Inertia
@@ -64,6 +64,8 @@ class Journal:
         Wall time in s of the earlier run that this one continues.
     start
         Where the path begins, as the summary tells it; None in the undeformed state.
+    keeps
+        Whether the states of all steps are kept in the folder.
     """
 
     solver: NewtonSolver
@@ -82,6 +84,7 @@ class Journal:
     earlier_s: float = 0.0
     start: dict[str, Any] | None = None
     started: float = field(default_factory=time.perf_counter)
+    keeps: bool = False
     _counts: tuple[int, int, int] = (0, 0, 0)
     _step_started: float = 0.0
     _way_from: tuple[int, Any] | None = None
@@ -209,13 +212,16 @@ class Journal:
     ) -> None:
         """Write an accepted step.  A run can be resumed from it unless it is an event."""
         assert self.folder and self.writer
-        told = None if step.event else {
+        place = {
             "cursor": asdict(step.cursor),
             "factors": dict(step.state.factors),
             "moment": moment_of(self.solver.problem).told,
-            "history": self.history,
             "fingerprint": self.fingerprint,
             "about": self.about,
+        }
+        told = None if step.event else {
+            **place,
+            "history": self.history,
             "start": self.start,
             "references": self.solver.references.sizes,
             "failures": self.found,
@@ -240,6 +246,8 @@ class Journal:
             )
             if shape is not None:
                 folder.write_mode(step.cursor.step, grid, nodes, shape)
+            if self.keeps and state is not None:
+                keep_state(folder.path, state, place)
 
         try:
             folder.write(write)

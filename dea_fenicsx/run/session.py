@@ -12,7 +12,7 @@ from dea_fenicsx.measure.failures import Failure, Gauge, default_failures
 from dea_fenicsx.measure.observables import Measurement, Observable
 from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.path.events import Alarm, Sentinel
-from dea_fenicsx.path.items import Item, March
+from dea_fenicsx.path.items import Item, March, Trace
 from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.path.walk import Walk
 from dea_fenicsx.results import columns
@@ -25,6 +25,7 @@ from dea_fenicsx.results.summary import (
     STATUS,
     ending,
     unlocated,
+    unstable_from,
 )  # fmt: skip
 from dea_fenicsx.results.surface_blocks import Blocks, electrode_surfaces
 from dea_fenicsx.run.arguments import DEFAULTS, Arguments, SolveOptions, check_arguments
@@ -167,8 +168,8 @@ class _Session:
             error.run = result
             if isinstance(error, Interrupted):
                 error.args = (f"{error}; {journal.kept()}.",)
-            elif note := unlocated(journal.history):
-                error.args = (f"{error} {note}",)
+            elif notes := self._notes(journal):
+                error.args = (" ".join([str(error), *notes]),)
             closing.finish(STATUS[type(error)], str(error), error)
             raise
         except BaseException as error:
@@ -200,6 +201,7 @@ class _Session:
         return Journal(
             solver, self.path, self.given.stability, measurements, gauges,
             self.progress, folder, writer, identity, started=self.started,
+            keeps=self.given.keep_states,
         )  # fmt: skip
 
     def _begin(self, journal: Journal) -> Beginning | None:
@@ -277,6 +279,13 @@ class _Session:
                     journal.accept(step)
         finally:
             solver.notify = silent  # it holds this session, which holds the solver
+
+    def _notes(self, journal: Journal) -> list[str]:
+        """What an error that ends the path says of the stability before it."""
+        found = [unlocated(journal.history)]
+        if not any(isinstance(item, Trace) for item in self.path):
+            found.append(unstable_from(self.scene, journal.history, self.path))
+        return [note for note in found if note]
 
     def _gap(self, item: int) -> float | None:
         """Difference between the present value and that at which an item of the path ends."""

@@ -15,14 +15,17 @@ from dea_fenicsx.results.columns import load_column
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.results.identity import mesh_facts, same_mesh
-from dea_fenicsx.results.stored_state import StoredState, about, of_folder, of_run
+from dea_fenicsx.results.stored_state import StoredState, StoredStep, about, of_folder, of_run
 from dea_fenicsx.scene.amounts import carried
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Outcome, fault_of
 from dea_fenicsx.support.errors import InputError, SolverError
 
-Start = str | PathLike | Run | State
-"""What `solve` takes as its start: a run's folder, a run in memory, or a state of this scene."""
+Start = str | PathLike | StoredStep | Run | State
+"""What `solve` takes as its start.
+
+A run's folder, any step of it, a run in memory, or a state of this scene.
+"""
 
 AT_PLACE = 1e-9
 """How far a fixed value may be from that of its load and count as the same, dimensionless."""
@@ -77,7 +80,9 @@ def beginning(problem: Problem, writer: FieldWriter, start: Start) -> Beginning:
     return Beginning(state, {"folder": folder, "step": step, **loads}, place)
 
 
-def _stored(problem: Problem, start: str | PathLike | Run) -> StoredState:
+def _stored(problem: Problem, start: str | PathLike | StoredStep | Run) -> StoredState:
+    if isinstance(start, StoredStep):
+        return of_folder(start.folder, problem.comm, start.step)
     if not isinstance(start, Run):
         return of_folder(start, problem.comm)
     if not start.history:

@@ -60,6 +60,13 @@ class EquilibriumLost(PathError):
     ramps: tuple[str, ...] = ()
 
 
+class StabilityLost(EquilibriumLost):
+    """A ramp with ``at_loss="unstable"`` has come to states at which no device rests.
+
+    The branch goes on, but its equilibria are not stable.
+    """
+
+
 class NotReached(PathError):
     """A trace used up its steps before the value at which it was to end."""
 

@@ -1,0 +1,49 @@
+"""The load that an imperfect device bears, against the bar on a spring that Koiter's law is for."""
+
+import numpy as np
+import pytest
+
+import dea_fenicsx as dea
+from dea_fenicsx.geometry import BoxStack, Layer
+
+L, WIDTH, STIFFNESS = 1e-2, 4e-3, 1e-2
+
+
+def bar(spring=STIFFNESS):
+    """A bar on a hinge, with a spring across at its upper end, under a force of k L."""
+    mesh = BoxStack(WIDTH, None, [Layer("bar", L)], divisions=1)
+    return dea.Scene(
+        dea.read_gmsh(mesh), {"bar": dea.Material(dea.NeoHookean(1e6))},
+        supports=[dea.Rigid("bottom", held="xy"), dea.Rigid("top"), dea.Spring("top", spring, "x")],
+        loads=[dea.Force("top", (0.0, -STIFFNESS * L))], kinematics=dea.PlaneStrain(1e-2),
+    )  # fmt: skip
+
+
+def test_a_bar_on_a_spring_is_knocked_down_as_its_closed_form(tmp_path):
+    """P/(k L) = (1 - s^(2/3))^(3/2) with the sine s of the tilt.
+
+    The size is the largest displacement, at the corners of the upper end.
+    """
+    path = dea.Trace("load", first=0.3, longest=1.0, steps=14)
+    sizes = L * np.array([1e-2, 1e-3])
+    found = dea.knock_down(bar(), path, sizes, out=tmp_path, quiet=True)
+    assert found.perfect == pytest.approx(1, rel=1e-3)
+    exact = (1 - (sizes / np.hypot(L, WIDTH / 2)) ** (2 / 3)) ** 1.5
+    assert found.ratios == pytest.approx(exact, rel=1e-3)
+    slope = np.log((1 - exact[0]) / (1 - exact[1])) / np.log(10)
+    assert found.exponent == pytest.approx(slope, rel=1e-2)
+    assert slope == pytest.approx(2 / 3, rel=0.02)
+    assert dea.read_summary(tmp_path / "perfect")["knock_down_ratios"] == list(found.ratios)
+
+
+def test_wrong_calls_are_refused():
+    trace = dea.Trace("load", steps=2)
+    for path, sizes, options, words in (
+        (dea.Ramp("load"), [1e-5], {}, "must end by a Trace"),
+        (trace, 1e-5, {}, "needs a list of lengths"),
+        (trace, [0.0], {}, "leave the perfect device out"),
+        (trace, [1e-5], {}, "give it out=, or a shape"),
+        (trace, [1e-5], {"shape": np.sin}, "no limit point and no bifurcation"),
+    ):
+        with pytest.raises(dea.InputError, match=words):
+            dea.knock_down(bar(), path, sizes, quiet=True, **options)
