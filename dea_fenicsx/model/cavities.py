@@ -164,7 +164,7 @@ class Cavities:
             moves = False
             for name in told.space.label.split("+"):
                 for part in motion:
-                    nodes = part.dofs[part.on(device.dim - 1, device.facets_of(name))]
+                    nodes = part.dofs[part.on(device.dim - 1, device.facets_by_surface[name])]
                     moves = moves or not bool(values.fixed[nodes].all())
             if not device.comm.allreduce(moves, op=MPI.LOR):
                 raise InputError(

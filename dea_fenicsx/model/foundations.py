@@ -43,7 +43,7 @@ def on_foundations(
             continue
         for part, stiffness in zip(motion, work.stiffness, strict=True):
             if stiffness > 0:
-                found[part.dofs[part.on(device.dim - 1, device.facets_of(work.surface))]] = True
+                found[part.dofs[part.on(device.dim - 1, device.facets_by_surface[work.surface])]] = True
     return found
 
 

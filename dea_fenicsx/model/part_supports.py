@@ -94,7 +94,7 @@ class _Maker:
         name, axes, dim = told.surface, self.kinematics.axes, len(self._motion)
         first = self._motion[0]
         if name in self.device.surfaces:
-            local = first.on(self.device.dim - 1, self.device.facets_of(name))
+            local = first.on(self.device.dim - 1, self.device.facets_by_surface[name])
         else:
             local = first.on(self.device.dim, self.device.cells_of(name))
         planes = self._planes(told, local)

@@ -183,7 +183,7 @@ class Pairs:
             x = part.space.tabulate_dof_coordinates()
             lines = []
             for name in ends:
-                local = part.on(device.dim - 1, device.facets_of(name))
+                local = part.on(device.dim - 1, device.facets_by_surface[name])
                 local = local[part.dofs[local] < rows.owned]
                 mine = (x[local, 0], part.dofs[local].astype(np.int64) + rows.start)
                 everyone = rows.comm.allgather(mine)

@@ -171,7 +171,7 @@ class FieldWriter:
         numbers = self.gather(self.original) if names else None
         found = {}
         for name in names:
-            sides = comm.gather(self._sides(device.facets_of(name)), root=0)
+            sides = comm.gather(self._sides(device.facets_by_surface[name]), root=0)
             if sides is None or self.grid is None or numbers is None:
                 continue
             pairs = np.concatenate(sides)

@@ -164,7 +164,7 @@ def _check_outside(scene: Setting, surface: str) -> None:
     owned = topology.index_map(dim - 1).size_local
     outer = np.zeros(owned, dtype=bool)
     outer[dolfinx.mesh.exterior_facet_indices(topology)] = True
-    mine = device.facets_of(surface)
+    mine = device.facets_by_surface[surface]
     inside = ~outer[mine[mine < owned]]
     if device.comm.allreduce(int(np.sum(inside)), op=MPI.SUM) > 0:
         raise InputError(
