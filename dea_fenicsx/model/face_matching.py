@@ -22,7 +22,7 @@ MATCH_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
-class Faces:
+class FacePair:
     """A pair of faces: their declaration, the axis and the length of the period, the unknowns d.
 
     `unknowns` are the local degrees of freedom of d along each axis: one constant a cell, all

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypedDict, get_args
 
 import numpy as np
 
-from dea_fenicsx.measure.failures import Failure
+from dea_fenicsx.measure.failures import FailureMode
 from dea_fenicsx.model.contact import MODULI_AT_TOLERANCE
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.items import Close, Item, March, Open, Ramp, Trace
@@ -66,7 +66,7 @@ class SolveOptions(TypedDict, total=False):
     quiet: bool
     verbose: bool | None
     stability: str
-    failures: Sequence[Failure] | None
+    failures: Sequence[FailureMode] | None
     options: NewtonOptions | None
     settings: Mapping[str, Any] | None
 
@@ -91,7 +91,7 @@ class Arguments:
     quiet: bool
     verbose: bool | None
     stability: str
-    failures: Sequence[Failure] | None
+    failures: Sequence[FailureMode] | None
     options: NewtonOptions | None
     settings: Mapping[str, Any] | None
 
