@@ -9,7 +9,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from dea_fenicsx.drives.trial import check_pace
-from dea_fenicsx.drives.waves import Constant, Function, Table, Wave
+from dea_fenicsx.drives.waves import Constant, Function, Wave
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 
@@ -56,11 +56,10 @@ class FilmLoads:
     def __init__(self, waves: Sequence[Wave], seconds: float, names: Sequence[str]):
         self.waves, self.seconds = tuple(waves), seconds
         for wave, name in zip(waves, names, strict=True):
-            begin = getattr(wave, "begin", wave.times[0] if isinstance(wave, Table) else 0.0)
-            if begin > 0:
+            if wave.begin > 0:
                 raise InputError(
-                    f"The wave of {name} begins at {begin:g} s, but the march begins at 0; give it "
-                    "values from there on."
+                    f"The wave of {name} begins at {wave.begin:g} s, but the march begins at 0; "
+                    "give it values from there on."
                 )
             if wave.end < seconds * (1 - 1e-12):
                 raise InputError(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from dea_fenicsx.drives.scaled import ScaledWave
 from dea_fenicsx.drives.waves import Constant, Wave
 from dea_fenicsx.exact.course import Course
 from dea_fenicsx.exact.equilibrium import Equations
@@ -162,31 +162,8 @@ def _electric(
     unit = {"voltage": "V", "field": "V/m", "charge": ""}[named[0]]
     wave = as_wave(si(given[named[0]], unit, f"The {named[0]}"), named[0])
     if named[0] == "voltage":
-        wave = Scaled(wave, 1 / film.thickness)
+        wave = ScaledWave(wave, 1 / film.thickness)
     return ("charge" if named[0] == "charge" else "voltage"), wave
-
-
-class Scaled(Wave):
-    """A wave times a constant."""
-
-    def __init__(self, wave: Wave, factor: float):
-        self.wave, self.factor = wave, factor
-        self.begin, self.end = getattr(wave, "begin", -math.inf), wave.end
-
-    def __call__(self, t: float) -> float:
-        return self.factor * self.wave(t)
-
-    def before(self, t: float) -> float:
-        return self.factor * self.wave.before(t)
-
-    def corners(self, start: float, end: float) -> tuple[float, ...]:
-        return self.wave.corners(start, end)
-
-    def number_of_corners(self, start: float, end: float) -> float:
-        return self.wave.number_of_corners(start, end)
-
-    def finest(self) -> float:
-        return self.wave.finest()
 
 
 def _side(film: Film, k: int, given: Drive | None) -> Wave:

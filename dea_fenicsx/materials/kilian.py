@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from dea_fenicsx.materials.base import Strain, _positive
+from dea_fenicsx.materials.base import Strain, not_positive
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite
@@ -73,7 +73,7 @@ class VanDerWaals:
         return 1 - self._x(s) / (self.lam_m * self.lam_m - 3)
 
     def faults(self) -> list[str]:
-        found = _positive(self, "mu")
+        found = not_positive(self, "mu")
         if not is_finite(self.lam_m) or not self.lam_m > 3**0.5:
             found.append(f"lam_m is {shown(self.lam_m)}, but must be a finite number > sqrt(3)")
         if not is_finite(self.a) or self.a < 0:
