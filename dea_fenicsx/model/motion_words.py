@@ -18,7 +18,19 @@ class BoundingCube(NamedTuple):
 
 
 def in_words(kinematics: Kinematics, box: BoundingCube, free: np.ndarray, length: float) -> str:
-    """Rigid motions of a part with some box (rows of `free`); `length` is the unit in m."""
+    """The rigid motions that nothing holds, in words for a message.
+
+    Parameters
+    ----------
+    kinematics
+        The kinematics, which knows the order of the numbers of a motion.
+    box
+        Where the part lies, dimensionless.
+    free
+        One rigid motion in each row.
+    length
+        The unit of length in m.
+    """
     width, axes = free.shape[1], kinematics.axes
     if len(free) == width > 1 and kinematics.cartesian:
         return f"every rigid motion, translations along {_listed(list(axes))} and rotations"
