@@ -70,6 +70,28 @@ class Geometry(ABC):
         return {**dict.fromkeys(mesh.regions, dim), **dict.fromkeys(mesh.facets, dim - 1)}
 
 
+class LayeredGeometry(Geometry):
+    """A device of flat layers."""
+
+    layers: Sequence[Layer]
+
+    @property
+    def height(self) -> float:
+        """Sum of the thicknesses in metres."""
+        return sum(layer.thickness for layer in self.layers)
+
+
+class FlatStack(LayeredGeometry):
+    """A box of flat layers, or its section, a strip, where it has no width."""
+
+    width: float | None
+
+    @property
+    def dimension(self) -> int:
+        """3, or 2 for the strip."""
+        return 2 if self.width is None else 3
+
+
 @dataclass(frozen=True)
 @in_si(thickness="m")
 class Layer:

@@ -13,13 +13,13 @@ from dea_fenicsx.support.units import in_si
 
 from . import _check
 from ._structured import Floats, Ints, StructuredMesh, joined_ends, lattice
-from .base import Geometry, Layer, checked_layers, refuse_clash, sizes_of_layers
+from .base import FlatStack, Layer, checked_layers, refuse_clash, sizes_of_layers
 from .grading import check_ends, graded
 
 
 @dataclass(frozen=True)
 @in_si(length="m", width="m", x0="m")
-class BoxStack(Geometry):
+class BoxStack(FlatStack):
     """Rectangular layers stacked in z from z = 0, over 0 <= x <= length and 0 <= y <= width.
 
     With ``width=None`` a flat strip of quadrilaterals: x along the length, y through the layers.
@@ -96,16 +96,6 @@ class BoxStack(Geometry):
         sides = ["x_min", "x_max"] + ([] if self.width is None else ["y_min", "y_max"])
         inner = [f"interface_{i}" for i in range(1, len(self.layers))]
         return [*sides, "bottom", "top", *inner]
-
-    @property
-    def dimension(self) -> int:
-        """3, or 2 for the strip."""
-        return 2 if self.width is None else 3
-
-    @property
-    def height(self) -> float:
-        """Sum of the thicknesses in metres."""
-        return sum(layer.thickness for layer in self.layers)
 
     @property
     def volume(self) -> float:

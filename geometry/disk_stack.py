@@ -23,7 +23,7 @@ from ._structured import (
     lattice_points,
     sweep,
 )
-from .base import Geometry, Layer, checked_layers, refuse_clash
+from .base import Layer, LayeredGeometry, checked_layers, refuse_clash
 from .grading import graded
 
 CORE = 0.45  # half diagonal of the core square over the radius of the circle around it
@@ -32,7 +32,7 @@ BULGE = 0.4  # 0: straight core sides, 1: a round core, whose corners are flat
 
 @dataclass(frozen=True)
 @in_si(radius="m", inset="m", inner_radius="m", inner_inset="m")
-class DiskStack(Geometry):
+class DiskStack(LayeredGeometry):
     """Round layers stacked in z from z = 0 around the z axis, full or with a hole.
 
     A full disk is meshed as an O-grid: a square core with bulging sides, and rings around it.
@@ -144,11 +144,6 @@ class DiskStack(Geometry):
     def electrode_radii(self) -> tuple[float, float]:
         """Inner and outer radius of the electrodes in metres (0 where there is no hole)."""
         return self.inner_radius + self.inner_inset, self.radius - self.inset
-
-    @property
-    def height(self) -> float:
-        """Sum of the thicknesses in metres."""
-        return sum(layer.thickness for layer in self.layers)
 
     @property
     def volume(self) -> float:

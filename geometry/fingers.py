@@ -13,7 +13,7 @@ from dea_fenicsx.support.units import in_si
 
 from . import _check
 from ._structured import Ints, StructuredMesh, joined_ends, lattice
-from .base import Geometry, Layer, checked_layers, refuse_clash, sizes_of_layers
+from .base import FlatStack, Layer, checked_layers, refuse_clash, sizes_of_layers
 from .grading import graded
 
 SIDES = ("a", "b", "gap")
@@ -21,7 +21,7 @@ SIDES = ("a", "b", "gap")
 
 @dataclass(frozen=True)
 @in_si(finger="m", gap="m", margin="m", width="m")
-class FingerStack(Geometry):
+class FingerStack(FlatStack):
     """Rectangular layers in z from z = 0, with electrodes in fingers along y on the upper face.
 
     With ``width=None`` a flat strip: x along the length, y through the layers.  The fingers belong
@@ -91,19 +91,9 @@ class FingerStack(Geometry):
         refuse_clash(owner, {layer.name for layer in self.layers}, set(self._areas()))
 
     @property
-    def dimension(self) -> int:
-        """3, or 2 for the strip."""
-        return 2 if self.width is None else 3
-
-    @property
     def length(self) -> float:
         """Length along x in metres."""
         return self.fingers * self.finger + (self.fingers - 1) * self.gap + 2 * self.margin
-
-    @property
-    def height(self) -> float:
-        """Sum of the thicknesses in metres."""
-        return sum(layer.thickness for layer in self.layers)
 
     def _areas(self) -> dict[str, float]:
         """Area (length) of every facet group."""

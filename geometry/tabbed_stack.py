@@ -13,13 +13,13 @@ from dea_fenicsx.support.units import in_si
 
 from . import _check
 from ._structured import Floats, Ints, StructuredMesh, joined_ends, lattice
-from .base import Geometry, Layer, checked_layers, refuse_clash, sizes_of_layers
+from .base import FlatStack, Layer, checked_layers, refuse_clash, sizes_of_layers
 from .grading import graded
 
 
 @dataclass(frozen=True)
 @in_si(length="m", margin="m", width="m", tab="m")
-class TabbedStack(Geometry):
+class TabbedStack(FlatStack):
     """Rectangular layers in z from z = 0, with an electrode between each layer and the next one.
 
     The electrodes are surfaces.  They belong in turn to ``electrode_a`` and ``electrode_b``, from
@@ -116,16 +116,6 @@ class TabbedStack(Geometry):
                 f"{owner}: tab is {self.tab:g} m; it must be at most the width of the electrode, "
                 f"{self.width - margins:g} m."
             )
-
-    @property
-    def dimension(self) -> int:
-        """3, or 2 for the strip."""
-        return 2 if self.width is None else 3
-
-    @property
-    def height(self) -> float:
-        """Sum of the thicknesses in metres."""
-        return sum(layer.thickness for layer in self.layers)
 
     @property
     def active_area(self) -> float:

@@ -24,9 +24,8 @@ HELD = [dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")]
 # --------------------------------------------------------------------------------- closed forms
 
 
-@pytest.fixture(scope="module")
-def pulled():
-    """A block pulled to a stretch: force mu (lam - 1/lam^2) L T."""
+def pulled_block():
+    """A block pulled to a stretch: force mu (lam - 1/lam^2) L T, capacitance eps lam L^2/T."""
     scene = dea.Scene(
         block((2, 1, 1), L, T), {"film": FILM}, [dea.Electrode("top", 1e-3), dea.Ground("bottom")],
         HELD, [dea.Stretch("x_max", "x", STRETCH)],
@@ -39,6 +38,11 @@ def pulled():
     }  # fmt: skip
     path = dea.Ramp(("stretch", "voltage"), steps=2)
     return dea.solve(scene, path, record, quiet=True, options=TIGHT)
+
+
+@pytest.fixture(scope="module")
+def pulled():
+    return pulled_block()
 
 
 def test_force_of_a_stretched_block(pulled):

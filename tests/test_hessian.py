@@ -4,10 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import block
 from mpi4py import MPI
 from rank_scenes import ring
-from test_gradients import CASES, EPS_R, FILM, HELD, MU, STRETCH, TIGHT, L, T, neighbour
+from test_gradients import (
+    CASES,
+    EPS_R,
+    MU,
+    STRETCH,
+    TIGHT,
+    L,
+    T,
+    neighbour,
+    pulled_block,
+)
 
 import dea_fenicsx as dea
 from dea_fenicsx.gradients.variables import Load, variables
@@ -17,18 +26,7 @@ pytestmark = pytest.mark.usefixtures("quick_compile")
 
 @pytest.fixture(scope="module")
 def pulled():
-    """A block pulled to a stretch: force mu (lam - 1/lam^2) L T, capacitance eps lam L^2/T."""
-    scene = dea.Scene(
-        block((2, 1, 1), L, T), {"film": FILM}, [dea.Electrode("top", 1e-3), dea.Ground("bottom")],
-        HELD, [dea.Stretch("x_max", "x", STRETCH)],
-    )  # fmt: skip
-    record = {
-        "force": dea.Reaction("x_max", "x"), "tip": dea.MeanDisplacement("x_max", "x"),
-        "c": dea.Capacitance("top"), "most": dea.LargestDisplacement("x_max", "x"),
-        "at": dea.AtPoint((L / 2, L / 2, T), "displacement", "z"),
-    }  # fmt: skip
-    path = dea.Ramp(("stretch", "voltage"), steps=2)
-    return dea.solve(scene, path, record, quiet=True, options=TIGHT)
+    return pulled_block()
 
 
 def test_second_derivatives_of_a_force(pulled):

@@ -35,7 +35,7 @@ def test_uniaxial_stress_by_hand(name):
     I1, I2 = STRETCH**2 + 2 / STRETCH, 2 * STRETCH + STRETCH**-2
     first, second = slopes(name, I1, I2)
     by_hand = 2 * (STRETCH - STRETCH**-2) * (first + second / STRETCH)
-    due = 1e-6 if name == "Kilian" else 1e-12  # see `materials.kilian.REST`
+    due = 1e-6 if name == "Kilian" else 1e-12  # see `materials.kilian.ROOT_OFFSET`
     assert nominal_stress(LAWS[name], "uniaxial", STRETCH) == pytest.approx(by_hand, rel=due)
 
 

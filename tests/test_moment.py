@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from dea_fenicsx.results.moment import NO_MOMENT, ChargeMoment, Moment, moment_told
+from dea_fenicsx.results.moment import NO_MOMENT, ChargeMoment, MomentInTime, moment_told
 
 RIGHT = {"now": 2.0, "times": [2.0, 1.0], "span": 0.0, "rule": "BDF2", "charge": None}
 CHARGE = {"times": [2.0, 1.0], "wires": [[1e-9, -1e-9], [0.0, 0.0]], "closed": [True, False]}
@@ -13,9 +13,9 @@ WRONG = (None, [], {}, ["1"], {"a": 1}, "x", float("nan"), float("inf"), True, [
 
 def test_a_right_one_is_read():
     assert moment_told(None) == NO_MOMENT
-    assert moment_told(RIGHT) == Moment(2.0, (2.0, 1.0))
+    assert moment_told(RIGHT) == MomentInTime(2.0, (2.0, 1.0))
     old = {name: value for name, value in RIGHT.items() if name != "charge"}
-    assert moment_told(old) == Moment(2.0, (2.0, 1.0))
+    assert moment_told(old) == MomentInTime(2.0, (2.0, 1.0))
     both = moment_told(RIGHT | {"charge": CHARGE})
     assert both is not None
     assert both.charge == ChargeMoment((2.0, 1.0), ((1e-9, -1e-9), (0.0, 0.0)), (True, False))

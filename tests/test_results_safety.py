@@ -169,8 +169,8 @@ def test_every_column_of_the_package_is_known():
 
 
 TAKEN = (
-    *columns.FIRST, *columns.FIELD, *columns.WORK, *columns.SUMMARY, "voltage_V", "pull_factor",
-    "breakdown_ratio",
+    *columns.LEADING_COLUMNS, *columns.FIELD, *columns.WORK, *columns.SUMMARY, "voltage_V",
+    "pull_factor", "breakdown_ratio",
 )  # fmt: skip
 
 

@@ -34,7 +34,7 @@ def add(parser: argparse.ArgumentParser) -> None:
 
 
 @dataclass(frozen=True)
-class Column:
+class ComparedColumn:
     """One column of two histories.
 
     Attributes
@@ -53,7 +53,7 @@ class Column:
     judged: bool
 
 
-def columns(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> tuple[list[Column], int]:
+def columns(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> tuple[list[ComparedColumn], int]:
     """Compare the columns that two histories share, at the times that they share.
 
     Returns
@@ -83,9 +83,8 @@ def columns(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> tuple[list[Co
             gap = np.where((one == other) | (np.isnan(one) & np.isnan(other)), 0.0, gap)
             gap = np.where(np.isnan(gap), np.inf, gap)  # a number against none
         worst = int(np.argmax(gap))
-        found.append(
-            Column(name, last, float(gap[worst]), float(times[i][worst]), name not in NOT_JUDGED)
-        )
+        size, time = float(gap[worst]), float(times[i][worst])
+        found.append(ComparedColumn(name, last, size, time, name not in NOT_JUDGED))
     return found, len(rows)
 
 

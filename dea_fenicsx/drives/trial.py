@@ -16,17 +16,17 @@ MOST_STEPS = 1_000_000
 MANY_LANDINGS = 10_000
 """Landings of a march from which on their number is told."""
 
-TINY = 1e-300
-"""A time in s that is shorter than any step."""
+SHORTEST_TIME = 1e-300
+"""A time in s that is shorter than each step of any march."""
 
-SHARES = np.linspace(0, 1, 33)
+TRIED_TIMES = np.linspace(0, 1, 33)
 """Shares of a march at which a drive is tried."""
 
 
 def check_numbers(wave: Wave, what: str, seconds: float) -> None:
     """Raise InputError unless a wave gives a finite number at some times from 0 to `seconds`."""
     name = f"{what[:1].upper()}{what[1:]}"
-    for time in map(float, SHARES * seconds):
+    for time in map(float, TRIED_TIMES * seconds):
         finite(called(wave, time, name), f"{name} at {time:g} s")
 
 
@@ -44,7 +44,7 @@ def check_pace(waves: Mapping[str, Wave], seconds: float, follows: bool = True) 
     """
     for what, wave in waves.items():
         corners = wave.number_of_corners(0.0, seconds)
-        steps = max(corners, seconds / max(wave.finest(), TINY) if follows else 0.0)
+        steps = max(corners, seconds / max(wave.finest(), SHORTEST_TIME) if follows else 0.0)
         if not steps <= MOST_STEPS:
             raise InputError(
                 f"{what[:1].upper()}{what[1:]} needs at least {steps:.3g} steps for {seconds:g} s, "

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.exact.film import Film
-from dea_fenicsx.exact.integration import Part, Place
+from dea_fenicsx.exact.integration import FilmInTime, Part
 from dea_fenicsx.exact.viscous_film import ViscousFilm
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import one_of
@@ -124,10 +124,12 @@ class Course:
     pull_in: PullIn | None
     _state: ViscousFilm = field(repr=False)
     _parts: list[Part] = field(repr=False)
-    _end: Place = field(repr=False)
+    _end: FilmInTime = field(repr=False)
 
     @staticmethod
-    def of(film: Film, state: ViscousFilm, parts: list[Part], end: Place, lost: bool) -> Course:
+    def of(
+        film: Film, state: ViscousFilm, parts: list[Part], end: FilmInTime, lost: bool
+    ) -> Course:
         """The course of what an integrator has left."""
         course = Course(film, None, state, parts, end)
         if not lost:
@@ -173,7 +175,7 @@ class Course:
         """Whether both directions in the plane are equal all the time."""
         return self._state.n == 0 or self._state.B.shape[1] < 2 + (not self.film.incompressible)
 
-    def end_for(self, state: ViscousFilm) -> tuple[Place, np.ndarray]:
+    def end_for(self, state: ViscousFilm) -> tuple[FilmInTime, np.ndarray]:
         """The end of this course as a beginning of another one of the same film, and its loads."""
         same = state.film.material == self.film.material and state.count == self._state.count
         if not same or self.pull_in is not None:
@@ -190,7 +192,7 @@ class Course:
         e = self._state.stretches(self._end.y[:, None], loads)
         rest = e - state.stretches(np.zeros((state.n, 1)), loads)
         y = np.linalg.lstsq(state.B, rest[:, 0])[0] if state.n else np.zeros(0)
-        return Place(0.0, self._end.a, 0.0, y), loads[:, 0]
+        return FilmInTime(0.0, self._end.a, 0.0, y), loads[:, 0]
 
     # ------------------------------------------------------------------ states
 

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from dea_fenicsx.drives.trial import check_pace
-from dea_fenicsx.drives.waves import Constant, Function, Table, Wave
+from dea_fenicsx.drives.waves import Constant, Function, Wave
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, shown
 
-DEGREE = 24
-"""Degree of the polynomials that stand for a drive where its rate is needed."""
+DRIVE_DEGREE = 24
+"""Where the rate of a drive is needed, a polynomial of this degree takes the place of the drive."""
 
-RESOLVED = 3e-14
-"""Last coefficients of such a polynomial, relative to the largest, if it is fine enough."""
+COEFFICIENT_TOLERANCE = 3e-14
+"""Such a polynomial is fine enough if its last coefficients, over the largest one, are smaller."""
 
 
 def as_wave(value: Wave | Callable[[float], float] | float, what: str) -> Wave:
@@ -42,7 +42,7 @@ def as_wave(value: Wave | Callable[[float], float] | float, what: str) -> Wave:
     return wave
 
 
-class Loads:
+class FilmLoads:
     """Three waves together: the field or charge, and what acts on the two sides.
 
     Parameters
@@ -56,11 +56,10 @@ class Loads:
     def __init__(self, waves: Sequence[Wave], seconds: float, names: Sequence[str]):
         self.waves, self.seconds = tuple(waves), seconds
         for wave, name in zip(waves, names, strict=True):
-            begin = getattr(wave, "begin", wave.times[0] if isinstance(wave, Table) else 0.0)
-            if begin > 0:
+            if wave.begin > 0:
                 raise InputError(
-                    f"The wave of {name} begins at {begin:g} s, but the march begins at 0; give it "
-                    "values from there on."
+                    f"The wave of {name} begins at {wave.begin:g} s, but the march begins at 0; "
+                    "give it values from there on."
                 )
             if wave.end < seconds * (1 - 1e-12):
                 raise InputError(
@@ -105,17 +104,17 @@ class Window:
         The interval, within the piece.  It is shortened until the polynomials are fine enough.
     """
 
-    def __init__(self, loads: Loads, piece: tuple[float, float], start: float, end: float):
-        nodes = np.cos(np.pi * np.arange(DEGREE + 1) / DEGREE)
+    def __init__(self, loads: FilmLoads, piece: tuple[float, float], start: float, end: float):
+        nodes = np.cos(np.pi * np.arange(DRIVE_DEGREE + 1) / DRIVE_DEGREE)
         for _ in range(60):
             t = start + (end - start) * (nodes + 1) / 2
             values = loads.several(t, *piece)
-            c = chebyshev.chebfit(nodes, values.T, DEGREE)
+            c = chebyshev.chebfit(nodes, values.T, DRIVE_DEGREE)
             size = np.maximum(np.abs(c).max(axis=0), 1e-300)
-            if np.all(np.abs(c[-4:]).max(axis=0) <= RESOLVED * size * 10):
+            if np.all(np.abs(c[-4:]).max(axis=0) <= COEFFICIENT_TOLERANCE * size * 10):
                 break
             end = (start + end) / 2
-        c[np.abs(c) < RESOLVED * size] = 0.0
+        c[np.abs(c) < COEFFICIENT_TOLERANCE * size] = 0.0
         self.start, self.end = start, end
         self._c, self._d = c, chebyshev.chebder(c, axis=0)
 

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.integrate import DOP853, OdeSolution, OdeSolver, Radau
 from scipy.optimize import brentq
 
-from dea_fenicsx.exact.film_drive import Jump, Loads, Window
+from dea_fenicsx.exact.film_drive import FilmLoads, Jump, Window
 from dea_fenicsx.exact.viscous_film import ViscousFilm, adjugate
 from dea_fenicsx.support.errors import InputError
 
@@ -50,7 +50,7 @@ IMPLICIT_TOLERANCE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class FilmInTime:
     """Where a film is: time, branches a (K, 2), dissipated energy over the scale, stretches y."""
 
     t: float
@@ -84,7 +84,7 @@ class Part:
 class Integrator:
     """Integrates one film; see the module."""
 
-    def __init__(self, film: ViscousFilm, loads: Loads, tolerance: float = TOLERANCE):
+    def __init__(self, film: ViscousFilm, loads: FilmLoads, tolerance: float = TOLERANCE):
         self.film, self.loads = film, loads
         self.tighten = tolerance / TOLERANCE
         self.parts: list[Part] = []
@@ -93,7 +93,7 @@ class Integrator:
 
     # ------------------------------------------------------------------ one piece
 
-    def piece(self, place: Place, low: float, high: float) -> tuple[Place, bool]:
+    def piece(self, place: FilmInTime, low: float, high: float) -> tuple[FilmInTime, bool]:
         """Integrate up to `high`; returns where the film is, and whether equilibrium is lost."""
         f = self._forces(place, self.loads.inside(place.t, low, high))
         by_time = bool(self.film.softness(f)[0] > ARC_BEGINS_AT)
@@ -111,19 +111,21 @@ class Integrator:
                     return place, True
         raise InputError("The film's drive needs too many steps; take a shorter time.")
 
-    def jump(self, place: Place, before: np.ndarray, after: np.ndarray) -> tuple[Place, bool]:
+    def jump(
+        self, place: FilmInTime, before: np.ndarray, after: np.ndarray
+    ) -> tuple[FilmInTime, bool]:
         """Pass from one load to another at frozen branches."""
         if np.array_equal(before, after):
             return place, False
         place, lost, _ = self._by_arc(place, Jump(before, after), frozen=True)
         return place, lost
 
-    def _forces(self, place: Place, loads: np.ndarray) -> Any:
+    def _forces(self, place: FilmInTime, loads: np.ndarray) -> Any:
         return self.film.forces(place.y[:, None], place.a[..., None], loads[:, None])
 
     # ------------------------------------------------------------------ time
 
-    def _by_time(self, place: Place, low: float, high: float) -> Place:
+    def _by_time(self, place: FilmInTime, low: float, high: float) -> FilmInTime:
         """Integrate in time up to `high`, or until the film is soft; returns where it is."""
         film, K, n = self.film, self.film.count, self.film.n
         last: Any = [place.t, place.y[:, None], np.zeros((n, 1))]  # time, stretches and their rate
@@ -174,7 +176,7 @@ class Integrator:
 
         self.parts.append(Part("time", t, t, states))
         end = solver.y if solver.status != "failed" else sol(t[-1])
-        return Place(float(t[-1]), end[: 2 * K].reshape(K, 2), float(end[2 * K]), ys[-1])
+        return FilmInTime(float(t[-1]), end[: 2 * K].reshape(K, 2), float(end[2 * K]), ys[-1])
 
     def _check_runaway(self, y: np.ndarray, t: float) -> None:
         """Refuse to follow stretches that grow without bound."""
@@ -198,8 +200,8 @@ class Integrator:
     # ------------------------------------------------------------------ arc length
 
     def _by_arc(
-        self, place: Place, drive: Window | Jump, frozen: bool
-    ) -> tuple[Place, bool, bool]:
+        self, place: FilmInTime, drive: Window | Jump, frozen: bool
+    ) -> tuple[FilmInTime, bool, bool]:
         """Integrate over the arc length, to the drive's end or loss of equilibrium.
 
         Returns where the film is, whether equilibrium is lost, and whether the time may be the
@@ -233,7 +235,9 @@ class Integrator:
         solver = self._solver(rate, 0.0, u, np.inf, step, fast)
         return self._follow(solver, place, drive, frozen, stiffness)
 
-    def _time_scale(self, place: Place, drive: Window | Jump, start: float, frozen: bool) -> float:
+    def _time_scale(
+        self, place: FilmInTime, drive: Window | Jump, start: float, frozen: bool
+    ) -> float:
         """Time in which the stretches change by about 1, at most that of the drive."""
         film, t = self.film, np.array([start])
         a = place.a[..., None]
@@ -244,8 +248,9 @@ class Integrator:
         return min(1 / max(speed, 1e-300), 2 * (drive.end - drive.start))
 
     def _follow(
-        self, solver: OdeSolver, place: Place, drive: Window | Jump, frozen: bool, stiffness: Any
-    ) -> tuple[Place, bool, bool]:
+        self, solver: OdeSolver, place: FilmInTime, drive: Window | Jump, frozen: bool,
+        stiffness: Any,
+    ) -> tuple[FilmInTime, bool, bool]:
         """Take steps until something happens; see `_by_arc`."""
         film, K = self.film, self.film.count
         dense, nodes, times = [], [0.0], [float(solver.y[-1])]
@@ -296,4 +301,4 @@ class Integrator:
             load = drive(np.array([drive.end if times[-1] >= drive.end else times[-1]]))
             settled, _ = film.equilibrium(y[:, None], a[..., None], load)
             y = y if np.isnan(settled).any() else settled[:, 0]
-        return Place(t, a, float(u[2 * K]), y), lost, firm and not lost
+        return FilmInTime(t, a, float(u[2 * K]), y), lost, firm and not lost

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
+from dea_fenicsx.drives.scaled import ScaledWave
 from dea_fenicsx.drives.waves import Constant, Wave
 from dea_fenicsx.exact.course import Course
 from dea_fenicsx.exact.equilibrium import Equations
 from dea_fenicsx.exact.film import FREE, Film, Held, Side
-from dea_fenicsx.exact.film_drive import Loads, as_wave, checked_seconds
+from dea_fenicsx.exact.film_drive import FilmLoads, as_wave, checked_seconds
 from dea_fenicsx.exact.flowing_film import equations_of
-from dea_fenicsx.exact.integration import TOLERANCE, Integrator, Place
+from dea_fenicsx.exact.integration import TOLERANCE, FilmInTime, Integrator
 from dea_fenicsx.exact.limits import relaxed
 from dea_fenicsx.exact.viscous_film import ViscousFilm
 from dea_fenicsx.support.errors import InputError
@@ -91,7 +91,7 @@ class Drives:
 
     film: Film
     control: Literal["voltage", "charge"]
-    loads: Loads
+    loads: FilmLoads
 
     @staticmethod
     def of(
@@ -108,7 +108,7 @@ class Drives:
             for side, wave in zip(film.sides, waves[1:], strict=True)
         )
         film = replace(film, first=first, second=second)
-        loads = Loads(waves, seconds, (f"the {control}", "the first side", "the second side"))
+        loads = FilmLoads(waves, seconds, (f"the {control}", "the first side", "the second side"))
         for t in loads.corners():
             for k, side in enumerate(film.sides):
                 if isinstance(side, Held) and not loads.before(t)[1 + k] > 0:
@@ -133,7 +133,7 @@ class Drives:
         return self.march_from(state, place, before, tolerance)
 
     def march_from(
-        self, state: ViscousFilm, place: Place, before: np.ndarray, tolerance: float
+        self, state: ViscousFilm, place: FilmInTime, before: np.ndarray, tolerance: float
     ) -> Course:
         """The course from a place, with the loads before it."""
         loads = self.loads
@@ -162,31 +162,8 @@ def _electric(
     unit = {"voltage": "V", "field": "V/m", "charge": ""}[named[0]]
     wave = as_wave(si(given[named[0]], unit, f"The {named[0]}"), named[0])
     if named[0] == "voltage":
-        wave = Scaled(wave, 1 / film.thickness)
+        wave = ScaledWave(wave, 1 / film.thickness)
     return ("charge" if named[0] == "charge" else "voltage"), wave
-
-
-class Scaled(Wave):
-    """A wave times a constant."""
-
-    def __init__(self, wave: Wave, factor: float):
-        self.wave, self.factor = wave, factor
-        self.begin, self.end = getattr(wave, "begin", -math.inf), wave.end
-
-    def __call__(self, t: float) -> float:
-        return self.factor * self.wave(t)
-
-    def before(self, t: float) -> float:
-        return self.factor * self.wave.before(t)
-
-    def corners(self, start: float, end: float) -> tuple[float, ...]:
-        return self.wave.corners(start, end)
-
-    def number_of_corners(self, start: float, end: float) -> float:
-        return self.wave.number_of_corners(start, end)
-
-    def finest(self) -> float:
-        return self.wave.finest()
 
 
 def _side(film: Film, k: int, given: Drive | None) -> Wave:
@@ -202,15 +179,15 @@ def _with_value(side: Side, value: float) -> Side:
 
 
 def _beginning(
-    film: Film, state: ViscousFilm, loads: Loads, start: Course | str
-) -> tuple[Place, np.ndarray]:
+    film: Film, state: ViscousFilm, loads: FilmLoads, start: Course | str
+) -> tuple[FilmInTime, np.ndarray]:
     """Where the film is before the start, and its loads there."""
     K, n = state.count, state.n
     if isinstance(start, Course):
         return start.end_for(state)
     if start == "undeformed":
         free = [1.0 if isinstance(side, Held) else FREE.pascal for side in film.sides]
-        return Place(0.0, np.zeros((K, 2)), 0.0, np.zeros(n)), np.array([0.0, *free])
+        return FilmInTime(0.0, np.zeros((K, 2)), 0.0, np.zeros(n)), np.array([0.0, *free])
     if start != "relaxed":
         raise InputError(
             f'The start is {start!r}, but must be "undeformed", "relaxed" or a course.'
@@ -223,4 +200,4 @@ def _beginning(
         y = np.linalg.lstsq(state.B, e - state.stretches(y[:, None], before[:, None])[:, 0])[0]
     e = state.stretches(y[:, None], before[:, None])[:, 0]
     a = np.broadcast_to(2 * (e - e.mean())[:2], (K, 2))
-    return Place(0.0, a.copy(), 0.0, y), before
+    return FilmInTime(0.0, a.copy(), 0.0, y), before

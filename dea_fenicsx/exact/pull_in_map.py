@@ -27,23 +27,27 @@ from dea_fenicsx.materials.viscous import closed_branches
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import si
 
-COLUMNS = 6
-"""Columns of the extrapolation, which is its order."""
+EXTRAPOLATION_ORDER = 6
+"""Number of columns of the extrapolation, which is its order."""
 
 MAP_TOLERANCE = 1e-10
 """Error of a step: absolute in logarithms of stretches, relative in time."""
 
-LANDED = 1e-11
-"""Relative distance of a time from the end of the ramp that counts as none."""
+END_TOLERANCE = 1e-11
+"""The end of the ramp is reached if the remaining time is a smaller share of the ramp than this."""
 
-SOFTEST = 1e-9
-"""Stiffness over the sum of all moduli that counts as none: the time is exact to its square."""
+LEAST_STIFFNESS = 1e-9
+"""A stiffness below this, over the sum of all moduli, counts as 0; the time is exact to its
+square.
+"""
 
 LONGEST_WALK = 3000
 """Most steps of a drive."""
 
-SAMPLES = 6000
-"""Points at which the elastic forces are sampled; between them a cubic is exact to 1e-12."""
+SAMPLED_FORCES = 6000
+"""Number of stretches at which elastic forces are sampled; a cubic between them is exact to
+1e-12.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +145,7 @@ class _Line:
 
     def _sample(self, rest: Equations) -> None:
         """Forces of the elastic energy and of the sides along the line, as a spline."""
-        y = self.y0 + np.linspace(-0.3, 2.5, SAMPLES)
+        y = self.y0 + np.linspace(-0.3, 2.5, SAMPLED_FORCES)
         e = self.e0[:, None] + self.b[:, None] * y
         inside = self.film.margin(e) > 1e-3
         y, e = y[inside], e[:, inside]
@@ -288,7 +292,7 @@ class _Walk:
         J[~good] = 0.0
         table: list[np.ndarray] = []
         unit = np.eye(self.size)
-        for j in range(COLUMNS):
+        for j in range(EXTRAPOLATION_ORDER):
             n = j + 2
             inverse = np.linalg.inv(unit - (h / n)[:, None, None] * J)
             v = u + np.einsum("nij,nj->ni", inverse, f) * (h / n)[:, None]
@@ -331,10 +335,11 @@ class _Walk:
         slope = self.rates(new, who)
         K, t = slope[:, -1], new[:, -1]
         exact = error <= 1
-        grow = np.clip(0.85 * np.maximum(error, 1e-12) ** (-1 / (COLUMNS + 1)), 0.1, 4.0)
+        power = -1 / (EXTRAPOLATION_ORDER + 1)
+        grow = np.clip(0.85 * np.maximum(error, 1e-12) ** power, 0.1, 4.0)
         # land on the end of the ramp and on loss of equilibrium by Newton's method in the step
-        passed = exact & self.on_ramp[who] & (t > corner[who] * (1 + LANDED)) & (K > 0)
-        gone = exact & (K < -SOFTEST)
+        passed = exact & self.on_ramp[who] & (t > corner[who] * (1 + END_TOLERANCE)) & (K > 0)
+        gone = exact & (K < -LEAST_STIFFNESS)
         next_h = h[who] * grow
         K0 = self.rates(u, who)[:, -1]
         next_h = np.where(gone, h[who] * np.clip(K0 / (K0 - K), 0.02, 0.98), next_h)
@@ -343,7 +348,7 @@ class _Walk:
         taken = exact & ~passed & ~gone
         self.u[who[taken]] = new[taken]
         h[who] = next_h
-        self._after(who, taken, np.abs(K) <= SOFTEST, t, corner)
+        self._after(who, taken, np.abs(K) <= LEAST_STIFFNESS, t, corner)
 
     def _after(
         self, who: np.ndarray, taken: np.ndarray, at_peak: np.ndarray, t: np.ndarray,
@@ -356,7 +361,7 @@ class _Walk:
         self.found_time[done] = t[taken & at_peak]
         self.found_field[done] = E[taken & at_peak]
         self.found_stretch[done] = self._stretch(self.u[done, -2])
-        landed = taken & on_ramp & (np.abs(t - corner[who]) <= LANDED * corner[who])
+        landed = taken & on_ramp & (np.abs(t - corner[who]) <= END_TOLERANCE * corner[who])
         self.on_ramp[who[landed]] = False
         over = taken & (t > self.seconds)
         self.active[done] = False

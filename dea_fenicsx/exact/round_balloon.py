@@ -36,7 +36,7 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite, is_positive, is_whole
 
-DEGREE = 8
+RADIAL_DEGREE = 8
 """Degree of the polynomials in the radius."""
 
 DEGREE_IN_THIN_WALLS = 5
@@ -49,14 +49,14 @@ the sign of a stiffness that is the difference of much larger ones.
 LARGEST_THIN_WALL = 0.03
 """Thickness, in inner radii, below which a deformed wall is thin."""
 
-POINTS = 16
+GAUSS_POINTS = 16
 """Number of Gauss points in the radius."""
 
 SMALLEST_FIELD, LARGEST_FIELD = 1e-3, 1e10
 """True fields in V/m at the inner face between which a round state is sought."""
 
-SAMPLES = 120
-"""Number of radii at which signs are looked at before a root is refined."""
+SAMPLED_RADII = 120
+"""Number of radii at which the sign of a function is computed before its roots are refined."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +151,7 @@ class RoundBalloon:
 
         They are in the order in which a growing sphere meets them.
         """
-        radii = np.linspace(self.inner, largest, SAMPLES)[1:]
+        radii = np.linspace(self.inner, largest, SAMPLED_RADII)[1:]
         step = 1e-4 * self.inner
 
         def slope(a: float) -> float:
@@ -179,7 +179,7 @@ class RoundBalloon:
         modes
             The numbers n, each at least 1.
         """
-        radii = np.linspace(self.inner, largest, SAMPLES)[1:]
+        radii = np.linspace(self.inner, largest, SAMPLED_RADII)[1:]
         found = []
         for n in modes:
             number = _whole(n)
@@ -225,8 +225,8 @@ class _Wall:
         mu = material.elastic.shear_modulus()
         self.a, a = radius / A, radius / A
         self.b = b = float(np.cbrt(a**3 + (balloon.outer / A) ** 3 - 1))
-        self.count = 1 + (DEGREE if b - a > LARGEST_THIN_WALL * a else DEGREE_IN_THIN_WALLS)
-        self.x, weights = legendre.leggauss(POINTS)
+        self.count = 1 + (RADIAL_DEGREE if b - a > LARGEST_THIN_WALL * a else DEGREE_IN_THIN_WALLS)
+        self.x, weights = legendre.leggauss(GAUSS_POINTS)
         self.r = r = a + (b - a) * (self.x + 1) / 2
         self.weights = weights * (b - a) / 2
         e = np.log(r / np.cbrt(r**3 - a**3 + 1))
@@ -246,7 +246,7 @@ class _Wall:
         self.field = volts / drop / r**2
         # Radial stress from the outer face, where it vanishes, by the polynomial of its slope.
         slope = 2 / r * (self.R[1] - self.R[0] - self.field**2)
-        series = legendre.legint(legendre.legfit(self.x, slope, POINTS - 1)) * (b - a) / 2
+        series = legendre.legint(legendre.legfit(self.x, slope, GAUSS_POINTS - 1)) * (b - a) / 2
         outward = legendre.legval(self.x, series) - legendre.legval(1.0, series)
         self.pressure = self.R[0] + self.field**2 / 2 - outward
 

@@ -45,11 +45,11 @@ from dea_fenicsx.support.errors import InputError, SolverError
 ADJOINT_TOLERANCE = 1e-10
 """Residual of a linear solve, relative to its right-hand side."""
 
-ROUNDINGS = 4
-"""Roundings of a solution that its residual may show, where that is more than the tolerance."""
+ROUNDING_UNITS = 4
+"""A residual of this number of rounding errors is accepted even if it is above the tolerance."""
 
-LARGEST = 1e-7
-"""Largest residual that may be due to rounding."""
+LARGEST_ROUNDING = 1e-7
+"""Largest relative residual that we accept as an effect of rounding."""
 
 Solve = Callable[[np.ndarray], tuple[np.ndarray, float]]
 """Gives the solution of a linear system with a right-hand side, and its relative residual."""
@@ -325,7 +325,7 @@ class Gradients:
             found = solve_to(rhs, ADJOINT_TOLERANCE, solver.linear_solve, times, self.problem.comm)
         if found is None or not (
             found.residual < 10 * ADJOINT_TOLERANCE
-            or found.residual < min(self._rounding(found.values, rhs, transposed), LARGEST)
+            or found.residual < min(self._rounding(found.values, rhs, transposed), LARGEST_ROUNDING)
         ):
             reached = "none" if found is None else f"{found.residual:.1e}"
             raise SolverError(
@@ -343,7 +343,7 @@ class Gradients:
         tangent, total = self.solver.tangent, self.kept.total
         times = tangent.times_transposed if transposed else tangent.times
         signs = np.where(np.arange(len(values)) % 2, 1.0, -1.0)
-        noise = times(values * (1 + ROUNDINGS * np.finfo(float).eps * signs)) - times(values)
+        noise = times(values * (1 + ROUNDING_UNITS * np.finfo(float).eps * signs)) - times(values)
         return float(np.sqrt(total(noise @ noise) / total(rhs @ rhs)))
 
     def lifted(self, ramp: str) -> np.ndarray:

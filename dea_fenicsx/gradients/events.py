@@ -33,7 +33,7 @@ from dea_fenicsx.gradients.variables import (
     Variable,
     variables,
 )
-from dea_fenicsx.measure.failures import Failure, Gauge
+from dea_fenicsx.measure.failures import FailureMode, Gauge
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.stability import Spectrum
@@ -73,7 +73,7 @@ class Asked:
 
     name: str
     to: Iterable[str | ShapeChange]
-    failures: Sequence[Failure]
+    failures: Sequence[FailureMode]
 
 
 def event_row(history: Sequence[Mapping[str, Any]], name: str, step: int) -> int:

@@ -30,8 +30,8 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 
-EQUAL = 1e-6
-"""Difference of two principal values, in their unit, that counts as none."""
+DOUBLE_VALUE_TOLERANCE = 1e-6
+"""Two principal values count as one double value if their difference, in their unit, is smaller."""
 
 
 class PointMargin:
@@ -144,7 +144,7 @@ def _across(field: np.ndarray) -> np.ndarray:
 def _tied(directions: np.ndarray, apart: float) -> list[np.ndarray]:
     """The first direction; where the second has the same value, also that one and between them."""
     one, two = directions[:2]
-    return [one] if apart > EQUAL else [one, two, one + two]
+    return [one] if apart > DOUBLE_VALUE_TOLERANCE else [one, two, one + two]
 
 
 def _vector(at: Any, c: np.ndarray) -> Any:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.drives.waves import Wave
+from dea_fenicsx.drives.scaled import ScaledWave
 from dea_fenicsx.gradients.differences import fourth_order
 from dea_fenicsx.gradients.variables import Load, Variable
 from dea_fenicsx.model.motion import MOTION, Motion
@@ -33,34 +33,11 @@ PARTS = ("velocity", "acceleration", "auxiliary", "constant")
 """The arrays of a motion."""
 
 
-class Scaled(Wave):
-    """A wave times a number."""
-
-    def __init__(self, wave: Wave, share: float) -> None:
-        self.wave, self.share = wave, share
-        self.begin, self.end = wave.begin, wave.end
-
-    def __call__(self, t: float) -> float:
-        return self.share * self.wave(t)
-
-    def before(self, t: float) -> float:
-        return self.share * self.wave.before(t)
-
-    def corners(self, start: float, end: float) -> tuple[float, ...]:
-        return self.wave.corners(start, end)
-
-    def number_of_corners(self, start: float, end: float) -> float:
-        return self.wave.number_of_corners(start, end)
-
-    def finest(self) -> float:
-        return self.wave.finest()
-
-
 def driven(item: Any, one: Variable, step: float) -> Any:
     """A march with inertia whose drive of a load is larger by a step of the load."""
     if not isinstance(one, Load) or one.ramp not in item.drive:
         return item
-    wave = Scaled(item.waves[one.ramp], 1 + step / one.unit)
+    wave = ScaledWave(item.waves[one.ramp], 1 + step / one.unit)
     return replace(item, drive={**item.drive, one.ramp: wave})
 
 

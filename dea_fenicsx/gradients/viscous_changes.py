@@ -15,7 +15,7 @@ import numpy as np
 import ufl
 
 from dea_fenicsx.gradients.variables import Coefficients, Variable
-from dea_fenicsx.model.memory import RELAXED
+from dea_fenicsx.model.memory import INFINITE_STEP
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.viscous_history import (
     PAIRS,
@@ -144,7 +144,7 @@ class ViscousChanges:
         """
         for place, (_, way) in self._histories.items():
             way.x.array[:] = change[place].ravel()
-        faster = min(history.span, RELAXED) * self.rate_changes(one)
+        faster = min(history.span, INFINITE_STEP) * self.rate_changes(one)
         for number, (_, way) in self._steps.items():
             way.x.array[:] = faster[self._branches[number].place]
         vector = dolfinx.fem.assemble_vector(self._forces)
@@ -166,7 +166,7 @@ class ViscousChanges:
         if history.span == 0:
             return change
         self.along.x.array[:] = values
-        span, C = min(history.span, RELAXED), self.memory.strains()
+        span, C = min(history.span, INFINITE_STEP), self.memory.strains()
         moved = np.zeros_like(C)
         for kernel, evaluate in self._strain:
             if len(kernel.cells):

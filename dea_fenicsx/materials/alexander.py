@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.materials.base import Strain, _finite, _positive
+from dea_fenicsx.materials.base import Strain, not_finite, not_positive
 from dea_fenicsx.support.units import in_si
 
 NODES, WEIGHTS = (tuple(map(float, x)) for x in np.polynomial.legendre.leggauss(16))
@@ -60,7 +60,7 @@ class Alexander:
         return None
 
     def faults(self) -> list[str]:
-        found = [*_positive(self, "C1", "gamma"), *_finite(self, "C2", "C3", "k")]
+        found = [*not_positive(self, "C1", "gamma"), *not_finite(self, "C2", "C3", "k")]
         if not found and self.k < 0:
             found.append(f"k is {self.k!r}, but must be >= 0")
         return found

@@ -168,8 +168,8 @@ def shape(model: Any) -> tuple[Any, ...]:
     return (*sizes, *choices(model), *inner)
 
 
-def _positive(model: Any, *names: str) -> list[str]:
-    """Complaints about constants that are not finite and positive."""
+def not_positive(model: Any, *names: str) -> list[str]:
+    """A complaint about each named constant that is no finite number > 0."""
     return [
         f"{name} is {getattr(model, name)!r}, but must be a finite number > 0"
         for name in names
@@ -177,8 +177,8 @@ def _positive(model: Any, *names: str) -> list[str]:
     ]
 
 
-def _finite(model: Any, *names: str) -> list[str]:
-    """Complaints about constants that are not finite numbers."""
+def not_finite(model: Any, *names: str) -> list[str]:
+    """A complaint about each named constant that is no finite number."""
     return [
         f"{name} is {getattr(model, name)!r}, but must be a finite number"
         for name in names

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from dea_fenicsx.materials.base import Strain, _positive
+from dea_fenicsx.materials.base import Strain, not_positive
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite
 
@@ -43,7 +43,7 @@ class Gent:
         return 1 - (s.I1 - 3) / self.Jm
 
     def faults(self) -> list[str]:
-        return _positive(self, "mu", "Jm")
+        return not_positive(self, "mu", "Jm")
 
 
 # Series of the inverse Langevin function: W = mu sum a_i/N^(i-1) (I1^i - 3^i), N = lam_m^2
@@ -112,7 +112,7 @@ class ArrudaBoyce:
         return None
 
     def faults(self) -> list[str]:
-        found = _positive(self, "mu")
+        found = not_positive(self, "mu")
         if not is_finite(self.lam_m) or not self.lam_m > 1:
             found.append(f"lam_m is {self.lam_m!r}, but a locking stretch is a finite number > 1")
         if self.form not in ("series", "pade"):

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from dea_fenicsx.materials.base import Elastic, Strain, _positive, stress_size
+from dea_fenicsx.materials.base import Elastic, Strain, not_positive, stress_size
 from dea_fenicsx.materials.wrapped import Wrapped
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
@@ -63,7 +63,7 @@ class OgdenRoxburgh:
 
     def faults(self) -> list[str]:
         """What is unphysical about the constants, as a list of clauses."""
-        found = _positive(self, "m")
+        found = not_positive(self, "m")
         if not is_finite(self.r) or not self.r > 1:
             found.append(f"r of OgdenRoxburgh is {shown(self.r)}, but must be a finite number > 1")
         if not is_finite(self.beta) or self.beta < 0:

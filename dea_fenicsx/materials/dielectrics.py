@@ -25,11 +25,11 @@ from dea_fenicsx.support.validation import is_finite
 
 interpolate = Later("scipy.interpolate")
 
-LEVELLING = 0.1
+LEVELLING_SHARE = 0.1
 """Share of the range of x within which it levels off beyond the largest stretch."""
 
-CHECKED = 1001
-"""Strains at which a permittivity is compared with that of vacuum."""
+CHECKED_STRAINS = 1001
+"""Number of strains at which a permittivity is compared with that of vacuum."""
 
 
 def equibiaxial(stretch: Any) -> Any:
@@ -62,7 +62,7 @@ class OverStretch(Dielectric):
     def coenergy(self, s: FieldPoint) -> Any:
         """eps e.e/2"""
         edge = float(equibiaxial(self.largest_stretch))
-        width = LEVELLING * edge
+        width = LEVELLING_SHARE * edge
         x = s.I1 - 3
         beyond = s.at_least(x, edge) - edge
         level = edge + width * (1 - s.exp(-1 * beyond / width))
@@ -81,7 +81,8 @@ class OverStretch(Dielectric):
         return []
 
     def _low(self) -> list[str]:
-        x = np.linspace(0, (1 + LEVELLING) * equibiaxial(self.largest_stretch), CHECKED)
+        end = (1 + LEVELLING_SHARE) * equibiaxial(self.largest_stretch)
+        x = np.linspace(0, end, CHECKED_STRAINS)
         eps = self.eps_r * np.array([float(self.factor(None, value)) for value in x])
         if np.all(eps >= 1):
             return []

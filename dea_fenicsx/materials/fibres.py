@@ -16,10 +16,10 @@ import numpy as np
 from dea_fenicsx.materials.base import (
     Elastic,
     Strain,
-    _finite,
-    _positive,
     is_compressible,
     is_isotropic,
+    not_finite,
+    not_positive,
     stress_size,
 )
 from dea_fenicsx.materials.directions import Direction, direction
@@ -94,7 +94,7 @@ class StandardReinforcing(Family):
         return self.k / 2 * x * x
 
     def own_faults(self) -> list[str]:
-        return _positive(self, "k")
+        return not_positive(self, "k")
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ class HolzapfelFibres(Family):
         return self.k1 / 2 / self.k2 * (s.exp(self.k2 * x * x) - 1)
 
     def own_faults(self) -> list[str]:
-        found = _positive(self, "k1", "k2")
+        found = not_positive(self, "k1", "k2")
         if not is_finite(self.dispersion) or not 0 <= self.dispersion <= 1 / 3:
             found.append(
                 f"dispersion is {shown(self.dispersion)}, but must lie between 0 (all fibres along "
@@ -181,7 +181,7 @@ class TransverselyIsotropic(Family):
         return self.k / 2 * (four - 1) * (four - 1) + self.c / 2 * turned
 
     def own_faults(self) -> list[str]:
-        found = _finite(self, "k", "c")
+        found = not_finite(self, "k", "c")
         if not found and (min(self.k, self.c) < 0 or self.k + self.c <= 0):
             found = [
                 f"k is {self.k:g} and c is {self.c:g} Pa, but both must be >= 0 and one > 0; by "

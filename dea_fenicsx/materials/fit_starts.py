@@ -13,7 +13,7 @@ from dea_fenicsx.materials.ogden import Ogden
 from dea_fenicsx.materials.polynomial import MooneyRivlin, NeoHookean, Yeoh
 from dea_fenicsx.materials.stretches import nominal_stress
 
-SHARES = (1.0, -1.0, 2.0, -2.0, 0.5, -0.5)
+EXPONENT_FACTORS = (1.0, -1.0, 2.0, -2.0, 0.5, -0.5)
 """Exponents of Ogden's model that are tried, over those that it starts from."""
 
 MOST_TERMS = 3
@@ -64,7 +64,7 @@ def _ogden_starts(first: Ogden, curves: Sequence[TestData]) -> list[Ogden]:
     """The best combinations of exponents; the moduli of each are linear least squares."""
     if len(first.alpha) > MOST_TERMS:
         return []
-    exponents = [[a * share for share in SHARES] for a in first.alpha]
+    exponents = [[a * share for share in EXPONENT_FACTORS] for a in first.alpha]
     each = dict.fromkeys(a for some in exponents for a in some)
     with np.errstate(all="ignore"):
         columns = {a: _weighted([Ogden((1.0,), (a,))], curves)[:, 0] for a in each}

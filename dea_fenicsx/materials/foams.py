@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from dea_fenicsx.materials.base import Strain, _positive
+from dea_fenicsx.materials.base import Strain, not_positive
 from dea_fenicsx.support.units import in_si, si
 from dea_fenicsx.support.validation import is_finite
 
@@ -126,4 +126,4 @@ class BlatzKo:
         return None
 
     def faults(self) -> list[str]:
-        return _positive(self, "mu")
+        return not_positive(self, "mu")

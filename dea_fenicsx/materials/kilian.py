@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from dea_fenicsx.materials.base import Strain, _positive
+from dea_fenicsx.materials.base import Strain, not_positive
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite
 
-REST = 1e-6
+ROOT_OFFSET = 1e-6
 """What is added to I - 3 under roots, so that their derivatives are finite in the undeformed state.
 
 A smaller one would cost digits there, since second derivatives of the two terms with z cancel.  The
@@ -49,18 +49,19 @@ class VanDerWaals:
 
     def energy(self, s: Strain) -> Any:
         x, span = self._x(s), self.lam_m * self.lam_m - 3
-        z = (x + REST) ** 0.5 / span**0.5
-        z_0 = REST**0.5 / span**0.5
+        z = (x + ROOT_OFFSET) ** 0.5 / span**0.5
+        z_0 = ROOT_OFFSET**0.5 / span**0.5
         chains = -1 * span * (s.ln((1 - z) / (1 - z_0)) + z - z_0)
-        return self.mu * (chains - 2 / 3 * self.a * (((x + REST) / 2) ** 1.5 - (REST / 2) ** 1.5))
+        between = ((x + ROOT_OFFSET) / 2) ** 1.5 - (ROOT_OFFSET / 2) ** 1.5
+        return self.mu * (chains - 2 / 3 * self.a * between)
 
     def _x(self, s: Strain) -> Any:
         return (1 - self.beta) * (s.I1 - 3) + self.beta * (s.I2 - 3)
 
     def _slope(self) -> float:
-        """2 dW/dI at rest, in which `REST` shows; it is mu within 1e-3."""
-        z_0 = (REST / (self.lam_m * self.lam_m - 3)) ** 0.5
-        return self.mu * (1 / (1 - z_0) - self.a * (REST / 2) ** 0.5)
+        """2 dW/dI at rest, in which `ROOT_OFFSET` shows; it is mu within 1e-3."""
+        z_0 = (ROOT_OFFSET / (self.lam_m * self.lam_m - 3)) ** 0.5
+        return self.mu * (1 / (1 - z_0) - self.a * (ROOT_OFFSET / 2) ** 0.5)
 
     def shear_modulus(self) -> float:
         return self._slope()
@@ -72,7 +73,7 @@ class VanDerWaals:
         return 1 - self._x(s) / (self.lam_m * self.lam_m - 3)
 
     def faults(self) -> list[str]:
-        found = _positive(self, "mu")
+        found = not_positive(self, "mu")
         if not is_finite(self.lam_m) or not self.lam_m > 3**0.5:
             found.append(f"lam_m is {shown(self.lam_m)}, but must be a finite number > sqrt(3)")
         if not is_finite(self.a) or self.a < 0:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from dea_fenicsx.materials.base import Strain, _positive
+from dea_fenicsx.materials.base import Strain, not_positive
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite
@@ -60,7 +60,7 @@ class ExtendedTube:
         return 1 - self.delta * self.delta * (s.I1 - 3)
 
     def faults(self) -> list[str]:
-        found = _positive(self, "Gc")
+        found = not_positive(self, "Gc")
         for name, low, high in (("Ge", 0.0, math.inf), ("delta", 0.0, 0.5), ("beta", 0.0, 1.0)):
             value = getattr(self, name)
             if not is_finite(value) or not low <= value <= high:

@@ -12,8 +12,8 @@ from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite, is_positive
 
-SMALL = 0.03
-"""Square of the argument below which series replace ln cosh and ln(sinh x/x)."""
+LARGEST_SERIES_ARGUMENT = 0.03
+"""Square of the argument x up to which ln cosh x and ln(sinh x/x) are computed by their series."""
 
 _LN_COSH = (1 / 2, -1 / 12, 1 / 45, -17 / 2520, 31 / 14175, -691 / 935550, 10922 / 42567525)
 _LN_SINHC = (1 / 6, -1 / 180, 1 / 2835, -1 / 37800, 1 / 467775, -691 / 3831077250)
@@ -36,16 +36,16 @@ def _series(coefficients: tuple[float, ...], y: Any) -> Any:
 
 def ln_cosh(s: FieldPoint, y: Any) -> Any:
     """ln cosh x of y = x^2, smooth at 0 and without overflow."""
-    x = s.at_least(y, SMALL) ** 0.5
+    x = s.at_least(y, LARGEST_SERIES_ARGUMENT) ** 0.5
     large = x + s.ln((1 + s.exp(-2 * x)) / 2)
-    return s.choose(y, SMALL, _series(_LN_COSH, y), large)
+    return s.choose(y, LARGEST_SERIES_ARGUMENT, _series(_LN_COSH, y), large)
 
 
 def ln_sinhc(s: FieldPoint, y: Any) -> Any:
     """ln(sinh x/x) of y = x^2, smooth at 0 and without overflow."""
-    x = s.at_least(y, SMALL) ** 0.5
+    x = s.at_least(y, LARGEST_SERIES_ARGUMENT) ** 0.5
     large = x + s.ln((1 - s.exp(-2 * x)) / (2 * x))
-    return s.choose(y, SMALL, _series(_LN_SINHC, y), large)
+    return s.choose(y, LARGEST_SERIES_ARGUMENT, _series(_LN_SINHC, y), large)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from dea_fenicsx.materials.base import Strain, _finite, _positive
+from dea_fenicsx.materials.base import Strain, not_finite, not_positive
 from dea_fenicsx.support.units import in_si
 
 
@@ -51,7 +51,7 @@ class NeoHookean:
         return 1 - pull * ahead / self.mu
 
     def faults(self) -> list[str]:
-        return _positive(self, "mu")
+        return not_positive(self, "mu")
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class MooneyRivlin:
         return None
 
     def faults(self) -> list[str]:
-        found = _finite(self, "C10", "C01")
+        found = not_finite(self, "C10", "C01")
         if not found and not self.shear_modulus() > 0:
             found = [
                 f"C10 + C01 is {self.C10 + self.C01:g} Pa, but must be > 0: it is half the initial "
@@ -137,4 +137,4 @@ class Yeoh:
         return None
 
     def faults(self) -> list[str]:
-        return _positive(self, "C10") + _finite(self, "C20", "C30")
+        return not_positive(self, "C10") + not_finite(self, "C20", "C30")

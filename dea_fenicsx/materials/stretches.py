@@ -20,8 +20,8 @@ _I = np.array([0, 1, 2, 1, 0, 0])
 _J = np.array([0, 1, 2, 2, 2, 1])
 _BLOCK = 8192
 """Number of states that are evaluated together, so that they fit into the processor's cache."""
-LARGEST = 1e60
-"""Energies in Pa beyond this are taken as infinite."""
+INFINITE_ENERGY = 1e60
+"""Energies in Pa above this are treated as infinite."""
 
 
 class Series:
@@ -229,7 +229,8 @@ def taylor(
             strain = PrincipalStrain(part, along_axes)
             value = elastic.energy(strain)
             # An exponential energy leaves the range of numbers, and is of no use long before that.
-            c[:, k : k + _BLOCK] = np.where(np.abs(value.c).max(axis=0) < LARGEST, value.c, np.nan)
+            finite = np.abs(value.c).max(axis=0) < INFINITE_ENERGY
+            c[:, k : k + _BLOCK] = np.where(finite, value.c, np.nan)
             if (margin := elastic.chain_margin(strain)) is not None:
                 c[:, k : k + _BLOCK][:, ~(margin.c[0] > 0)] = np.nan
     c = c.reshape(10, *e.shape[1:])

@@ -60,7 +60,7 @@ class WorstPoint:
     local: Local
 
 
-class Failure(Protocol):
+class FailureMode(Protocol):
     """A way to fail.
 
     Attributes
@@ -283,7 +283,7 @@ class Gauge:
         The discrete problem; its present state is measured.
     """
 
-    def __init__(self, failure: Failure, problem: Problem) -> None:
+    def __init__(self, failure: FailureMode, problem: Problem) -> None:
         failure.check(problem.scene)
         self.failure, self.problem = failure, problem
         watched = failure.regions_of(problem.scene)
@@ -373,14 +373,14 @@ class Gauge:
         return Worst(value, margin, name, place)
 
 
-def default_failures(scene: Scene) -> tuple[Failure, ...]:
+def default_failures(scene: Scene) -> tuple[FailureMode, ...]:
     """What is watched without being asked for.
 
     That is breakdown, where a breakdown field is known, and loss of tension of a membrane, which
     bears pressure in its surface on paper only, unless it is relaxed.
     """
     breakdown = ElectricalBreakdown()
-    found: list[Failure] = []
+    found: list[FailureMode] = []
     if scene.has_potential and breakdown.regions_of(scene):
         found.append(breakdown)
     if scene.kinematics.is_membrane and not scene.kinematics.wrinkles:

@@ -23,7 +23,7 @@ import numpy as np
 from dea_fenicsx.materials import Maxwell
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.measure.vibration import carried_by_rigid, change_of_values, check_rest
-from dea_fenicsx.model.memory import RELAXED
+from dea_fenicsx.model.memory import INFINITE_STEP
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.rigid_shapes import rigid_shapes
 from dea_fenicsx.model.state import State
@@ -129,7 +129,7 @@ class Harmonic:
                 for branch in kernel.branches:
                     tau = branch.tau.x.array
                     rates = np.where((tau > 0) & np.isfinite(tau), 1 / np.where(tau > 0, tau, 1), 0)
-                    branch.step.x.array[:] = RELAXED * rates
+                    branch.step.x.array[:] = INFINITE_STEP * rates
                     if number:
                         branch.step.x.array[tau == self.times[number - 1]] = 0.0
             yield

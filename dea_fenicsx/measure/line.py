@@ -23,7 +23,7 @@ from dea_fenicsx.measure.quantity import (
     tensor_of,
     unit_of,
 )
-from dea_fenicsx.mesh.point_search import Place
+from dea_fenicsx.mesh.point_search import PointInMesh
 from dea_fenicsx.model.cell_values import evaluated_at_each
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.problem import Problem
@@ -253,13 +253,13 @@ def _line(item: AlongLine | Curvature, problem: Problem, least: int = 2) -> np.n
     return np.linspace(np.array(item.start, float), np.array(item.end, float), item.points)
 
 
-def _place(problem: Problem, x: np.ndarray, what: str, region: str | None) -> Place:
+def _place(problem: Problem, x: np.ndarray, what: str, region: str | None) -> PointInMesh:
     told = f"The {what} at {shown(tuple(float(c) for c in x))} on the line"
     return place_with(problem, x, what, region, told)
 
 
 def _nodal(
-    problem: Problem, places: list[Place], line: np.ndarray, parts: list[Component]
+    problem: Problem, places: list[PointInMesh], line: np.ndarray, parts: list[Component]
 ) -> Values:
     """Dimensionless values of components of the unknowns at places, shape (points, parts)."""
     mine = np.array([k for k, p in enumerate(places) if p.cell >= 0], dtype=int)
@@ -280,7 +280,7 @@ def _nodal(
     return values
 
 
-def _derived(problem: Problem, places: list[Place], what: str) -> Values:
+def _derived(problem: Problem, places: list[PointInMesh], what: str) -> Values:
     """Dimensionless entries of a tensor at places, shape (points, entries)."""
     comm = problem.comm
     kernel_of = np.full(len(places), -1)

@@ -66,7 +66,7 @@ def displacement_dofs(
     found = []
     for name in group_names(where):
         known(name, device.surfaces, "facet group")
-        found.append(part.on(device.dim - 1, device.facets_of(name)))
+        found.append(part.on(device.dim - 1, device.facets_by_surface[name]))
     return part.dofs[np.unique(np.concatenate(found))]
 
 

@@ -18,7 +18,7 @@ from dea_fenicsx.measure.quantity import (
     needs_field,
 )
 from dea_fenicsx.mesh.places import PLACE_TOLERANCE
-from dea_fenicsx.mesh.point_search import Place, place_of
+from dea_fenicsx.mesh.point_search import PointInMesh, place_of
 from dea_fenicsx.model.cell_values import evaluated_at
 from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.problem import Problem
@@ -114,7 +114,7 @@ class AtPoint:
         check_field(problem, self.what, self._told())
         return axis_numbers(kinematics, self.what, self.axis, "AtPoint")
 
-    def _nodal(self, problem: Problem, place: Place, axes: list[int]) -> Measurement:
+    def _nodal(self, problem: Problem, place: PointInMesh, axes: list[int]) -> Measurement:
         """A component of the displacement, or the potential, from the values at a cell's nodes."""
         part: Component | None = problem.potential
         unit = problem.scales.potential
@@ -132,7 +132,7 @@ class AtPoint:
 
         return _from_owner(problem, place, evaluate)
 
-    def _derived(self, problem: Problem, place: Place, axes: list[int]) -> Measurement:
+    def _derived(self, problem: Problem, place: PointInMesh, axes: list[int]) -> Measurement:
         """A value that follows from gradients and a material."""
         mine = [k for k, kernel in enumerate(problem.kernels) if place.cell in kernel.cells]
         k = problem.comm.bcast(mine[0] if mine else -1, root=place.rank)
@@ -162,7 +162,7 @@ class AtPoint:
 
 def place_with(
     problem: Problem, point: np.ndarray, what: str, region: str | None, told: str
-) -> Place:
+) -> PointInMesh:
     """Where a quantity is measured.  Collective.
 
     Parameters
@@ -195,7 +195,7 @@ def place_with(
     return _off_axis(place) if kinematics.axis_of_rotation and on_axis else place
 
 
-def _off_axis(place: Place) -> Place:
+def _off_axis(place: PointInMesh) -> PointInMesh:
     """A place on the axis of rotation, moved by a millionth of its cell into the cell.
 
     On the axis itself the hoop stretch u_r/r is 0/0.
@@ -223,7 +223,7 @@ def _cells_with(problem: Problem, what: str, region: str | None) -> tuple[np.nda
     return cells[cells < device.owned_cells()], where
 
 
-def _from_owner(problem: Problem, place: Place, evaluate: Callable[[], float]) -> Measurement:
+def _from_owner(problem: Problem, place: PointInMesh, evaluate: Callable[[], float]) -> Measurement:
     """A measurement that one rank makes and tells the others.  Collective."""
 
     def value() -> float:

@@ -37,7 +37,7 @@ _NO_NAME = "Open CASCADE STEP translator"  # what OpenCASCADE writes for a part 
 _KINDS = ("point", "curve", "surface", "volume")
 
 
-class Group(NamedTuple):
+class NamedGroup(NamedTuple):
     """A named group of a mesh.
 
     Attributes
@@ -321,7 +321,7 @@ def name_the_body(model: Any) -> None:
         model.setPhysicalName(dim, tag, BODY)
 
 
-def groups_of(model: Any, label: str) -> list[Group]:
+def groups_of(model: Any, label: str) -> list[NamedGroup]:
     """The named groups of regions and of facets in the current model, regions first."""
     names, _ = read_names(model, label)
     measures = measure(model)
@@ -330,5 +330,5 @@ def groups_of(model: Any, label: str) -> list[Group]:
         _, x = model.mesh.getNodesForPhysicalGroup(dim, tag)
         x = np.reshape(x, (-1, 3)) if len(x) else np.full((1, 3), np.nan)
         _, number, total = measures.get(name, (dim, 0, 0.0))
-        found.append(Group(name, dim, number, total, x.min(axis=0), x.max(axis=0)))
+        found.append(NamedGroup(name, dim, number, total, x.min(axis=0), x.max(axis=0)))
     return sorted(found, key=lambda g: -g.dim)

@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict, Unpack
 
@@ -37,7 +38,7 @@ class Device:
         Tags of cells and of facets; `facets` is None where no facet group is named.
     regions, surfaces
         Tag of each named group of cells and of facets.  A group of facets that overlaps another one
-        has further tags, and `facets_of` gives all of its facets.
+        has further tags, and `facets_by_surface` has all of its facets.
     length
         Length unit of the coordinates in metres: the largest extent of the device.
     source
@@ -84,12 +85,18 @@ class Device:
         """Local cells (owned and ghost) of a region."""
         return self.cells.find(self.regions[name])
 
+    @cached_property
+    def facets_by_surface(self) -> dict[str, np.ndarray]:
+        """Local facets (owned and ghost) of each surface, sorted; do not change the arrays."""
+        found = {}
+        for name, tag in self.surfaces.items():
+            tags = (tag, *self.further.get(name, ()))
+            found[name] = np.sort(np.concatenate([self.facets.find(tag) for tag in tags]))
+        return found
+
     def facets_of(self, name: str) -> np.ndarray:
-        """Local facets (owned and ghost) of a surface."""
-        if self.facets is None:
-            return np.empty(0, dtype=np.int32)
-        tags = (self.surfaces[name], *self.further.get(name, ()))
-        return np.sort(np.concatenate([self.facets.find(tag) for tag in tags]))
+        """Local facets (owned and ghost) of a surface, sorted; an array of the caller's own."""
+        return self.facets_by_surface[name].copy()
 
     def owned_cells(self) -> int:
         """Number of cells this rank owns."""
@@ -347,7 +354,7 @@ def one_sided(device: Device, surface: str, prefer: frozenset[int] | None = None
         integral over the pairs counts every facet once.
     """
     mesh, tdim = device.mesh, device.dim
-    facets = device.facets_of(surface)
+    facets = device.facets_by_surface[surface]
     cells_of_facet = mesh.topology.connectivity(tdim - 1, tdim)
     facets_of_cell = mesh.topology.connectivity(tdim, tdim - 1)
     index_map = mesh.topology.index_map(tdim)
@@ -372,5 +379,5 @@ def one_sided(device: Device, surface: str, prefer: frozenset[int] | None = None
 
 def group_size(device: Device, name: str) -> int:
     """Number of cells or facets in a named group; shared ones count on each rank.  Collective."""
-    local = device.cells_of(name) if name in device.regions else device.facets_of(name)
+    local = device.cells_of(name) if name in device.regions else device.facets_by_surface[name]
     return device.comm.allreduce(len(local), op=MPI.SUM)

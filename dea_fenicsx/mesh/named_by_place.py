@@ -14,7 +14,7 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.mesh.places import Interior, Place, _Near
+from dea_fenicsx.mesh.places import Interior, Place, PlaceNear, judges
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import together
 from dea_fenicsx.support.compat import dolfinx
@@ -66,23 +66,15 @@ def check_wanted(wanted: Any, what: str) -> None:
         if not isinstance(name, str) or not name:
             raise InputError(f"surfaces= of {what} has the name {shown(name)}, but must have text.")
         for one in where if isinstance(where, list | tuple) and where else [where]:
-            if not isinstance(one, Place | Interior) and (
-                not callable(one) or isinstance(one, type)
-            ):
+            if not (isinstance(one, Interior) or judges(one)):
                 raise InputError(
                     f"The surface {name!r} is given as {shown(one)}, but must be given as a "
                     "place such as OnPlane, InBox, OnCylinder or InCylinder, as Interior(...), as "
                     "a function of midpoints, or as a list of them."
                 )
             check_declared(one)
-            inner = one.where if isinstance(one, Interior) else None
-            if inner is not None and (not callable(inner) or isinstance(inner, type)) and not (
-                isinstance(inner, Place)
-            ):
-                raise InputError(
-                    f"The place of Interior (where=) is {shown(inner)}, but must be a place such "
-                    "as OnPlane, a function of midpoints, or None."
-                )
+            if isinstance(one, Interior):
+                one.check()
 
 
 def named_by_place(
@@ -188,7 +180,7 @@ class _Facets:
         inside = isinstance(where, Interior)
         place = where.where if isinstance(where, Interior) else where
         kind = "inside of the body" if inside else "on the boundary"
-        if not isinstance(place, _Near):
+        if not isinstance(place, PlaceNear):
             given = "a place (where=)" if inside else "a place"
             return f" {kind}; give {given} in metres at which midpoints of facets lie"
         x = self._x[:, ~self._outer if inside else self._outer]

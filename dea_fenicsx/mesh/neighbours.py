@@ -27,7 +27,7 @@ def regions_beside(device: Device, names: Iterable[str]) -> set[str]:
     found: set[int] = set()
     for name in names:
         if name in device.surfaces:
-            here = np.isin(facets, device.facets_of(name))
+            here = np.isin(facets, device.facets_by_surface[name])
             found |= set(tags[cells[here]].tolist())
         else:
             tag = device.regions[name]
@@ -54,7 +54,7 @@ def places(device: Device, names: Iterable[str]) -> np.ndarray:
             groups = [x[corners[device.cells_of(name)][:, : len(topology[0])]]]
         else:
             local = _local_facets(device)
-            chosen = np.isin(local, device.facets_of(name))
+            chosen = np.isin(local, device.facets_by_surface[name])
             groups = [
                 x[corners[: len(local)][chosen[:, k]][:, corner]]
                 for k, corner in enumerate(topology[device.dim - 1])

@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,7 @@ class Place(ABC):
         return Outside(self)
 
 
-class _Near(Place):
+class PlaceNear(Place):
     """A place at a distance of 0 from something, up to a tolerance."""
 
     tolerance: float | None
@@ -78,7 +79,7 @@ class _Near(Place):
 
 @dataclass(frozen=True)
 @in_si(at="m", tolerance="m")
-class OnPlane(_Near):
+class OnPlane(PlaceNear):
     """On a plane that is normal to an axis.
 
     Parameters
@@ -106,7 +107,7 @@ class OnPlane(_Near):
 
 @dataclass(frozen=True)
 @in_si(radius="m", tolerance="m", through="m")
-class OnCylinder(_Near):
+class OnCylinder(PlaceNear):
     """On the side of a circular cylinder along an axis; in the plane on a circle.
 
     Where cells have straight edges, midpoints of facets lie inside of the circle by about an eighth
@@ -208,6 +209,19 @@ class Interior:
 
     where: Place | Callable[[np.ndarray], np.ndarray] | None = None
     between: tuple[str, str] | None = None
+
+    def check(self) -> None:
+        """Raise InputError unless its place is one."""
+        if self.where is not None and not judges(self.where):
+            raise InputError(
+                f"The place of Interior (where=) is {shown(self.where)}, but must be a place such "
+                "as OnPlane, a function of midpoints, or None."
+            )
+
+
+def judges(value: Any) -> bool:
+    """Whether a value judges midpoints of facets: a place or a function does, a class does not."""
+    return isinstance(value, Place) or (callable(value) and not isinstance(value, type))
 
 
 @dataclass(frozen=True)

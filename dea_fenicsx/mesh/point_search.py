@@ -11,24 +11,28 @@ from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.cell_types import SIMPLICES
 
-INSIDE = 1e-9
-"""How far a reference coordinate may lie outside of the reference cell by rounding."""
+REFERENCE_TOLERANCE = 1e-9
+"""A point is inside of a cell if its reference coordinates lie outside by no more than this."""
 
-NEAR = 64
-"""Number of cells of a rank, nearest by their boxes, whose distance from a point is computed."""
+MOST_NEAR_CELLS = 64
+"""Each rank computes the distance of a point from this number of its cells, the nearest by
+boxes.
+"""
 
-LATTICE = 6
-"""Intervals of the lattice of points in a cell from which the nearest one is taken."""
+LATTICE_INTERVALS = 6
+"""Number of intervals along each axis of the lattice of points that is laid into a cell."""
 
-ZOOMS = 30
-"""How often the lattice shrinks, each time to a third of its size, about the nearest point."""
+LATTICE_REFINEMENTS = 30
+"""The lattice shrinks this number of times about its point nearest to the given one, each time to a
+third of its size.
+"""
 
-STEPS = 30
-"""Newton iterations for the reference coordinates of a point in a curved cell."""
+NEWTON_ITERATIONS = 30
+"""Largest number of iterations for the reference coordinates of a point in a curved cell."""
 
 
 @dataclass(frozen=True)
-class Place:
+class PointInMesh:
     """Where a point lies in a mesh; the same on all ranks, but for the cell.
 
     Attributes
@@ -49,7 +53,7 @@ class Place:
     distance: float
 
 
-def place_of(device: Device, point: np.ndarray, cells: np.ndarray) -> Place | None:
+def place_of(device: Device, point: np.ndarray, cells: np.ndarray) -> PointInMesh | None:
     """The cell that holds a point, or else the nearest one.  Collective.
 
     Of several cells at the same distance it is the one that comes first in the mesh file, whatever
@@ -66,7 +70,7 @@ def place_of(device: Device, point: np.ndarray, cells: np.ndarray) -> Place | No
 
     Returns
     -------
-    Place or None
+    PointInMesh or None
         None if no rank has such cells.
     """
     mine = _nearest_of_rank(device, np.asarray(point, dtype=float) / device.length, cells)
@@ -77,7 +81,7 @@ def place_of(device: Device, point: np.ndarray, cells: np.ndarray) -> Place | No
     _, rank = min(known)
     distance, _, cell, reference = everyone[rank]
     here = cell if rank == device.comm.rank else -1
-    return Place(rank, here, np.array(reference), distance * device.length)
+    return PointInMesh(rank, here, np.array(reference), distance * device.length)
 
 
 def _nearest_of_rank(
@@ -97,10 +101,10 @@ def _nearest_of_rank(
     numbers = np.asarray(mesh.topology.original_cell_index)[cells]
     order = np.lexsort((numbers, gaps))
     # all cells whose box holds the point, which may be many about a node, and some of the others
-    order = order[: max(NEAR, int(np.count_nonzero(gaps <= INSIDE)))]
+    order = order[: max(MOST_NEAR_CELLS, int(np.count_nonzero(gaps <= REFERENCE_TOLERANCE)))]
     best = None
     for k in order:
-        if best is not None and gaps[k] > best[0] + INSIDE:
+        if best is not None and gaps[k] > best[0] + REFERENCE_TOLERANCE:
             continue
         X = shape.reference_coordinates(nodes[k], point)
         distance = 0.0
@@ -119,7 +123,7 @@ class _Shape:
         self.is_curved = self._element.degree > 1
         self._simplex = mesh.topology.cell_name() in SIMPLICES
         self._dim = dim = mesh.topology.dim
-        axis = np.linspace(0, 1, LATTICE + 1)
+        axis = np.linspace(0, 1, LATTICE_INTERVALS + 1)
         self._lattice = np.stack(np.meshgrid(*[axis] * dim, indexing="ij"), -1).reshape(-1, dim)
 
     def _put(self, X: np.ndarray) -> np.ndarray:
@@ -130,7 +134,7 @@ class _Shape:
     def reference_coordinates(self, nodes: np.ndarray, point: np.ndarray) -> np.ndarray | None:
         """Reference coordinates of a point by Newton's method; None if the cell has it not."""
         X = np.full(self._dim, 1 / (self._dim + 1) if self._simplex else 0.5)
-        for _ in range(STEPS):
+        for _ in range(NEWTON_ITERATIONS):
             table = self._element.tabulate(1, X[None, :])[:, 0, :, 0]
             jacobian = (table[1:] @ nodes).T
             try:
@@ -144,14 +148,14 @@ class _Shape:
                 break
         else:
             # near the end rounding may keep the steps above the bound
-            if np.max(np.abs(step)) > INSIDE:
+            if np.max(np.abs(step)) > REFERENCE_TOLERANCE:
                 return None
         inside = self._put(X[None, :])[0]
         if len(point) > self._dim:  # the nearest point of a surface need not be the point itself
             x = self._element.tabulate(0, X[None, :])[0, 0, :, 0] @ nodes
-            if np.linalg.norm(x - point) > INSIDE:
+            if np.linalg.norm(x - point) > REFERENCE_TOLERANCE:
                 return None
-        return inside if np.max(np.abs(inside - X)) <= INSIDE else None
+        return inside if np.max(np.abs(inside - X)) <= REFERENCE_TOLERANCE else None
 
     def _step(self, jacobian: np.ndarray, missing: np.ndarray) -> np.ndarray:
         """The step of Newton's method, on a surface that of Gauss and Newton."""
@@ -166,7 +170,7 @@ class _Shape:
         """
         best, size = np.full(self._dim, 0.5), 1.0
         distance = np.inf
-        for _ in range(ZOOMS):
+        for _ in range(LATTICE_REFINEMENTS):
             X = self._put(best + size * (self._lattice - 0.5))
             x = self._element.tabulate(0, X)[0, :, :, 0] @ nodes
             apart = np.linalg.norm(x - point, axis=1)

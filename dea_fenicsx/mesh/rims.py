@@ -153,7 +153,7 @@ def edges_of(device: Device, facets: np.ndarray) -> tuple[np.ndarray, np.ndarray
 def _incidences(device: Device, name: str) -> np.ndarray:
     """Pairs (owned cell, number of the facet within it) of a facet group, shape (n, 2)."""
     local = _local_facets(device)[: device.owned_cells()]
-    return np.argwhere(np.isin(local, device.facets_of(name))).reshape(-1, 2)
+    return np.argwhere(np.isin(local, device.facets_by_surface[name])).reshape(-1, 2)
 
 
 def _local_facets(device: Device) -> np.ndarray:

@@ -32,7 +32,7 @@ from dea_fenicsx.model.components import Component
 from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.loads import Loads, Surface
 from dea_fenicsx.model.scales import Scales
-from dea_fenicsx.model.tied_unknowns import Group, Rows
+from dea_fenicsx.model.tied_unknowns import Rows, TiedGroup
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.scene.cavity import Filling
 from dea_fenicsx.scene.scene import Scene
@@ -164,7 +164,7 @@ class Cavities:
             moves = False
             for name in told.space.label.split("+"):
                 for part in motion:
-                    nodes = part.dofs[part.on(device.dim - 1, device.facets_of(name))]
+                    nodes = part.dofs[part.on(device.dim - 1, device.facets_by_surface[name])]
                     moves = moves or not bool(values.fixed[nodes].all())
             if not device.comm.allreduce(moves, op=MPI.LOR):
                 raise InputError(
@@ -175,14 +175,14 @@ class Cavities:
 
     def groups(
         self, parts: Mapping[str, Mapping[str, Component]], rows: Rows
-    ) -> list[Group]:
+    ) -> list[TiedGroup]:
         """One group for each unknown that is not given.  Collective."""
         found = []
         for told, cells, unknowns in self._parts(parts):
             for name, part in unknowns.items():
                 if name == told.given_field:
                     continue
-                found.append(Group.of(self._touching(part, cells), rows, ()))
+                found.append(TiedGroup.of(self._touching(part, cells), rows, ()))
         return found
 
     def _touching(self, part: Component, cells: np.ndarray) -> np.ndarray:

@@ -26,7 +26,7 @@ from dea_fenicsx.model.charge_history import (
 )
 from dea_fenicsx.model.kernels import BoundDebye, Kernel
 from dea_fenicsx.model.material_point import MaterialPoint
-from dea_fenicsx.model.memory import LEVELS
+from dea_fenicsx.model.memory import KEPT_TIMES
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.viscous_history import Rule
 from dea_fenicsx.support import compat
@@ -312,9 +312,9 @@ class ChargeMemory:
         if not history.passes_time:
             return self._one_level(history, new, wires, time)
         return replace(
-            history, leaks=(new, *history.leaks[past:])[:LEVELS],
-            wires=(wires, *history.wires[past:])[:LEVELS],
-            times=(time, *history.times[past:])[:LEVELS], span=0.0, rule=Rule.BDF2,
+            history, leaks=(new, *history.leaks[past:])[:KEPT_TIMES],
+            wires=(wires, *history.wires[past:])[:KEPT_TIMES],
+            times=(time, *history.times[past:])[:KEPT_TIMES], span=0.0, rule=Rule.BDF2,
         )  # fmt: skip
 
     def refreshed(self, history: ChargeHistory, time: float) -> ChargeHistory:

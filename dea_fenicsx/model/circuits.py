@@ -20,7 +20,7 @@ import numpy as np
 
 from dea_fenicsx.model.charge_history import ChargeHistory
 from dea_fenicsx.model.scales import Scales
-from dea_fenicsx.model.tied_unknowns import Group
+from dea_fenicsx.model.tied_unknowns import TiedGroup
 from dea_fenicsx.scene.declarations import Feed
 from dea_fenicsx.scene.scene import Scene
 
@@ -77,7 +77,7 @@ class Circuits:
     """
 
     def __init__(
-        self, scene: Scene, scales: Scales, groups: Sequence[Group],
+        self, scene: Scene, scales: Scales, groups: Sequence[TiedGroup],
         electrode_dofs: Mapping[str, np.ndarray], free: np.ndarray,
     ) -> None:  # fmt: skip
         self._volt, self._charge = scales.potential, scales.charge

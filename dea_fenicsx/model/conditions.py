@@ -24,8 +24,8 @@ from dea_fenicsx.model.rigid_motions import Joined, refuse_free_parts
 from dea_fenicsx.model.roles import Roles
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.tied_unknowns import (
-    Group,
     Pairs,
+    TiedGroup,
     columns,
     expansion,
     floating_groups,
@@ -178,7 +178,7 @@ class Conditions:
 
     def _groups(
         self, scene: Scene, scales: Scales, space: Unknowns, cavities: Cavities
-    ) -> list[Group]:
+    ) -> list[TiedGroup]:
         """Degrees of freedom that share a value; those of electrodes come first.  Collective."""
         kinematics, declared, rows = scene.kinematics, scene.declared, space.rows
         overall, fixed = space.parts.get("global", {}), self.fixed_values.fixed

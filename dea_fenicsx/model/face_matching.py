@@ -22,7 +22,7 @@ MATCH_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
-class Faces:
+class FacePair:
     """A pair of faces: their declaration, the axis and the length of the period, the unknowns d.
 
     `unknowns` are the local degrees of freedom of d along each axis: one constant a cell, all
@@ -124,7 +124,7 @@ def matched(
         x = part.space.tabulate_dof_coordinates()
         sides = []
         for name in names:
-            local = part.on(device.dim - 1, device.facets_of(name))
+            local = part.on(device.dim - 1, device.facets_by_surface[name])
             local = local[part.dofs[local] < rows.owned]
             everyone = rows.comm.allgather((x[local], part.dofs[local].astype(np.int64)))
             starts = rows.comm.allgather(rows.start)

@@ -85,7 +85,7 @@ class FixedValues:
                 cells = [np.empty(0, np.int32), *(device.cells_of(name) for name in field.regions)]
                 where.append((device.dim, np.concatenate(cells)))
             if field.surface is not None:
-                where.append((device.dim - 1, device.facets_of(field.surface)))
+                where.append((device.dim - 1, device.facets_by_surface[field.surface]))
             for dim, entities in where:
                 for part in parts[field.name].values():
                     alive = np.zeros(len(part.dofs), dtype=bool)
@@ -172,7 +172,7 @@ def _nodes(device: Device, potential: Component, groups: Sequence[str]) -> np.nd
         if name in device.regions:
             on[potential.on(device.dim, device.cells_of(name))] = True
         else:
-            on[potential.on(device.dim - 1, device.facets_of(name))] = True
+            on[potential.on(device.dim - 1, device.facets_by_surface[name])] = True
     return on
 
 

@@ -146,7 +146,7 @@ class Forms:
         self._add_strains(springs)
 
     def _add_contacts(self) -> None:
-        """The virtual work at obstacles, and of those that ramps move."""
+        """Add the virtual work of contact forces, and the work of ramps that move an obstacle."""
         for contact in self.contacts:
             self.residual += contact.virtual_work(self._space)
             if ramp := contact.told.ramp:
@@ -154,7 +154,7 @@ class Forms:
                 self.loads.add_travel(ramp, contact.factor, work)
 
     def _add_strains(self, springs: Sequence[SpringWork]) -> None:
-        """What ramps strain: springs, and regions with a pre-stretch or a temperature."""
+        """Add the work of ramps that act in the energy: springs, pre-stretches, temperatures."""
         space = self._space
         for spring in springs:
             if spring.ramp is not None:
@@ -288,7 +288,7 @@ class Forms:
         return self._without([term.name for term in self.terms if not term.symmetric_at_once])
 
     def _without(self, terms: list[str]) -> list[str]:
-        """Names of terms and of all loads and contacts whose tangent is not symmetric."""
+        """Names of terms, and of all loads and contacts whose tangent is not symmetric."""
         rubbing = [f"friction on {c.told.surface!r}" for c in self.contacts if c.friction]
         return [*terms, *self.loads.unsymmetric, *rubbing]
 

@@ -43,7 +43,8 @@ def on_foundations(
             continue
         for part, stiffness in zip(motion, work.stiffness, strict=True):
             if stiffness > 0:
-                found[part.dofs[part.on(device.dim - 1, device.facets_of(work.surface))]] = True
+                facets = device.facets_by_surface[work.surface]
+                found[part.dofs[part.on(device.dim - 1, facets)]] = True
     return found
 
 

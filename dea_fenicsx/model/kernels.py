@@ -281,7 +281,7 @@ def _branches(
 
 
 def _kind(material: Material) -> tuple:
-    """The kinds of the models of a material: those of one kind may share a kernel."""
+    """What materials must have in common to share a kernel, without fields and dielectrics."""
     closed = tuple(isinstance(branch, Maxwell) for branch in material.viscous)
     return type(material.elastic), shape(material.elastic), closed, material.damage is None
 
@@ -313,7 +313,7 @@ def _worn(scene: Scene) -> Any:
 def _damage(
     scene: Scene, regions: Sequence[str], cellwise: Callable, worn: Any
 ) -> BoundDamage | None:
-    """The softening of a kernel with some regions; they all soften or none does."""
+    """The softening of a kernel.  All of its regions soften, or none does."""
     laws = {name: scene.materials[name].damage for name in regions}
     if laws[regions[0]] is None:
         return None

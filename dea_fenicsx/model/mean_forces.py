@@ -31,15 +31,15 @@ import ufl
 from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
-from dea_fenicsx.model.terms.dielectric import Dielectric
+from dea_fenicsx.model.terms.dielectric import DielectricEnergy
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.scene.strain import Spectrum, StrainOf
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import InputError
 
-POINTS = 4
-"""Gauss points along the way of a step."""
+GAUSS_POINTS = 4
+"""Number of Gauss points between the two states of a step, at which forces are averaged."""
 
 
 class StrainOfC(StrainOf):
@@ -95,7 +95,8 @@ class _WayPoint:
         psi: Any = 0
         for term in terms:
             if term.lives_on(self.kernel):
-                psi += self._electric() if isinstance(term, Dielectric) else term.density(self)
+                electric = isinstance(term, DielectricEnergy)
+                psi += self._electric() if electric else term.density(self)
         return 2 * ufl.sym(ufl.diff(psi, self.C))
 
     def _electric(self) -> Any:
@@ -144,7 +145,7 @@ class MeanForces:
         self._form = compat.compile_form(work)
         slope = ufl.derivative(work, w, ufl.TrialFunction(problem.W))
         self._slope = compat.compile_form(slope)
-        points, weights = np.polynomial.legendre.leggauss(POINTS)
+        points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         self._gauss = list(zip((1 + points) / 2, weights / 2, strict=True))
 
     def begin(self, old: State) -> None:

@@ -26,14 +26,16 @@ from dea_fenicsx.model.viscous_history import (
 )
 from dea_fenicsx.support import compat
 
-LEVELS = 4
-"""Number of accepted times that are kept: a parabola and one more."""
+KEPT_TIMES = 4
+"""Number of accepted times whose strains are kept: three for a parabola, and one more."""
 
 MOST_LEVELS = 5
 """The same of viscous strains after a step of BDF3: a cubic and one more."""
 
-RELAXED = 1e30
-"""Length of a step in s that stands for an infinite one: each branch with a tau relaxes in it."""
+INFINITE_STEP = 1e30
+"""A step of this length in s represents an infinite one, in which each branch with a tau
+relaxes.
+"""
 
 
 class Memory:
@@ -129,7 +131,7 @@ class Memory:
             for place, function in self._functions.items():
                 function.x.array[:] = tensors[place].ravel()
             self._shown = history
-        span, rates = min(history.span, RELAXED), self._cold_rates
+        span, rates = min(history.span, INFINITE_STEP), self._cold_rates
         for kernel in self._kernels:
             for branch in kernel.branches:
                 branch.step.x.array[:] = span * rates[branch.place]
@@ -140,7 +142,7 @@ class Memory:
         The problem must be in the state that belongs to the history.
         """
         if self._flow:
-            span = min(history.span, RELAXED)
+            span = min(history.span, INFINITE_STEP)
             self._flow.update(span, self.strains(), combined(history), materials)
 
     @property
@@ -162,7 +164,7 @@ class Memory:
         """The viscous strains of the present state, which belongs to this history."""
         if history.span == 0:
             return history.strains[0]
-        span, C, H = min(history.span, RELAXED), self.strains(), combined(history)
+        span, C, H = min(history.span, INFINITE_STEP), self.strains(), combined(history)
         found = unimodular((span * self._rates)[..., None] * C + H)
         self._flow.put_strains(found, span, C, H)
         return found
@@ -191,7 +193,7 @@ class Memory:
         new, past = self.strained(history), int(history.rule is Rule.STAGE)
         if np.isinf(history.span):
             return ViscousHistory((new,), (time,))
-        kept = MOST_LEVELS if history.rule is Rule.BDF3 else LEVELS
+        kept = MOST_LEVELS if history.rule is Rule.BDF3 else KEPT_TIMES
         strains = (new, *history.strains[past:])[:kept]
         return ViscousHistory(strains, (time, *history.times[past:])[:kept])
 

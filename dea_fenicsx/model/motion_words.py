@@ -10,15 +10,27 @@ from dea_fenicsx.mesh.cell_quality import point
 from dea_fenicsx.scene.kinematics_base import Kinematics
 
 
-class Box(NamedTuple):
+class BoundingCube(NamedTuple):
     """Middle, shape (3,), and half of the largest extent of a part, dimensionless."""
 
     middle: np.ndarray
     half: float
 
 
-def in_words(kinematics: Kinematics, box: Box, free: np.ndarray, length: float) -> str:
-    """Rigid motions of a part with some box (rows of `free`); `length` is the unit in m."""
+def in_words(kinematics: Kinematics, box: BoundingCube, free: np.ndarray, length: float) -> str:
+    """The rigid motions that nothing holds, in words for a message.
+
+    Parameters
+    ----------
+    kinematics
+        The kinematics, which knows the order of the numbers of a motion.
+    box
+        Where the part lies, dimensionless.
+    free
+        One rigid motion in each row.
+    length
+        The unit of length in m.
+    """
     width, axes = free.shape[1], kinematics.axes
     if len(free) == width > 1 and kinematics.cartesian:
         return f"every rigid motion, translations along {_listed(list(axes))} and rotations"

@@ -62,7 +62,7 @@ class _Handle:
 
 
 def _end_of(parts: tuple[str | int, ...], owner: Any) -> Any:
-    """What a way leads to from an owner."""
+    """The object that is found if one follows `parts` from an owner."""
     for part in parts:
         owner = owner[part] if isinstance(part, int) else getattr(owner, part)
     return owner
@@ -71,7 +71,7 @@ def _end_of(parts: tuple[str | int, ...], owner: Any) -> Any:
 def _changed(
     owner: Any, parts: tuple[str | int, ...], name: str, place: int | None, value: float
 ) -> Any:
-    """A copy of an owner in which a constant that some parts lead to has another value."""
+    """A copy of an owner with another value of the constant at the end of `parts`."""
     if not parts:
         new: Any = value
         if place is not None:

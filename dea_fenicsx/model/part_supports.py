@@ -16,7 +16,7 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.foundations import spring_directions, sprung_turns
 from dea_fenicsx.model.prescribed_motion import PLANE_TOLERANCE, Prescription
-from dea_fenicsx.model.rigid_motions import Box, Joined
+from dea_fenicsx.model.rigid_motions import BoundingCube, Joined
 from dea_fenicsx.model.rigid_parts import RigidPart, RigidParts
 from dea_fenicsx.model.rigid_turns import turning_of
 from dea_fenicsx.model.unknowns import Unknowns
@@ -94,7 +94,7 @@ class _Maker:
         name, axes, dim = told.surface, self.kinematics.axes, len(self._motion)
         first = self._motion[0]
         if name in self.device.surfaces:
-            local = first.on(self.device.dim - 1, self.device.facets_of(name))
+            local = first.on(self.device.dim - 1, self.device.facets_by_surface[name])
         else:
             local = first.on(self.device.dim, self.device.cells_of(name))
         planes = self._planes(told, local)
@@ -244,7 +244,7 @@ def _prevented(
     """
     dim, turns = len(part.centre), part.turning.count
 
-    def rows(box: Box) -> np.ndarray:
+    def rows(box: BoundingCube) -> np.ndarray:
         at = np.zeros((1, 3))
         at[0, :dim] = part.centre
         corners = np.vstack([at, *(at + box.half * np.eye(3)[c] for c in range(dim))])

@@ -22,15 +22,15 @@ from mpi4py import MPI
 
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.face_matching import Faces, Matches, classes, matched
+from dea_fenicsx.model.face_matching import FacePair, Matches, classes, matched
 from dea_fenicsx.model.fixed_values import FixedValues
-from dea_fenicsx.model.tied_unknowns import Group, Rows
+from dea_fenicsx.model.tied_unknowns import Rows, TiedGroup
 from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.scene.periodic import MeanGradient, PeriodicFaces
 from dea_fenicsx.support.errors import InputError
 
-EQUAL = 1e-9
-"""Dimensionless values that differ by less are equal but for rounding errors."""
+VALUE_TOLERANCE = 1e-9
+"""Two dimensionless values on opposite faces are equal if they differ by no more than this."""
 
 
 class PeriodicTies:
@@ -69,13 +69,13 @@ class PeriodicTies:
         parts: Sequence[Component], fields: Mapping[str, Mapping[str, Component]], rows: Rows,
     ) -> None:  # fmt: skip
         self._rows, self._axes = rows, axes
-        self.faces: list[Faces] = []
+        self.faces: list[FacePair] = []
         found: list[list[np.ndarray]] = []
         for k, told in enumerate(declared):
             period, pairs = matched(told, device, parts, rows)
             along = int(np.argmax(np.abs(period)))
             unknowns = tuple(part.dofs for part in fields[told.field].values())
-            self.faces.append(Faces(told, along, float(period[along]), unknowns))
+            self.faces.append(FacePair(told, along, float(period[along]), unknowns))
             for c, (masters, slaves, x) in enumerate(pairs):
                 same = np.ones(len(masters), dtype=np.int64)
                 axis = c if c < len(axes) else -1
@@ -164,7 +164,7 @@ class PeriodicTies:
         for ramp, base in values.base.items():
             self._given[ramp] = self._led(base)
             mine = self._rows.fetch(base[: self._rows.owned], self.members)
-            apart = held & given & (np.abs(mine - self._given[ramp]) > EQUAL)
+            apart = held & given & (np.abs(mine - self._given[ramp]) > VALUE_TOLERANCE)
             if np.any(apart):
                 self._refuse(int(np.argmax(apart)), "at different values, which do not agree with")
         if np.any(held & moving):
@@ -291,13 +291,13 @@ class PeriodicTies:
             found[local] = self._follows[here]
         return found
 
-    def groups(self, fixed: np.ndarray) -> list[Group]:
+    def groups(self, fixed: np.ndarray) -> list[TiedGroup]:
         """One group for each difference d that is not fixed.  Collective."""
         found = []
         for faces in self.faces:
             for dofs in faces.unknowns:
                 if not self._rows.comm.allreduce(bool(np.all(fixed[dofs])), op=MPI.LAND):
-                    found.append(Group.of(dofs, self._rows, ()))
+                    found.append(TiedGroup.of(dofs, self._rows, ()))
         return found
 
     def fill(self, expansion: Any, column: np.ndarray) -> None:

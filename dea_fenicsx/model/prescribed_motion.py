@@ -109,7 +109,7 @@ def prescriptions(
     surfaces = []
     for item, told in declared:
         part = motion[axes.index(told.axis)]
-        local = part.on(device.dim - 1, device.facets_of(told.surface))
+        local = part.on(device.dim - 1, device.facets_by_surface[told.surface])
         X = part.space.tabulate_dof_coordinates()[local]
         along = X[:, coordinates.index(told.axis)] if told.axis in coordinates else None
         surfaces.append(_Surface(item, told, device, local, X, along))

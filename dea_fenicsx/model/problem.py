@@ -88,7 +88,7 @@ class Problem:
     depths
         How deep the undeformed device lies in each obstacle, dimensionless.
     shown
-        Grows whenever the problem goes to another state.
+        How often the problem has gone to another state.
     released
         Whether a free body is held by its inertia alone, and not by the pins of `FreeBody`.
     mass
@@ -196,12 +196,12 @@ class Problem:
 
     @property
     def memories(self) -> list[Memory | ChargeMemory]:
-        """What remembers earlier times: that of viscous branches, and that of charges."""
+        """The memory of viscous branches and that of charges, as far as the scene has them."""
         return [memory for memory in (self.forms.memory, self.charges) if memory]
 
     @property
     def counted(self) -> list[Frictions | Damages]:
-        """What counts from one accepted state to the next, whether time passes or not."""
+        """Friction and damage, whose histories change only when a state is accepted."""
         return [one for one in (self.frictions, self.forms.damages) if one]
 
     @property
@@ -233,7 +233,7 @@ class Problem:
             self.show(before)
 
     def commit(self, state: State) -> None:
-        """Accept a state as the present one; slip is counted from it on.  Collective."""
+        """Accept a state as the present one; friction then counts slip from there.  Collective."""
         self.show(state)
         self._since = {o.NAME: o.settled(self._history[o.NAME]) for o in self.counted}
 
@@ -339,7 +339,7 @@ class Problem:
         return found
 
     def massive(self) -> Mass:
-        """The mass, which is made where there is none yet.  Collective.
+        """The mass; the first call makes it.  Collective.
 
         Raises
         ------

@@ -18,7 +18,7 @@ from mpi4py import MPI
 from dea_fenicsx.mesh.cell_quality import point
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.components import Component
-from dea_fenicsx.model.motion_words import Box, in_words
+from dea_fenicsx.model.motion_words import BoundingCube, in_words
 from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.errors import InputError
@@ -41,7 +41,8 @@ class Ties(Protocol):
     def joined_parts(self, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
 
     def restraints(
-        self, kinematics: Kinematics, fixed: np.ndarray, parts: np.ndarray, boxes: Sequence[Box]
+        self, kinematics: Kinematics, fixed: np.ndarray, parts: np.ndarray,
+        boxes: Sequence[BoundingCube],
     ) -> list[np.ndarray]: ...
 
 
@@ -57,7 +58,7 @@ class Joined(NamedTuple):
     """
 
     dofs: np.ndarray
-    rows: Callable[[Box], np.ndarray]
+    rows: Callable[[BoundingCube], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ class FreePart:
     cells: np.ndarray
     size: int
     count: int
-    box: Box
+    box: BoundingCube
     motions: np.ndarray
 
     @property
@@ -269,7 +270,7 @@ def components(n: int, a: np.ndarray, b: np.ndarray) -> tuple[int, np.ndarray]:
     return int(count), labels.astype(np.int64)
 
 
-def _boxes(device: Device, labels: np.ndarray, count: int) -> list[Box]:
+def _boxes(device: Device, labels: np.ndarray, count: int) -> list[BoundingCube]:
     """The box around each part."""
     mesh = device.mesh
     table = compat.geometry_dofmap(mesh)
@@ -280,7 +281,9 @@ def _boxes(device: Device, labels: np.ndarray, count: int) -> list[Box]:
     np.maximum.at(high, labels, x.max(axis=1, initial=-np.inf))
     device.comm.Allreduce(MPI.IN_PLACE, low, op=MPI.MIN)
     device.comm.Allreduce(MPI.IN_PLACE, high, op=MPI.MAX)
-    return [Box((a + b) / 2, float((b - a).max()) / 2) for a, b in zip(low, high, strict=True)]
+    return [
+        BoundingCube((a + b) / 2, float((b - a).max()) / 2) for a, b in zip(low, high, strict=True)
+    ]
 
 
 def regions_in(device: Device, mask: np.ndarray) -> str:
@@ -299,7 +302,7 @@ def _held(
     parts: Sequence[Component],
     fixed: np.ndarray,
     labels: np.ndarray,
-    boxes: Sequence[Box],
+    boxes: Sequence[BoundingCube],
     kinematics: Kinematics,
 ) -> np.ndarray:
     """For each part a triangle R with R^T R = sum over its fixed displacements of row^T row."""

@@ -26,7 +26,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.model.rigid_turns import Turning
-from dea_fenicsx.model.tied_unknowns import Group, Rows
+from dea_fenicsx.model.tied_unknowns import Rows, TiedGroup
 from dea_fenicsx.scene.part_declarations import RigidForce, RigidMoment
 
 
@@ -195,7 +195,7 @@ class RigidParts:
                 mask[dofs[part.meshed:]] = True
         return found
 
-    def groups(self, fixed: np.ndarray, force: float, length: float) -> list[Group]:
+    def groups(self, fixed: np.ndarray, force: float, length: float) -> list[TiedGroup]:
         """One group for each unknown of a part that is not fixed, with its loads.  Collective.
 
         Parameters
@@ -222,7 +222,7 @@ class RigidParts:
                         (told.ramp, -told.newton_metres * told.about[axis] / (force * length))
                         for told in self.moments if told.surface == part.name
                     ]  # fmt: skip
-                found.append(Group.of(dofs, self._rows, tuple(sources)))
+                found.append(TiedGroup.of(dofs, self._rows, tuple(sources)))
         return found
 
     def place(self, array: np.ndarray) -> None:
@@ -240,7 +240,7 @@ class RigidParts:
         for part in self.parts:
             part.follow(change, at)
 
-    def number(self, column: np.ndarray, groups: Sequence[Group], free: np.ndarray) -> None:
+    def number(self, column: np.ndarray, groups: Sequence[TiedGroup], free: np.ndarray) -> None:
         """Keep where the parts' unknowns are among the free ones.  Collective.
 
         Parameters
@@ -331,7 +331,7 @@ class RigidParts:
                 found[block, block] = -np.cross(M, np.eye(3)).T / 2
         return found
 
-    def rows(self, groups: Sequence[Group], free: np.ndarray) -> np.ndarray:
+    def rows(self, groups: Sequence[TiedGroup], free: np.ndarray) -> np.ndarray:
         """Place of each rotation of all parts among the free unknowns of this rank, or -1."""
         masters = np.array([g.master for g in groups if g.master >= 0], dtype=np.int64)
         found = np.full(self._starts[-1], -1)

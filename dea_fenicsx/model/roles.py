@@ -73,7 +73,7 @@ class Roles:
         return self._owned[name], self._free[name]
 
     def by_reactions(self) -> list[np.ndarray]:
-        """Places among the free unknowns of each field whose residual counts by its reactions."""
+        """Places among the free unknowns of each field that is compared with its reactions."""
         groups = self.groups.items()
         return [self._free[name] for name, fields in groups if fields[0].by_reactions]
 
@@ -84,7 +84,10 @@ class Roles:
 
     @property
     def expected_negative_pivots(self) -> int:
-        """Negative eigenvalues of the tangent on a stable path: one a pressure or potential."""
+        """Number of negative eigenvalues of the tangent on a stable path.
+
+        Each unknown pressure and each unknown potential causes one.
+        """
         groups = self.groups.items()
         return sum(self.counts[name] for name, fields in groups if fields[0].negative)
 

@@ -54,7 +54,7 @@ class Scales:
         return self.length**3 * self.depth
 
     def of_dielectric(self, value: float, kind: str) -> float:
-        """A constant of a dielectric of a kind, see `Dielectric`, dimensionless."""
+        """A dimensionless constant of a dielectric; `kind` is as in `Dielectric.constants`."""
         return float(
             in_unit(
                 value, kind, EPSILON_0 / self.permittivity, 1 / (self.permittivity * self.field)

@@ -50,7 +50,7 @@ class Rows:
 
 
 @dataclass(frozen=True)
-class Group:
+class TiedGroup:
     """Degrees of freedom that all have the value of their master, and the sources that act on them.
 
     Attributes
@@ -75,7 +75,7 @@ class Group:
     def of(
         cls, dofs: np.ndarray, rows: Rows, sources: tuple[tuple[str, float], ...],
         electric: bool = False,
-    ) -> Group:  # fmt: skip
+    ) -> TiedGroup:  # fmt: skip
         """Gather a group; the lowest global number is the master."""
         mine = np.sort(dofs[dofs < rows.owned])
         lowest = int(mine[0]) + rows.start if len(mine) else np.iinfo(np.int64).max
@@ -92,7 +92,7 @@ class Group:
 def floating_groups(
     declared: Iterable[tuple[Conducting, FloatingPotential]], charge: float,
     electrode_dofs: Mapping[str, np.ndarray], rows: Rows,
-) -> list[Group]:  # fmt: skip
+) -> list[TiedGroup]:  # fmt: skip
     """One group for each electrode whose potential floats, with its charge.  Collective.
 
     Parameters
@@ -107,7 +107,7 @@ def floating_groups(
         The degrees of freedom that this rank owns.
     """
     return [
-        Group.of(
+        TiedGroup.of(
             electrode_dofs[e.label], rows,
             () if told.feed else ((told.ramp, told.coulombs / charge),), electric=True,
         )
@@ -118,7 +118,7 @@ def floating_groups(
 def global_groups(
     unknowns: Sequence[GlobalUnknown], forces: Sequence[tuple[Condition, GlobalForce]],
     period: float, scales: Scales, parts: Mapping[str, Component], fixed: np.ndarray, rows: Rows,
-) -> list[Group]:  # fmt: skip
+) -> list[TiedGroup]:  # fmt: skip
     """One group for each global unknown that is not fixed, with what works on it.  Collective.
 
     Parameters
@@ -150,7 +150,7 @@ def global_groups(
             (told.ramp, -told.amount / scales.force / unit * height)
             for _, told in forces if told.unknown == unknown
         ]  # fmt: skip
-        found.append(Group.of(part.dofs, rows, tuple(sources)))
+        found.append(TiedGroup.of(part.dofs, rows, tuple(sources)))
     return found
 
 
@@ -183,7 +183,7 @@ class Pairs:
             x = part.space.tabulate_dof_coordinates()
             lines = []
             for name in ends:
-                local = part.on(device.dim - 1, device.facets_of(name))
+                local = part.on(device.dim - 1, device.facets_by_surface[name])
                 local = local[part.dofs[local] < rows.owned]
                 mine = (x[local, 0], part.dofs[local].astype(np.int64) + rows.start)
                 everyone = rows.comm.allgather(mine)
@@ -263,7 +263,7 @@ def _set(
     target[:] = carry.x.array.astype(target.dtype)
 
 
-def followers(groups: list[Group], pairs: Pairs | None, fixed: np.ndarray) -> np.ndarray:
+def followers(groups: list[TiedGroup], pairs: Pairs | None, fixed: np.ndarray) -> np.ndarray:
     """Mask of the owned degrees of freedom that follow another; `fixed` masks the fixed ones."""
     found = np.zeros(len(fixed), dtype=bool)
     for group in groups:
@@ -277,7 +277,7 @@ def followers(groups: list[Group], pairs: Pairs | None, fixed: np.ndarray) -> np
 
 
 def columns(
-    free: np.ndarray, groups: list[Group], pairs: Pairs | None, rows: Rows
+    free: np.ndarray, groups: list[TiedGroup], pairs: Pairs | None, rows: Rows
 ) -> np.ndarray:
     """Number over all ranks of the free unknown that each owned one follows; -1 for fixed ones."""
     offset = rows.comm.exscan(len(free)) or 0

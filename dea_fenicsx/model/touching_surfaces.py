@@ -72,8 +72,9 @@ def contact_fields(
     cell = device.mesh.topology.cell_name()
     for surface in surfaces:
         told, cells = surface.told, surface.facets[:, 0]
-        # A row of p is a gap times the area of a vertex.  The median is that of the small facets
-        # near a contact where the mesh is graded towards it.
+        # A row of the residual of p is a gap times the area that belongs to a vertex.  In a mesh
+        # that is graded towards a contact, most facets are small and near it, and so the median
+        # is theirs.
         mine = surface.widths[cells] * surface.areas[cells]
         every = np.concatenate(device.comm.allgather(mine))
         scale = float(np.median(every) * np.sqrt(len(every)))

@@ -11,13 +11,13 @@ from dea_fenicsx.scene.cavity import Filling
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 
-SLACK = 1e-3
-"""Share of what a cavity holds at rest by which a path may miss it.
+AMOUNT_TOLERANCE = 1e-3
+"""A path may miss what a cavity holds at rest by this share of it.
 
 The volume of a mesh differs by the error of its facets from the one that a user computes.
 """
 
-SHARES = np.linspace(0, 1, 65)
+CHECKED_TIMES = np.linspace(0, 1, 65)
 """Shares of a march at which its drives are looked at, besides their corners."""
 
 
@@ -34,7 +34,7 @@ def check_amounts(scene: Scene, item: Item) -> None:
             continue
         there = told.held_at_rest(scene.device.length, scene.kinematics)
         for factor in _factors(item, told.ramp, scene):
-            if there + factor * told.amount < -SLACK * there:
+            if there + factor * told.amount < -AMOUNT_TOLERANCE * there:
                 raise InputError(_refusal(told, factor, there))
 
 
@@ -43,7 +43,7 @@ def _factors(item: Item, ramp: str, scene: Scene) -> Iterator[float]:
     if isinstance(item, March):
         wave = item.waves.get(ramp)
         if wave is not None:
-            times = [*(SHARES * item.seconds), *wave.corners(0.0, item.seconds)]
+            times = [*(CHECKED_TIMES * item.seconds), *wave.corners(0.0, item.seconds)]
             yield from (wave(float(t)) for t in times)
     elif isinstance(item, Trace):
         if item.what == ramp:

@@ -21,7 +21,7 @@ from dea_fenicsx.path.items import March, Ramp
 from dea_fenicsx.path.ramping import RampWalk
 from dea_fenicsx.path.step_lengths import (
     CLOCK_STEP,
-    Ladder,
+    StepSizes,
     is_among,
     landings,
     next_after,
@@ -127,7 +127,7 @@ class MarchWalk:
         end = march.seconds
         self.corners = sorted({t for w in self.drive.values() for t in w.corners(0.0, end)})
         self.stops = landings(self.corners, march.at, end, self.room)
-        self.ladder = Ladder(self._longest())
+        self.ladder = StepSizes(self._longest())
         self.wall, self.hits = -math.inf, 0  # a time that was not reached, and how often
         self.limit: float | None = None  # time of the limit point ahead, as known so far
         self.rung = self.ladder.at_most(cursor.size) if cursor.size else 0

@@ -22,7 +22,7 @@ from dea_fenicsx.path.cursor import Cursor, Step
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import CONSERVING, Inertia, March
 from dea_fenicsx.path.motion_stepping import MotionStepper
-from dea_fenicsx.path.step_lengths import CLOCK_STEP, Ladder, landings, next_after, tell_landings
+from dea_fenicsx.path.step_lengths import CLOCK_STEP, StepSizes, landings, next_after, tell_landings
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 from dea_fenicsx.support.errors import InputError, SolverError
@@ -65,7 +65,7 @@ class MotionWalk:
         end = march.seconds
         corners = {t for wave in self.drive.values() for t in wave.corners(0.0, end)}
         self.stops = landings(corners, march.at, end, self.room)
-        self.ladder = Ladder(self._longest())
+        self.ladder = StepSizes(self._longest())
         kind = ConservingStepper if self.inertia.scheme == CONSERVING else MotionStepper
         self.stepper = kind(solver, self.drive, cursor.began, self.inertia, self.ladder.longest)
         self.stepper.set_clock(cursor.position * end)

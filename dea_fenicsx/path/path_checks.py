@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import singledispatch
 
 from dea_fenicsx.drives.trial import MOST_STEPS, check_numbers, check_pace
 from dea_fenicsx.drives.waves import TIME_TOLERANCE, Wave
@@ -23,7 +24,6 @@ from dea_fenicsx.path.items import (
     March,
     Open,
     Ramp,
-    Switch,
     Trace,
     fed,
 )
@@ -68,27 +68,58 @@ def check_path(
     for item in path:
         for name in item.names(scene):
             known(name, scene.ramps, "ramp in the scene", "it")
-        if isinstance(item, March):
-            _check_march(item)
-            check_amounts(scene, item)
-            _check_inertia(item, scene, path)
-            reached |= {name: wave(item.seconds) for name, wave in item.waves.items()}
-            continue
-        if isinstance(item, Switch):
-            _check_switch(item, scene)
-            reached |= dict.fromkeys(item.names(scene), float(getattr(item, "to", 0.0)))
-            continue
-        _check_response(item, scene)
-        _check_passes(item, scene)
-        if isinstance(item, Trace):
-            _check_trace(item)
-            _check_leave(item)
-            reached[item.what] = None  # where a trace ends is not known before
-        else:
-            _check_ramp(item, scene, reached)
-            _check_loss(item, scene)
-            check_amounts(scene, item)
-            reached |= dict.fromkeys(item.names(scene), float(item.to))
+        reached |= _checked(item, scene, path, reached)
+
+
+type _Factors = dict[str, float | None]
+
+
+@singledispatch
+def _checked(item: Item, scene: Scene, path: Sequence[Item], reached: _Factors) -> _Factors:
+    """Check an item of a path that is at `reached`; returns the factors at its end.
+
+    A factor that is not known before the run is None.
+    """
+    raise TypeError(f"no check of {type(item).__name__}")
+
+
+@_checked.register(March)
+def _(item: March, scene: Scene, path: Sequence[Item], reached: _Factors) -> _Factors:
+    _check_march(item)
+    check_amounts(scene, item)
+    _check_inertia(item, scene, path)
+    return {name: wave(item.seconds) for name, wave in item.waves.items()}
+
+
+@_checked.register(Ramp)
+def _(item: Ramp, scene: Scene, path: Sequence[Item], reached: _Factors) -> _Factors:
+    _check_response(item, scene)
+    _check_passes(item, scene)
+    _check_ramp(item, scene, reached)
+    _check_loss(item, scene)
+    check_amounts(scene, item)
+    return dict.fromkeys(item.names(scene), float(item.to))
+
+
+@_checked.register(Trace)
+def _(item: Trace, scene: Scene, path: Sequence[Item], reached: _Factors) -> _Factors:
+    _check_response(item, scene)
+    _check_passes(item, scene)
+    _check_trace(item)
+    _check_leave(item)
+    return {item.what: None}
+
+
+@_checked.register(Open)
+def _(item: Open, scene: Scene, path: Sequence[Item], reached: _Factors) -> _Factors:
+    fed(scene, item.where)
+    return {}
+
+
+@_checked.register(Close)
+def _(item: Close, scene: Scene, path: Sequence[Item], reached: _Factors) -> _Factors:
+    _check_close(item, scene)
+    return dict.fromkeys(item.names(scene), float(item.to))
 
 
 def _check_response(item: Ramp | Trace | Close, scene: Scene) -> None:
@@ -104,10 +135,8 @@ def _check_response(item: Ramp | Trace | Close, scene: Scene) -> None:
         )
 
 
-def _check_switch(item: Switch, scene: Scene) -> None:
+def _check_close(item: Close, scene: Scene) -> None:
     source = fed(scene, item.where)
-    if isinstance(item, Open):
-        return
     if not 1 <= item.steps <= MOST_STEPS:
         raise InputError(
             f"Close({item.where!r}) has {item.steps} steps, but needs a whole number from 1 to "

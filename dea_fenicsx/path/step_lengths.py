@@ -85,7 +85,7 @@ def tell_landings(stops: Sequence[float], longest: float, log: Callable[[str], N
 
 
 @dataclass(frozen=True)
-class Ladder:
+class StepSizes:
     """The sizes of steps: the longest one over powers of sqrt(2).
 
     Attributes

@@ -14,7 +14,7 @@ from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number, plain, shown
 
-FIRST = ("step", "time", "ramp", "event")
+LEADING_COLUMNS = ("step", "time", "ramp", "event")
 TIME = ("time_s",)
 """Columns of a path with time."""
 
@@ -67,7 +67,7 @@ def names(
 ) -> list[str]:
     """Columns of a run's history."""
     return [
-        *FIRST,
+        *LEADING_COLUMNS,
         *(TIME if timed else ()),
         *(load_column(scene, ramp)[0] for ramp in scene.ramps),
         *(column_of(name, observable) for name, observable in record.items()),
@@ -132,7 +132,7 @@ def check_names(scene: Scene, record: Mapping[str, Any], failures: Iterable[Any]
     for ramp in scene.ramps:
         _check_plain(ramp, "The name of a ramp")
     watched = (*failures, ElectricalBreakdown, LossOfTension, StretchLimit)
-    taken = dict.fromkeys((*FIRST, *TIME, *FIELD, *WORK), "the history")
+    taken = dict.fromkeys((*LEADING_COLUMNS, *TIME, *FIELD, *WORK), "the history")
     for failure in failures:
         _check_plain(failure.column, "The column of a failure")
     taken |= {failure.column: "the history" for failure in watched}
@@ -165,7 +165,7 @@ def check_names(scene: Scene, record: Mapping[str, Any], failures: Iterable[Any]
 def check_added(values: Mapping[str, Any]) -> None:
     """Raise InputError if a value that a script adds would replace one of the package."""
     for name in values:
-        if name in (*SUMMARY, *WORK, *FIRST):
+        if name in (*SUMMARY, *WORK, *LEADING_COLUMNS):
             raise InputError(
                 f"The summary has {name!r} of its own, which is not replaced; give what is added "
                 "another name."

@@ -20,7 +20,7 @@ from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.results.axes import axes_of_fields
 from dea_fenicsx.results.contact_pressure import contact_pressure
 from dea_fenicsx.results.grids import Grid, SurfaceGrid, surface_grid
-from dea_fenicsx.results.moment import NO_MOMENT, Moment, history_of, table_of, width
+from dea_fenicsx.results.moment import NO_MOMENT, MomentInTime, history_of, table_of, width
 from dea_fenicsx.results.split_grid import SplitGrid, count_is_small, split
 from dea_fenicsx.results.within_cells import Evaluated, Fields, WithinCells
 from dea_fenicsx.support import compat
@@ -171,7 +171,7 @@ class FieldWriter:
         numbers = self.gather(self.original) if names else None
         found = {}
         for name in names:
-            sides = comm.gather(self._sides(device.facets_of(name)), root=0)
+            sides = comm.gather(self._sides(device.facets_by_surface[name]), root=0)
             if sides is None or self.grid is None or numbers is None:
                 continue
             pairs = np.concatenate(sides)
@@ -348,7 +348,7 @@ class FieldWriter:
         values = self.problem.w.x.array[table]
         return self.gather(np.hstack([values, table_of(self.problem, self.owned_cells)]))
 
-    def fits(self, values: np.ndarray | None, moment: Moment = NO_MOMENT) -> bool:
+    def fits(self, values: np.ndarray | None, moment: MomentInTime = NO_MOMENT) -> bool:
         """Whether what `gather_state` gave (on rank 0) is a state of this problem.  Collective."""
         columns, more = self.problem.W.dofmap.list.shape[1], width(self.problem, moment)
         cells = self.problem.comm.allreduce(self.owned_cells, op=MPI.SUM)
@@ -359,7 +359,7 @@ class FieldWriter:
         return bool(self.problem.comm.bcast(good, root=0))
 
     def scattered(
-        self, values: np.ndarray | None, factors: Factors, moment: Moment = NO_MOMENT
+        self, values: np.ndarray | None, factors: Factors, moment: MomentInTime = NO_MOMENT
     ) -> State:
         """The state that `gather_state` gave (on rank 0) at a load, on any number of ranks."""
         problem = self.problem

@@ -18,7 +18,7 @@ from dea_fenicsx.gradients.hessian import hessian_product
 from dea_fenicsx.gradients.past_checks import has_past
 from dea_fenicsx.gradients.through_time import at_step
 from dea_fenicsx.gradients.variables import ShapeChange
-from dea_fenicsx.measure.failures import Failure
+from dea_fenicsx.measure.failures import FailureMode
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.columns import check_added
 from dea_fenicsx.results.folder import Folder
@@ -50,7 +50,7 @@ class Run:
         folder: Folder | None = None,
         states: KeptStates | None = None,
         recorded: Mapping[str, Any] | None = None,
-        failures: Sequence[Failure] = (),
+        failures: Sequence[FailureMode] = (),
     ) -> None:
         self.history, self.summary, self.folder = history, summary, folder
         self._problem, self._recorded = problem, dict(recorded or {})

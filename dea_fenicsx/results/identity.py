@@ -174,7 +174,7 @@ def _surface(problem: Problem, name: str) -> list[float]:
     """Number of a surface's facets, and sums over their middles.  Collective."""
     device = problem.scene.device
     mesh, dim = device.mesh, device.dim - 1
-    facets = device.facets_of(name)
+    facets = device.facets_by_surface[name]
     facets = facets[facets < mesh.topology.index_map(dim).size_local].astype(np.int32)
     sums = np.zeros(5)
     if len(facets):

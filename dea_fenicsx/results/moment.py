@@ -42,7 +42,7 @@ class ChargeMoment:
 
 
 @dataclass(frozen=True)
-class Moment:
+class MomentInTime:
     """What must be known of the time of a state beside its tables.
 
     Attributes
@@ -72,11 +72,11 @@ class Moment:
         return asdict(self)
 
 
-NO_MOMENT = Moment()
+NO_MOMENT = MomentInTime()
 """That of a state without time and without history."""
 
 
-def moment_of(problem: Problem) -> Moment:
+def moment_of(problem: Problem) -> MomentInTime:
     """The moment of a problem's present state."""
     histories, charge = problem.histories, None
     if problem.charges:
@@ -87,11 +87,11 @@ def moment_of(problem: Problem) -> Moment:
     history = problem.history
     step = None if problem.motion is None else problem.motion.length
     if history is None:
-        return Moment(problem.time, charge=charge, step=step)
-    return Moment(problem.time, history.times, history.span, history.rule.name, charge, step)
+        return MomentInTime(problem.time, charge=charge, step=step)
+    return MomentInTime(problem.time, history.times, history.span, history.rule.name, charge, step)
 
 
-def moment_told(found: Any) -> Moment | None:
+def moment_told(found: Any) -> MomentInTime | None:
     """The moment that a checkpoint tells, or None if that cannot be one.
 
     A checkpoint of before there was time tells none, and an old one nothing of charges.
@@ -114,7 +114,7 @@ def moment_told(found: Any) -> Moment | None:
         wires = tuple(tuple(float(q) for q in level) for level in charge["wires"])
         charge = ChargeMoment(tuple(map(float, charge["times"])), wires, tuple(charge["closed"]))
     step = None if step is None else float(step)
-    return Moment(float(now), tuple(map(float, times)), float(span), rule, charge, step)
+    return MomentInTime(float(now), tuple(map(float, times)), float(span), rule, charge, step)
 
 
 def _are_times(found: Any) -> bool:
@@ -143,7 +143,7 @@ def _tells_charges(found: Any) -> bool:
     )  # fmt: skip
 
 
-def width(problem: Problem, moment: Moment) -> int | None:
+def width(problem: Problem, moment: MomentInTime) -> int | None:
     """Columns of the history's table for a problem; None if the moment is none of this problem."""
     if bool(moment.times) != bool(problem.forms.memory):
         return None
@@ -179,7 +179,7 @@ def table_of(problem: Problem, cells: int) -> np.ndarray:
     return np.hstack(tables)
 
 
-def history_of(problem: Problem, table: np.ndarray, moment: Moment) -> dict[str, Any]:
+def history_of(problem: Problem, table: np.ndarray, moment: MomentInTime) -> dict[str, Any]:
     """The histories that `table_of` gave, of the owned cells, by the names of their memories."""
     memory, charges, found = problem.forms.memory, problem.charges, {}
     end = strains = memory.columns * len(moment.times)
@@ -228,7 +228,7 @@ def stacked(history: ViscousHistory, cells: int) -> np.ndarray:
     return np.hstack(tables)
 
 
-def unstacked(table: np.ndarray, moment: Moment, rest: ViscousHistory) -> ViscousHistory:
+def unstacked(table: np.ndarray, moment: MomentInTime, rest: ViscousHistory) -> ViscousHistory:
     """The history that `stacked` gave.
 
     Parameters

@@ -27,7 +27,7 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results import checkpoint
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.identity import mesh_facts
-from dea_fenicsx.results.moment import NO_MOMENT, Moment, moment_of, moment_told
+from dea_fenicsx.results.moment import NO_MOMENT, MomentInTime, moment_of, moment_told
 from dea_fenicsx.results.untrusted import Foreign, inside
 from dea_fenicsx.scene.amounts import amounts_of
 from dea_fenicsx.support.errors import InputError
@@ -97,7 +97,7 @@ class StoredState:
     mesh: Mapping[str, Any]
     folder: str | None
     step: int
-    moment: Moment = NO_MOMENT
+    moment: MomentInTime = NO_MOMENT
 
     @property
     def place(self) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
-WORK = (
+WORK_AND_PLACES = (
     "min_J", "volume_error", "residual", "newton_iterations", "krylov_iterations",
     "factorisations", "retries", "inertia", "inertia_is_of_this_step", "negative_modes", "wall_s",
     "max_field_x_m", "max_field_y_m", "max_field_z_m",
@@ -38,7 +38,7 @@ def history_html(rows: Sequence[Mapping[str, Any]]) -> str:
     """The steps of a history: the first and the last ones, without the columns of work."""
     if not rows:
         return "<div>no steps</div>"
-    names = [name for name in rows[0] if name not in WORK]
+    names = [name for name in rows[0] if name not in WORK_AND_PLACES]
     half = MOST_ROWS // 2
     left_out = len(rows) - MOST_ROWS
     shown = list(rows) if left_out <= 0 else [*rows[:half], None, *rows[-half:]]

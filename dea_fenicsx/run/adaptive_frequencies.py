@@ -13,17 +13,19 @@ from dea_fenicsx.path.items import Response
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import InputError
 
-CLOSEST = 1e-4
-"""Smallest distance of two frequencies as a share of the higher one: half a width at Q = 10^4."""
+SMALLEST_SPACING = 1e-4
+"""Smallest distance of two frequencies over the higher one: half the width of a peak with Q =
+1e4.
+"""
 
-LOW = 0.02
-"""Share of the median amplitude at the frequencies asked for below which no change counts."""
+NEGLIGIBLE_AMPLITUDE = 0.02
+"""Changes are ignored below this share of the median amplitude at the frequencies asked for."""
 
-MOST = 1000
-"""Most frequencies of one response."""
+MOST_FREQUENCIES = 1000
+"""Largest number of frequencies in one response."""
 
-MODES = (6, 12, 24, 48)
-"""Numbers of modes that are asked for, one after another, until they lie above all frequencies."""
+MODE_COUNTS = (6, 12, 24, 48)
+"""We ask for this many modes, one number after another, until they lie above all frequencies."""
 
 Answer = Callable[[float], np.ndarray]
 """Gives the complex amplitudes of all observables at a frequency."""
@@ -59,15 +61,15 @@ def refined(
     found = {f: answer(f) for f in sorted(set(hertz))}
     if not next(iter(found.values())).size:
         return found, ""
-    low = LOW * np.median(np.abs(list(found.values())), axis=0)
+    low = NEGLIGIBLE_AMPLITUDE * np.median(np.abs(list(found.values())), axis=0)
     for f in _beside(list(found), resonances):
         found[f] = answer(f)
     ends = sorted(found)
     waiting = list(itertools.pairwise(ends))[::-1]
-    while waiting and len(found) < MOST:
+    while waiting and len(found) < MOST_FREQUENCIES:
         start, end = waiting.pop()
         size = np.maximum(np.maximum(np.abs(found[start]), np.abs(found[end])), low)
-        near = end - start <= 3 * CLOSEST * end
+        near = end - start <= 3 * SMALLEST_SPACING * end
         if near or np.all(np.abs(found[end] - found[start]) <= share * size):
             continue
         middle = (start + end) / 2
@@ -76,8 +78,9 @@ def refined(
     note = ""
     if waiting:
         note = (
-            f"There are {MOST} frequencies, and up to {waiting[-1][0]:.9g} Hz neighbours differ as "
-            "little as asked for; ask for fewer frequencies at once to see what lies above."
+            f"There are {MOST_FREQUENCIES} frequencies, and up to {waiting[-1][0]:.9g} Hz "
+            "neighbours differ as little as asked for; ask for fewer frequencies at once to see "
+            "what lies above."
         )
     return dict(sorted(found.items())), note
 
@@ -85,7 +88,7 @@ def refined(
 def _beside(hertz: Sequence[float], resonances: Sequence[float]) -> list[float]:
     """Frequencies on both sides of each resonance within those asked for."""
     low, high = min(hertz), max(hertz)
-    both = {f * (1 + side * CLOSEST) for f in resonances for side in (-1, 1)}
+    both = {f * (1 + side * SMALLEST_SPACING) for f in resonances for side in (-1, 1)}
     return sorted(f for f in both if low < f < high and f not in hertz)
 
 
@@ -106,7 +109,7 @@ def resonances(solver: NewtonSolver, highest: float) -> list[float]:
 
 def _modes(solver: NewtonSolver, highest: float, response: Response) -> list[float]:
     known: list[float] = []
-    for count in MODES:
+    for count in MODE_COUNTS:
         try:
             squares = [mode.square for mode in vibrations(solver, count, response)]
         except InputError:  # there are fewer modes, or none that can be found

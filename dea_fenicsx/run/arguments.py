@@ -9,7 +9,7 @@ from typing import Any, Literal, TypedDict, get_args
 
 import numpy as np
 
-from dea_fenicsx.measure.failures import Failure
+from dea_fenicsx.measure.failures import FailureMode
 from dea_fenicsx.model.contact import MODULI_AT_TOLERANCE
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.items import Close, Item, March, Open, Ramp, Trace
@@ -70,7 +70,7 @@ class SolveOptions(TypedDict, total=False):
     quiet: bool
     verbose: bool | None
     stability: str
-    failures: Sequence[Failure] | None
+    failures: Sequence[FailureMode] | None
     options: NewtonOptions | None
     settings: Mapping[str, Any] | None
     keep_states: bool
@@ -96,7 +96,7 @@ class Arguments:
     quiet: bool
     verbose: bool | None
     stability: str
-    failures: Sequence[Failure] | None
+    failures: Sequence[FailureMode] | None
     options: NewtonOptions | None
     settings: Mapping[str, Any] | None
     keep_states: bool

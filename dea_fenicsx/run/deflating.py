@@ -26,11 +26,11 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.validation import positive, whole
 
-SIZES = (1.0, 4.0, 16.0, 64.0)
+START_DISTANCES = (1.0, 4.0, 16.0, 64.0)
 """Distances of the starts from a known equilibrium, in units of `aside`."""
 
-SAME = 1e-3
-"""Two equilibria closer than this share of `aside` are one."""
+SMALLEST_DISTANCE = 1e-3
+"""Two equilibria are one if their distance is smaller than this share of `aside`."""
 
 DEFAULT_ASIDE = 0.01
 """The default of `aside`, over the device's largest extent."""
@@ -127,7 +127,7 @@ def deflate(
             "branches, friction, leakage or follower pressure."
         )
     first = run._states.of(int(step), len(run.history))
-    finder = Deflation(NewtonSolver(problem), SAME * aside / length)
+    finder = Deflation(NewtonSolver(problem), SMALLEST_DISTANCE * aside / length)
     finder.known.append(first)
     _check_starts(problem, starts)
     for search in chain(_from_given(finder, starts), _from_known(finder, modes, aside / length)):
@@ -177,7 +177,7 @@ def _from_known(finder: Deflation, modes: int, aside: float) -> Iterator[Search]
             like = spectrum.as_values(pair.vector)[finder.problem.free[motion]]
             same = finder.mean(like, pair.vector[motion]) >= 0
             ways += [pair.vector if same else -pair.vector]
-        for size in SIZES:
+        for size in START_DISTANCES:
             away = size * aside
             for way in ways:
                 for side in (1.0, -1.0):

@@ -246,7 +246,7 @@ def _held_facets(problem: Problem) -> np.ndarray:
             held[facets[done[nodes].all(axis=1), i]] = True
     given = problem.conditions.ties.given_surfaces(fixed)
     for name in (*(kinematics.periodic_ends or ()), *given):
-        held[device.facets_of(name)] = True
+        held[device.facets_by_surface[name]] = True
     return held
 
 

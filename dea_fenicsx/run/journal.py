@@ -23,7 +23,7 @@ from dea_fenicsx.results.history import History
 from dea_fenicsx.results.kept_states import KeptStates
 from dea_fenicsx.results.moment import moment_of
 from dea_fenicsx.results.stored_state import about, keep_state
-from dea_fenicsx.run.step_checks import Checked, check_step
+from dea_fenicsx.run.step_checks import CheckedStep, check_step
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Inertia
 from dea_fenicsx.support.errors import MachineError
@@ -178,7 +178,7 @@ class Journal:
             row[key] = step.state.factors[name] * unit
         return row
 
-    def _extremes(self, checked: Checked) -> dict[str, Any]:
+    def _extremes(self, checked: CheckedStep) -> dict[str, Any]:
         """The largest electric field, and where it is."""
         problem, probe = self.solver.problem, checked.probe
         if problem.potential is None:
@@ -189,7 +189,7 @@ class Journal:
             **{f"max_field_{axis}_m": float(x) * problem.scales.length for axis, x in places},
         }
 
-    def _effort(self, step: Step, checked: Checked, spent: Sequence[int]) -> dict[str, Any]:
+    def _effort(self, step: Step, checked: CheckedStep, spent: Sequence[int]) -> dict[str, Any]:
         """The errors of a step, and the work that it took."""
         inertia = self.solver.inertia
         return {

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Unpack
 
-from dea_fenicsx.measure.failures import Failure, Gauge, default_failures
+from dea_fenicsx.measure.failures import FailureMode, Gauge, default_failures
 from dea_fenicsx.measure.observables import Measurement, Observable
 from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.path.events import Alarm, Sentinel
@@ -119,7 +119,7 @@ class _Session:
     scene: Scene
     path: list[Item]
     record: dict[str, Observable]
-    failures: Sequence[Failure]
+    failures: Sequence[FailureMode]
 
     @property
     def released(self) -> bool:

@@ -36,7 +36,7 @@ their relaxation times, which changes their stress by this share times C, here u
 
 
 @dataclass(frozen=True)
-class Checked:
+class CheckedStep:
     """What was measured on an accepted state.
 
     Attributes
@@ -53,7 +53,7 @@ class Checked:
 
 def check_step(
     solver: NewtonSolver, step: int, measured: Mapping[str, float], held: float = 0.0
-) -> Checked:
+) -> CheckedStep:
     """Check the problem's present state.  Collective.
 
     Parameters
@@ -104,7 +104,7 @@ def check_step(
             f"Step {step} is not accepted: {faults[0]}; all steps before it are kept."
         )
     solver.references.remember(residual)
-    return Checked(norm, probe, worst)
+    return CheckedStep(norm, probe, worst)
 
 
 def _open_gaps(problem: Problem) -> list[str]:

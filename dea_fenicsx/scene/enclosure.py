@@ -38,14 +38,14 @@ from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 
-DEGREE = 6
-"""Degree of a quadrature that is exact for the volume behind quadratic facets."""
+QUADRATURE_DEGREE = 6
+"""Degree of a quadrature that integrates the volume behind quadratic facets exactly."""
 
 COPLANAR_TOLERANCE = 1e-9
 """Two coordinates lie on one plane if they differ by less than this share of the device's size."""
 
-OPEN = 1e-7
-"""An area that does not close is a larger share of the walls' area than this."""
+LARGEST_GAP = 1e-7
+"""Walls close a volume if the sum of their area vectors is below this share of their area."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +157,7 @@ def is_flat(scene: Setting, names: Sequence[str]) -> bool:
     _, area, flux = _measures(scene.device, scene.kinematics, facets, none, none)
     if scene.kinematics.axis_of_rotation:  # a radial normal turns about the axis
         flux = flux[1:]
-    return float(np.linalg.norm(flux)) > (1 - OPEN) * area
+    return float(np.linalg.norm(flux)) > (1 - LARGEST_GAP) * area
 
 
 def _planes(
@@ -255,7 +255,7 @@ def _measures(
     mesh = device.mesh
     ds = ufl.Measure(
         "ds", domain=mesh, subdomain_data=[(0, facets.ravel())],
-        metadata={"quadrature_degree": DEGREE},
+        metadata={"quadrature_degree": QUADRATURE_DEGREE},
     )(0)  # fmt: skip
     x, n = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh)
     weight = kinematics.weight(x)
@@ -275,7 +275,7 @@ def _check_closed(
     """Raise InputError if the sum depends on an origin that no plane gives."""
     for a, name in enumerate(kinematics.coordinates):
         is_radius = kinematics.axis_of_rotation and name == "r"
-        if shares[a] and not known[a] and not is_radius and abs(flux[a]) > OPEN:
+        if shares[a] and not known[a] and not is_radius and abs(flux[a]) > LARGEST_GAP:
             raise InputError(
                 f"The surface {label!r} of a cavity is not closed along {name}: its walls and the "
                 "planes at its rim leave an opening; add the surface that closes it."

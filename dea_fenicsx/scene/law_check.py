@@ -18,10 +18,10 @@ from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
 
-PLACE = (3e-3, 4e-3, 7e-3)
-"""Where in m the law is asked, for directions that differ from place to place."""
-SMALL = 1e-6
-"""Largest error at rest and under rotations, relative to the shear modulus."""
+CHECKED_POINT = (3e-3, 4e-3, 7e-3)
+"""The point in m at which the law is checked; its directions may differ from point to point."""
+LARGEST_ERROR = 1e-6
+"""Largest error of a stress at rest and under rotations, over the shear modulus."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def check_law(law: Elastic) -> LawCheck:
         orders.append(_orders(values, F, rng.uniform(-1, 1, (3, 3)), mu))
         if (found := _by_numbers(law, F)) is not None:
             numeric.append(abs(found - W) / mu)
-    if not turned < SMALL:
+    if not turned < LARGEST_ERROR:
         raise InputError(
             f"{name} is not objective: a rotation of the deformed body changes its energy by "
             f"{turned:.2g} shear moduli; write it in C = F^T F or in its invariants."
@@ -102,7 +102,7 @@ def check_law(law: Elastic) -> LawCheck:
             f"{name} is not smooth: the remainders of its stress and tangent are of order "
             f"{stress_order:.2f} and {tangent_order:.2f}, but must be of order 2."
         )
-    if numeric and not max(numeric) < SMALL:
+    if numeric and not max(numeric) < LARGEST_ERROR:
         raise InputError(
             f"{name} has another energy in numbers than in symbols, by {max(numeric):.2g} shear "
             "moduli; use the functions of the strain, such as s.ln, in both."
@@ -120,7 +120,7 @@ def _evaluation(law: Elastic) -> Values:
     """A function (F, G) -> energy, stress P, and change of P with F along G."""
     mesh = dolfinx.mesh.create_unit_interval(MPI.COMM_SELF, 1)
     F, G = (dolfinx.fem.Constant(mesh, np.eye(3)) for _ in range(2))
-    place, length = ufl.as_vector(PLACE), dolfinx.fem.Constant(mesh, 1.0)
+    place, length = ufl.as_vector(CHECKED_POINT), dolfinx.fem.Constant(mesh, 1.0)
     V = ufl.variable(F)
     energy = law.energy(StrainOf(V, 1, place, length))  # type: ignore[arg-type]
     P = ufl.diff(energy, V)
@@ -149,7 +149,7 @@ def _rest(name: str, law: Elastic, values: Values, mu: float) -> float:
     W, P, _ = values(np.eye(3))
     left = P - law.spherical_slope() * np.eye(3)
     worst = max(abs(W), np.abs(left).max()) / mu
-    if not worst < SMALL:
+    if not worst < LARGEST_ERROR:
         kind = "0" if is_compressible(law) else f"spherical_slope() = {law.spherical_slope():g} Pa"
         raise InputError(
             f"{name} is not at rest in the undeformed state: its energy there is {W:g} Pa and must "

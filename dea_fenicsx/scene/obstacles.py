@@ -164,7 +164,7 @@ def _check_outside(scene: Setting, surface: str) -> None:
     owned = topology.index_map(dim - 1).size_local
     outer = np.zeros(owned, dtype=bool)
     outer[dolfinx.mesh.exterior_facet_indices(topology)] = True
-    mine = device.facets_of(surface)
+    mine = device.facets_by_surface[surface]
     inside = ~outer[mine[mine < owned]]
     if device.comm.allreduce(int(np.sum(inside)), op=MPI.SUM) > 0:
         raise InputError(
@@ -185,10 +185,10 @@ def _check_shape(item: Obstacle, kinematics: Kinematics) -> None:
                 f"The {type(shape).__name__} at {item.where!r} is given by {len(shape.point)} "
                 f"coordinates, but must be given by {size} with this kinematics."
             )
-        why = shape.misfit(rotational) if size == 2 else ""
+        why = shape.misfit(rotational) if size == 2 else None
         if axes == "rtz" and not isinstance(shape, Cylinder):
             why = "the obstacle of a helical cell is a Cylinder about its axis"
-        if why:
+        if why is not None:
             raise InputError(f"The obstacle at {item.where!r} does not fit: {why}.")
         if kinematics.axis_of_rotation and item.displacement and any(item.displacement[:-1]):
             raise InputError(

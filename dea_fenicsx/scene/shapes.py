@@ -57,11 +57,11 @@ class Plane:
         normal = np.array(self.normal) / np.linalg.norm(self.normal)
         return sum(number(n) * (x[i] - number(self.point[i])) for i, n in enumerate(normal))
 
-    def misfit(self, rotational: bool) -> str:
-        """Why it does not fit a plane section, an axisymmetric one if so; empty where it does."""
+    def misfit(self, rotational: bool) -> str | None:
+        """Why it does not fit a section, in the plane or `rotational`; None where it fits."""
         if rotational and abs(self.normal[0]) > AXIS_TOLERANCE * np.linalg.norm(self.normal):
             return "a plane of an axisymmetric section has its normal along z"
-        return ""
+        return None
 
 
 @dataclass(frozen=True)
@@ -105,13 +105,13 @@ class Sphere:
         """The centre."""
         return self.centre
 
-    def misfit(self, rotational: bool) -> str:
-        """Why it does not fit a plane section, an axisymmetric one if so; empty where it does."""
+    def misfit(self, rotational: bool) -> str | None:
+        """Why it does not fit a section, in the plane or `rotational`; None where it fits."""
         if not rotational:
             return "a sphere is no obstacle of a plane section; take a Cylinder"
         if abs(self.centre[0]) > AXIS_TOLERANCE * self.radius:
             return "the centre of a sphere lies on the axis r = 0 of an axisymmetric section"
-        return ""
+        return None
 
 
 @dataclass(frozen=True)
@@ -174,8 +174,8 @@ class Cylinder:
         distance, radius = _length(across), number(self.radius)
         return radius - distance if self.hollow else distance - radius
 
-    def misfit(self, rotational: bool) -> str:
-        """Why it does not fit a plane section, an axisymmetric one if so; empty where it does."""
+    def misfit(self, rotational: bool) -> str | None:
+        """Why it does not fit a section, in the plane or `rotational`; None where it fits."""
         axis = self.axis
         if axis is not None and (
             np.linalg.norm(axis[:2]) > AXIS_TOLERANCE * np.linalg.norm(axis)
@@ -183,7 +183,7 @@ class Cylinder:
             return "the axis of a cylinder is that of the third direction there; give None"
         if rotational and abs(self.point[0]) > AXIS_TOLERANCE * self.radius:
             return "the axis of a cylinder is r = 0 there"
-        return ""
+        return None
 
 
 type Shape = Plane | Sphere | Cylinder | Callable[[Any], Any]

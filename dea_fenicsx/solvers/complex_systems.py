@@ -22,8 +22,8 @@ from dea_fenicsx.support.errors import SolverError
 COMPLEX_TOLERANCE = 1e-10
 """Largest residual of a solution, relative to the right-hand side."""
 
-REFINEMENTS = 5
-"""Most steps of iterative refinement."""
+MOST_REFINEMENTS = 5
+"""Largest number of steps of iterative refinement."""
 
 
 class ComplexSystem:
@@ -61,7 +61,7 @@ class ComplexSystem:
         rest, size = force, self._norm(force)
         if size == 0:
             return found
-        for _ in range(1 + REFINEMENTS):
+        for _ in range(1 + MOST_REFINEMENTS):
             found = found + self._apply(rest)
             rest = force - self._times(found)
             left = self._norm(rest)

@@ -37,14 +37,14 @@ START_COMPRESSIBILITY = 1e-12
 VOLUME_DIFFERENCE = 0.05
 """Largest displacement by which the second derivative of the volume is taken, over L."""
 
-NEGLIGIBLE = 1e-12
-"""Change of a pressure or a potential, dimensionless, after which none is corrected any more."""
+CORRECTION_TOLERANCE = 1e-12
+"""The correction ends when pressure and potential, dimensionless, change by less than this."""
 
 NO_ENTRY = 1e-11
 """Entries of a row below this share of its entries for displacements are rounding errors."""
 
-CORRECTIONS = 3
-"""Most solves: the equations are linear, but for a potential whose dielectric is not."""
+MOST_CORRECTIONS = 3
+"""Largest number of solves.  One is enough unless a dielectric is not linear in the field."""
 
 
 class Start:
@@ -93,7 +93,7 @@ class Start:
             velocity = self._kept_volume(state, velocity, kept, (ksp, x, b))
         centripetal = self._second_volume(state, velocity)
         acceleration = np.zeros(problem.size)
-        for _ in range(CORRECTIONS):
+        for _ in range(MOST_CORRECTIONS):
             with problem.at(state):
                 unbalanced = problem.unbalanced(problem.residual())
                 dragged = self.mass.times((given + self.drag * velocity)[: problem.owned])
@@ -104,7 +104,7 @@ class Start:
                 ksp.solve(b, x)
                 change = x.array_r.copy()
                 acceleration, state = self._parted(state, change, given)
-            if self._others(change) <= NEGLIGIBLE:
+            if self._others(change) <= CORRECTION_TOLERANCE:
                 break
         for thing in (ksp, x, b, matrix):
             thing.destroy()

@@ -53,14 +53,16 @@ Vectors that the constraints exclude have 1/m = 0, which rounding turns into som
 LEAST_COSINE_OF_ITERATES = 0.9
 """Least cosine between an eigenvector and its inverse iterate; below it, it is no eigenvector."""
 
-INDEPENDENT = 1e-10
-"""Least eigenvalue of the products of unit vectors that are taken as linearly independent."""
+LEAST_INDEPENDENCE = 1e-10
+"""Unit vectors are linearly independent if the matrix of their products has no smaller
+eigenvalue.
+"""
 
-NEARER = 1e-6
-"""Share by which an eigenvalue must be nearer than the farthest one to take its place."""
+REPLACING_SHARE = 1e-6
+"""A found eigenvalue replaces the farthest one only if it is nearer by this share."""
 
-SEARCHES = 8
-"""Most searches: an eigenvalue may have this multiplicity."""
+MOST_SEARCHES = 8
+"""Largest number of searches, so that an eigenvalue of this multiplicity is found completely."""
 
 
 @dataclass(frozen=True)
@@ -182,7 +184,7 @@ def ritz_values(stiffness: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray,
     rounding, and there are fewer eigenvalues than vectors.
     """
     sizes, basis = linalg.eigh(weights)
-    independent = sizes > INDEPENDENT
+    independent = sizes > LEAST_INDEPENDENCE
     basis = basis[:, independent] / np.sqrt(sizes[independent])
     values, turn = linalg.eigh(basis.T @ stiffness @ basis)
     return values, basis @ turn
@@ -234,7 +236,7 @@ class _Search:
         count = min(count, self.size)
         found: list[np.ndarray] = []
         pairs: list[Eigenpair] = []
-        for _ in range(SEARCHES):
+        for _ in range(MOST_SEARCHES):
             if len(pairs) >= count and self._is_alone(pairs[:count], found):
                 break
             new = self._search(1 if found else count, found)
@@ -383,4 +385,4 @@ class _Search:
 def _is_complete(before: list[Eigenpair], after: list[Eigenpair], count: int) -> bool:
     """Whether a further search has found nothing nearer than the farthest one before it."""
     farthest = abs(before[count - 1].value)
-    return abs(after[count - 1].value) >= (1 - NEARER) * farthest
+    return abs(after[count - 1].value) >= (1 - REPLACING_SHARE) * farthest

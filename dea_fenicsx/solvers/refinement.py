@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from mpi4py import MPI
 
-PASS = 1e-8
-"""Relative tolerance of one pass: Krylov's method reaches it before rounding stops it."""
+PASS_TOLERANCE = 1e-8
+"""Relative tolerance of one pass, which a Krylov method reaches before rounding stops it."""
 
-PASSES = 6
-"""Most passes; each gains up to eight digits of those that rounding leaves."""
+MOST_PASSES = 6
+"""Largest number of passes.  Each pass gains up to eight digits, as far as rounding allows."""
 
-PROGRESS = 0.5
-"""Share of the last residual above which a pass has gained nothing but rounding."""
+LEAST_REDUCTION = 0.5
+"""If a pass leaves more than this share of the residual, only rounding is left, and we stop."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ def solve_to(
         return Solution(np.zeros_like(rhs), 0.0)
     best: Solution | None = None
     values, rest, share = np.zeros_like(rhs), rhs, 1.0
-    for _ in range(PASSES):
-        change = solve(rest, max(0.5 * rtol / share, PASS))
+    for _ in range(MOST_PASSES):
+        change = solve(rest, max(0.5 * rtol / share, PASS_TOLERANCE))
         if change is None:
             break
         values = values + change
@@ -79,6 +79,6 @@ def solve_to(
         before, share = share, norm(rest) / size
         if best is None or share < best.residual:
             best = Solution(values, share)
-        if share <= rtol or not share < PROGRESS * before:
+        if share <= rtol or not share < LEAST_REDUCTION * before:
             break
     return best

@@ -17,8 +17,8 @@ STRESS_BY_SOFTEST_MODULUS = 1e-2
 A stress of this size gives the smallest force with which a displacement residual is compared.
 """
 
-SWELLING = 1e-3
-"""Strain of the swelling whose forces are the reference where there are foams."""
+REFERENCE_SWELLING = 1e-3
+"""In foams the residual is compared with the forces that this volumetric strain would cause."""
 
 STRESS_BY_OWN_MODULUS = 1e-3
 """Reference stress in each region, in units of its own shear modulus.
@@ -320,7 +320,7 @@ class References:
             column = kinematics.coordinates.find(name)
             if column >= 0:
                 x = part.space.tabulate_dof_coordinates()
-                values[part.dofs] = SWELLING * x[:, column]
+                values[part.dofs] = REFERENCE_SWELLING * x[:, column]
         with problem.at(problem.state.with_values(values)):
             problem.w.x.scatter_forward()
             return self._size_u(problem.residual())

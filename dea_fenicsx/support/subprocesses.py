@@ -8,8 +8,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-PLACE = ("PMI", "OMPI_COMM", "OMPI_APP", "OMPI_UNIVERSE", "OMPI_FILE", "PRTE_LAUNCHED", "MPIR",
-         "HYDI", "MPIEXEC")  # fmt: skip
+MPI_VARIABLES = ("PMI", "OMPI_COMM", "OMPI_APP", "OMPI_UNIVERSE", "OMPI_FILE", "PRTE_LAUNCHED",
+                 "MPIR", "HYDI", "MPIEXEC")  # fmt: skip
 """Beginnings of the environment variables by which a process joins a running MPI job."""
 
 
@@ -19,7 +19,7 @@ def mpirun() -> str | None:
     return str(beside) if beside.exists() else shutil.which("mpirun")
 
 
-def environment(without: Sequence[str] = PLACE) -> dict[str, str]:
+def environment(without: Sequence[str] = MPI_VARIABLES) -> dict[str, str]:
     """This process's environment and search path, without variables that begin so."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith(tuple(without))}
     return kept | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}

@@ -10,7 +10,7 @@ from dea_fenicsx.materials import ViscousBranch
 from dea_fenicsx.model.terms.air import AirElasticity, ShapeOfAir
 from dea_fenicsx.model.terms.augmentation import Augmentation
 from dea_fenicsx.model.terms.base import EnergyTerm, Term, WorkTerm
-from dea_fenicsx.model.terms.dielectric import Dielectric
+from dea_fenicsx.model.terms.dielectric import DielectricEnergy
 from dea_fenicsx.model.terms.elastic import Elasticity
 from dea_fenicsx.model.terms.flowing import Flowing
 from dea_fenicsx.model.terms.incompressibility import Volume
@@ -31,7 +31,7 @@ __all__ = ["EnergyTerm", "Term", "WorkTerm", "terms_of"]
 def terms_of(scene: Scene) -> list[Term]:
     """The terms of a scene, in the order in which they are added up."""
     augmentation = Augmentation(scene.elements.augmentation)
-    found: list[Term] = [Elasticity(), Volume(), augmentation, Dielectric(), Viscous()]
+    found: list[Term] = [Elasticity(), Volume(), augmentation, DielectricEnergy(), Viscous()]
     if any(m.damage is not None for m in scene.materials.values()):
         found.append(Softening())
     if scene.kinematics.is_membrane:

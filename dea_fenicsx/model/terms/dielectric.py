@@ -10,7 +10,7 @@ from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.terms.base import EnergyTerm
 
 
-class Dielectric(EnergyTerm):
+class DielectricEnergy(EnergyTerm):
     """- J u(F, F^-T E) with the co-energy u of the dielectric, eps e.e/2 of an ideal one.
 
     E = - Grad phi is the nominal field, and e = F^-T E the true one.
