@@ -99,7 +99,10 @@ def hessian_product(
             )
         if functional.per_period:
             check_height([*found, *(one for one, _ in direction)], type(observable).__name__)
-        measure = bind_alike(problem, name, observable)
+
+        def measure() -> float:
+            return functional.value(problem, gradients.kept)
+
         product = _Product(gradients, state, functional, direction)
         value, slopes, residual = product.derived(found, measure)
     return Gradient(f"slope of {name}", value, slopes, "adjoint", residual)
@@ -208,8 +211,9 @@ class _Product:
         try:
             with ExitStack() as stack:
                 for one, part in self.direction:
-                    stack.enter_context(larger(one, step * part))
-                    if isinstance(one, Shape):
+                    if not isinstance(one, Shape):
+                        stack.enter_context(larger(problem, one, step * part))
+                    else:
                         x += step * part * one.velocity(rest)
                 if any(isinstance(one, Shape) for one, _ in self.direction):
                     stack.enter_context(of_moved_nodes(problem, rest))

@@ -218,7 +218,7 @@ class Run:
     def _recorded_step(self, row: int) -> Recorded:
         """The state of a row, and where on the path it lies."""
         state = self._states.of(row, len(self.history))
-        return Recorded(state, *self._states.item_of(row))
+        return Recorded(state, *self._states.item_of(row), str(self.history[row]["event"] or ""))
 
     def column(self, name: str) -> np.ndarray:
         """A column of the history as an array: numbers, NaN where there is none, or texts."""
