@@ -12,7 +12,7 @@ and the observable is differenced along it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,6 +21,7 @@ import numpy as np
 
 from dea_fenicsx.gradients.differences import displacement_size, fourth_order, small_step
 from dea_fenicsx.gradients.functionals import Functional, functional_of
+from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.kept_forms import KeptForms
 from dea_fenicsx.gradients.paired import Paired
 from dea_fenicsx.gradients.shapes import distortion, fixed_change, most
@@ -54,45 +55,6 @@ LARGEST = 1e-7
 
 Solve = Callable[[np.ndarray], tuple[np.ndarray, float]]
 """Gives the solution of a linear system with a right-hand side, and its relative residual."""
-
-
-@dataclass(frozen=True)
-class Gradient(Mapping[str, float]):
-    """The derivatives of an observable, or of a critical load, by the names of the variables.
-
-    Attributes
-    ----------
-    what
-        The observable's name, or what the critical load is.
-    value
-        Its value, in SI units.
-    derivatives
-        Its derivative by each variable, in SI units: by a voltage per V, by the factor of another
-        ramp, by a thickness per m.
-    method
-        ``"adjoint"``: exact, from one linear solve for all variables.  ``"direct"``: from one
-        linear solve for each variable, and differences of the observable along the change of the
-        state.  ``"replay"``: by differences of marches that are gone over again, with the lengths
-        of all steps held.
-    residual
-        Largest residual of the linear solves, relative to the right-hand side; of a replay how far
-        the recorded state is missed by the same march, relative to its largest value.
-    """
-
-    what: str
-    value: float
-    derivatives: Mapping[str, float]
-    method: str
-    residual: float
-
-    def __getitem__(self, name: str) -> float:
-        return self.derivatives[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.derivatives)
-
-    def __len__(self) -> int:
-        return len(self.derivatives)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +134,7 @@ class Gradients:
         return Gradient(name, value, slopes, "adjoint", residual)
 
     def functional_by(self, observable: Any, found: Iterable[Variable]) -> Functional | None:
-        """The observable as a function of integrals, checked for some variables; None if it is none.
+        """The observable as a function of integrals, for some variables; None if it is none.
 
         Raises
         ------

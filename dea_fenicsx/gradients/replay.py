@@ -12,9 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any
-
-import numpy as np
 
 from dea_fenicsx.gradients.changes import Recorded
 from dea_fenicsx.gradients.differences import OBSERVABLE_STEP
@@ -103,7 +100,7 @@ class Replay:
 
     def _checked(self) -> float:
         """How far the recorded state is missed by the same march.  Collective."""
-        with self.problem.apart():
+        with self.problem.at(self.problem.state):
             found = self._walked(None, 0.0)
         due = self.steps[-1].state
         size = most(self.problem, due.values)
@@ -139,7 +136,7 @@ class Replay:
         value = anew if anew and isinstance(one, Shape) else measure
         found = {}
         for share in SHARES:
-            with problem.apart(), self._changed(one, share * step):
+            with problem.at(problem.state), self._changed(one, share * step):
                 key = told, share
                 if key not in self._reached:
                     self._reached[key] = self._walked(one, share * step)
@@ -174,11 +171,9 @@ class Replay:
         kept = constants[one.name]
         try:
             constants[one.name] = kept + step
-            self.problem.weigh()
             yield
         finally:
             constants[one.name] = kept
-            self.problem.weigh()
 
     def _walked(self, one: Variable | None, step: float) -> State:
         """The state in which the march ends under a load that is larger by a step.  Collective."""

@@ -24,8 +24,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.gradients.adjoint import Gradient, Gradients
+from dea_fenicsx.gradients.adjoint import Gradients
 from dea_fenicsx.gradients.changes import Change, Recorded, changed, slopes, step_of
+from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.motion_changes import MotionChanges, differenced, driven, started
 from dea_fenicsx.gradients.past_checks import is_carried
 from dea_fenicsx.gradients.replay import Replay

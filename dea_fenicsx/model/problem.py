@@ -118,7 +118,7 @@ class Problem:
         check_balance(self.conditions, self.forms, self.displacement, self.scales, released)
         self.forms.compile()
         self.charges = ChargeMemory(self)
-        self.weigh()
+        self._weigh()
         self.handed_out = False
         self._unstrained: dict[str, Any] = {m.NAME: m.at_rest() for m in self.memories}
         at_rest = np.where(self.conditions.fixed_values.fixed, 0.0, self.space.at_rest)
@@ -129,7 +129,7 @@ class Problem:
         self.commit(self.rest)
         self.depths = depths(scene, self.forms.contacts)
 
-    def weigh(self) -> None:
+    def _weigh(self) -> None:
         """Tell the memories the constants by which they work.  Collective."""
         device, parameters = self.scene.device, self.parameters
         if memory := self.forms.memory:
@@ -225,29 +225,18 @@ class Problem:
     @contextmanager
     def at(self, state: State) -> Iterator[None]:
         """Try a state: within the block the problem is there, and then where it was before."""
-        before = self.state
+        before, since = self.state, self._since
         self.show(state)
         try:
             yield
         finally:
+            self._since = since
             self.show(before)
 
     def commit(self, state: State) -> None:
         """Accept a state as the present one; slip is counted from it on.  Collective."""
         self.show(state)
         self._since = {o.NAME: o.settled(self._history[o.NAME]) for o in self.counted}
-
-    @contextmanager
-    def apart(self) -> Iterator[None]:
-        """Within the block the problem goes its own way and accepts states of its own; then it is
-        where it was before.
-        """
-        before, since = self.state, self._since
-        try:
-            yield
-        finally:
-            self._since = since
-            self.show(before)
 
     def show(self, state: State) -> None:
         """Make a state the present one, within a block of `at`, which restores the old state."""
@@ -312,7 +301,7 @@ class Problem:
         for contact in self.forms.contacts:
             contact.take(scene.materials)
         self.scene, self.mass = scene, None
-        self.weigh()
+        self._weigh()
         self.commit(self.rest)
 
     def moved(self, state: State, increment: np.ndarray) -> State:

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.gradients.adjoint import Gradient, Gradients
+from dea_fenicsx.gradients.adjoint import Gradients
 from dea_fenicsx.gradients.changes import Recorded
 from dea_fenicsx.gradients.critical import critical_load, limit_row
 from dea_fenicsx.gradients.events import EVENTS, Asked, event_load, event_row
+from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.hessian import hessian_product
 from dea_fenicsx.gradients.past_checks import has_past
 from dea_fenicsx.gradients.through_time import at_step
