@@ -361,12 +361,12 @@ class _Buckling(_Event):
             if found is None:
                 return None
             found = found - total(first @ found) * first
-            mode, before = found / np.sqrt(total(found @ found)), stiffness
-            stiffness = abs(total(mode @ solver.tangent.times(mode)))
+            mode, before = found / np.sqrt(total(float(found @ found))), stiffness
+            stiffness = abs(total(float(mode @ solver.tangent.times(mode))))
             if abs(stiffness - before) < AT_ONCE * stiffness:
                 break
         with self.problem.at(self.problem.rest):
-            unloaded = abs(total(mode @ solver.tangent.times(mode)))
+            unloaded = abs(total(float(mode @ solver.tangent.times(mode))))
         return mode if stiffness <= AT_ONCE * unloaded else None
 
     def solve(self, rhs: np.ndarray) -> tuple[np.ndarray, float]:
