@@ -356,11 +356,11 @@ class _Buckling(_Event):
         stiffness = np.inf
         for _ in range(INVERSE_STEPS):
             load = np.zeros(len(first))
-            load[moving] = (mode - total(first @ mode) * first)[moving]
-            found = solver.linear_solve(load - total(first @ load) * first, 1e-8)
+            load[moving] = (mode - total(float(first @ mode)) * first)[moving]
+            found = solver.linear_solve(load - total(float(first @ load)) * first, 1e-8)
             if found is None:
                 return None
-            found = found - total(first @ found) * first
+            found = found - total(float(first @ found)) * first
             mode, before = found / np.sqrt(total(float(found @ found))), stiffness
             stiffness = abs(total(float(mode @ solver.tangent.times(mode))))
             if abs(stiffness - before) < AT_ONCE * stiffness:
