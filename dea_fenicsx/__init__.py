@@ -31,7 +31,7 @@ if TYPE_CHECKING:
         Table,
         Triangle,
     )
-    from dea_fenicsx.gradients.adjoint import Gradient
+    from dea_fenicsx.gradients.gradient import Gradient
     from dea_fenicsx.gradients.variables import ShapeChange
     from dea_fenicsx.materials import (
         WLF,
@@ -225,7 +225,7 @@ _HOME = {
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
         "SolverError", "StabilityLost",
     ),
-    "gradients.adjoint": ("Gradient",),
+    "gradients.gradient": ("Gradient",),
     "gradients.variables": ("ShapeChange",),
     "measure.failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
     "scene.law_check": ("LawCheck", "check_law"),

@@ -202,3 +202,26 @@ def test_an_imperfection_takes_the_bifurcation_away():
 
     with pytest.raises(dea.InputError, match=r"'bow', because .* has no bifurcation"):
         buckled().sensitivity("buckling", dea.ShapeChange("bow", bow))
+
+
+def test_two_modes_at_one_load():
+    """A square column buckles both ways at once, at a given strain.
+
+    By its size the displacement at that strain grows in proportion; its height along z parts the
+    two modes.
+    """
+    a = 1e-3
+    device = dea.device(BoxStack(8 * a, a, [Layer("rod", a)], divisions=(4, 1)), MPI.COMM_SELF)
+    scene = dea.Scene(
+        device, {"rod": dea.Material(dea.NeoHookean(MU))},
+        supports=[dea.Clamp("x_min"), dea.Fix("x_max", "y"), dea.Fix("x_max", "z")],
+        prescribed=[dea.Displacement("x_max", "x", -a, ramp="push")],
+    )  # fmt: skip
+    path = dea.Ramp("push", to=0.6, steps=4)
+    run = dea.solve(scene, path, quiet=True, stability="every", options=TIGHT)
+    size = dea.ShapeChange("size", lambda X: X / a)
+    found = run.sensitivity("buckling", [size, "rod.elastic.mu"])
+    assert found["size"] == pytest.approx(found.value / a, rel=1e-7)
+    assert MU * found["rod.elastic.mu"] == pytest.approx(0, abs=1e-7 * found.value)
+    with pytest.raises(dea.InputError, match="two modes buckle at one load"):
+        run.sensitivity("buckling", "thickness:rod:z")

@@ -12,7 +12,7 @@ and the observable is differenced along it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,9 +21,10 @@ import numpy as np
 
 from dea_fenicsx.gradients.differences import displacement_size, fourth_order, small_step
 from dea_fenicsx.gradients.functionals import Functional, functional_of
+from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.kept_forms import KeptForms
 from dea_fenicsx.gradients.paired import Paired
-from dea_fenicsx.gradients.shapes import fixed_change, most
+from dea_fenicsx.gradients.shapes import distortion, fixed_change, most
 from dea_fenicsx.gradients.variables import (
     Coefficients,
     Load,
@@ -37,6 +38,7 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.solvers.refinement import solve_to
 from dea_fenicsx.support.agreement import bind_alike
 from dea_fenicsx.support.compat import dolfinx
@@ -53,43 +55,6 @@ LARGEST_ROUNDING = 1e-7
 
 Solve = Callable[[np.ndarray], tuple[np.ndarray, float]]
 """Gives the solution of a linear system with a right-hand side, and its relative residual."""
-
-
-@dataclass(frozen=True)
-class Gradient(Mapping[str, float]):
-    """The derivatives of an observable, or of a critical load, by the names of the variables.
-
-    Attributes
-    ----------
-    what
-        The observable's name, or what the critical load is.
-    value
-        Its value, in SI units.
-    derivatives
-        Its derivative by each variable, in SI units: by a voltage per V, by the factor of another
-        ramp, by a thickness per m.
-    method
-        ``"adjoint"``: exact, from one linear solve for all variables.  ``"direct"``: from one
-        linear solve for each variable, and differences of the observable along the change of the
-        state.
-    residual
-        Largest residual of the linear solves, relative to the right-hand side.
-    """
-
-    what: str
-    value: float
-    derivatives: Mapping[str, float]
-    method: str
-    residual: float
-
-    def __getitem__(self, name: str) -> float:
-        return self.derivatives[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.derivatives)
-
-    def __len__(self) -> int:
-        return len(self.derivatives)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +87,9 @@ class Gradients:
     Attributes
     ----------
     walks
-        What has gone over the steps of a march, by the names of the variables.
+        What has gone over the steps of a march, by the variables.
+    replays
+        What goes over the steps of a march again, by the row to which it goes.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -130,12 +97,15 @@ class Gradients:
         self.kept = KeptForms(problem)
         self._directions: dict[int, Any] = {}
         self._functionals: dict[tuple[int, frozenset[str]], tuple[Any, Functional | None]] = {}
-        self.walks: dict[tuple[str, ...], Any] = {}
+        self.walks: dict[tuple[str | ShapeChange, ...], Any] = {}
+        self.replays: dict[int, Any] = {}
 
     @cached_property
     def solver(self) -> NewtonSolver:
         """A solver of its own, so that the run's keeps its factor and its counts."""
-        return NewtonSolver(self.problem)
+        # A factor in single precision costs as much in the plane, and many more Krylov iterations.
+        plane = self.problem.mesh.topology.dim < 3
+        return NewtonSolver(self.problem, NewtonOptions(factor="whole" if plane else "auto"))
 
     def of_observable(
         self, state: State, name: str, observable: Any, to: Iterable[str | ShapeChange]
@@ -153,17 +123,7 @@ class Gradients:
         check_static(state)
         found = variables(problem, to)
         with problem.at(state):
-            functional = self.functional(observable)
-            if functional is None and any(isinstance(v, Shape) for v in found):
-                shape = next(v.name for v in found if isinstance(v, Shape))
-                raise InputError(
-                    f"{type(observable).__name__} has no derivative by {shape!r}: it is measured "
-                    "on the mesh as it was; those that are known as integrals are "
-                    "MeanDisplacement, MeanStretch, Contraction, Area, Charge, Capacitance, "
-                    "Energy, and the mean or the integral of an Expression."
-                )
-            if functional is not None and functional.per_period:
-                check_height(found, type(observable).__name__)
+            functional = self.functional_by(observable, found)
             measure = bind_alike(problem, name, observable)
             value = measure()
             self.linearise()
@@ -173,9 +133,26 @@ class Gradients:
             slopes, residual = self.by_adjoint(functional, found)
         return Gradient(name, value, slopes, "adjoint", residual)
 
-    def check_observable(self, observable: Any) -> None:
-        """Raise InputError for an observable that has no derivative."""
-        self.functional(observable)
+    def functional_by(self, observable: Any, found: Iterable[Variable]) -> Functional | None:
+        """The observable as a function of integrals, for some variables; None if it is none.
+
+        Raises
+        ------
+        InputError
+            For an observable that has no derivative, or none by one of the variables.
+        """
+        functional = self.functional(observable)
+        shapes = [one.name for one in found if isinstance(one, Shape)]
+        if functional is None and shapes:
+            raise InputError(
+                f"{type(observable).__name__} has no derivative by {shapes[0]!r}: it is measured "
+                "on the mesh as it was; those that are known as integrals are "
+                "MeanDisplacement, MeanStretch, Contraction, Area, Charge, Capacitance, "
+                "Energy, and the mean or the integral of an Expression."
+            )
+        if functional is not None and functional.per_period:
+            check_height(found, type(observable).__name__)
+        return functional
 
     def linearise(self) -> None:
         """Let the rows of the linear systems be weighed as Newton's method does it."""
@@ -278,21 +255,40 @@ class Gradients:
             problem.show(moved)
             return float(measure())
         problem.show(moved)
-        with larger(one, step):
+        with larger(problem, one, step):
             return float(measure())
 
     def forces(self, one: Variable) -> np.ndarray:
-        """dR/dp of a constant or a load, in the free rows.  Collective."""
+        """dR/dp in the free rows.  Collective."""
         problem = self.problem
         if isinstance(one, Load):
             return self.solver.tangent.by_load(one.ramp) / one.unit
-        assert isinstance(one, Coefficients)
+        if isinstance(one, Shape):
+            return self._forces_of(one)
         total = np.zeros(problem.owned)
         for coefficient, cells, rate in one.changes:
             total += self._along(coefficient, cells, rate)
         rows = problem.restrict(total)
         rows[problem.circuits.given_rows()] = 0.0
         return rows
+
+    def _forces_of(self, one: Shape) -> np.ndarray:
+        """dR/dp of a change of shape, by a formula of fourth order.  Collective.
+
+        Fixed values that depend on the place change with it.
+        """
+        problem, state = self.problem, self.problem.state
+        given = self.followed(fixed_change(problem, one.velocity), everywhere=True)
+
+        def rows(step: float) -> np.ndarray:
+            with larger(problem, one, step):
+                problem.show(state.with_values(state.values + step * given))
+                return problem.restrict(problem.residual())
+
+        found = fourth_order(rows, small_step([(1.0, distortion(problem, one.velocity))]))
+        problem.show(state)
+        found[problem.circuits.given_rows()] = 0.0
+        return found
 
     def _along(self, coefficient: Any, cells: np.ndarray, rate: float) -> np.ndarray:
         """The residual's derivative by a coefficient that changes in some cells.  Collective."""
@@ -354,14 +350,17 @@ class Gradients:
         problem.circuits.per_factor(ramp, along)
         return self.followed(along)
 
-    def followed(self, change: np.ndarray) -> np.ndarray:
-        """A change of fixed values with what follows them, over the owned values.  Collective."""
+    def followed(self, change: np.ndarray, everywhere: bool = False) -> np.ndarray:
+        """A change of fixed values with what follows them, over the owned values.  Collective.
+
+        `everywhere` takes all local values.
+        """
         problem, along = self.problem, dolfinx.fem.Function(self.problem.W)
         along.x.array[:] = change
         along.x.scatter_forward()
         problem.rigid.follow(along.x.array, problem.w.x.array)
         problem.conditions.ties.follow(along.x.array)
-        return np.asarray(along.x.array[: problem.owned])
+        return np.asarray(along.x.array if everywhere else along.x.array[: problem.owned])
 
 
 def check_height(found: Iterable[Variable], what: str) -> None:

@@ -10,8 +10,8 @@ import numpy as np
 
 from dea_fenicsx.gradients.differences import displacement_size, fourth_order, small_step
 from dea_fenicsx.gradients.motion_changes import moved
-from dea_fenicsx.gradients.shapes import most
-from dea_fenicsx.gradients.variables import Coefficients, Load, Variable, larger
+from dea_fenicsx.gradients.shapes import distortion, most
+from dea_fenicsx.gradients.variables import Coefficients, Load, Shape, Variable, larger
 from dea_fenicsx.gradients.viscous_changes import Strains
 from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.problem import Problem
@@ -49,29 +49,45 @@ class Recorded:
         The item of the path in which it lies.
     began
         Time in s at which that item began.
+    event
+        What happened there, such as a failure; empty for a step of the path.
     """
 
     state: State
     item: Any
     began: float
+    event: str = ""
 
 
 def slopes(
     problem: Problem, state: State, changes: Iterable[tuple[Variable, Change]],
-    measure: Callable[[], float],
+    measure: Callable[[], float], anew: Callable[[], float] | None = None,
 ) -> dict[str, float]:  # fmt: skip
     """The derivatives of an observable by variables, along the changes of the state.  Collective.
 
     The problem is left in the state.
+
+    Parameters
+    ----------
+    problem, state, changes
+        The problem, a state, and its change with each variable.
+    measure
+        The observable.
+    anew
+        The same where nothing is kept of the mesh: for changes of shape.
     """
 
     found = {}
     for one, change in changes:
+        value = anew if anew and isinstance(one, Shape) else measure
 
-        def measured(step: float, one: Variable = one, change: Change = change) -> float:
-            with larger(one, step):
+        def measured(
+            step: float, one: Variable = one, change: Change = change,
+            value: Callable[[], float] = value,
+        ) -> float:  # fmt: skip
+            with larger(problem, one, step):
                 problem.show(changed(problem, state, change, one, step))
-                return float(measure())
+                return float(value())
 
         found[one.name] = fourth_order(measured, step_of(problem, state, change, one))
         problem.show(state)
@@ -86,7 +102,10 @@ def step_of(problem: Problem, state: State, change: Change, one: Variable) -> fl
     if isinstance(one, Load):
         value = one.unit
     size = displacement_size(problem, state)
-    return small_step([(size, max(speeds)), (1.0, flow), (value, 1.0)])
+    rates = [(size, max(speeds)), (1.0, flow), (value, 1.0)]
+    if isinstance(one, Shape):
+        rates.append((1.0, distortion(problem, one.velocity)))
+    return small_step(rates)
 
 
 def changed(problem: Problem, state: State, change: Change, one: Variable, step: float) -> State:

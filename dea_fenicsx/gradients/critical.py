@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.gradients.adjoint import Gradient, Gradients, check_static
+from dea_fenicsx.gradients.adjoint import Gradients, check_static
+from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.paired import Paired
 from dea_fenicsx.gradients.variables import Load, ShapeChange, variables
 from dea_fenicsx.model.state import State

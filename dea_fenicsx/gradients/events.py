@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 import ufl
 
-from dea_fenicsx.gradients.adjoint import Gradient, Gradients, check_static
+from dea_fenicsx.gradients.adjoint import Gradients, check_static
 from dea_fenicsx.gradients.failure_margins import PointMargin
 from dea_fenicsx.gradients.functionals import Functional
+from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.paired import Paired
 from dea_fenicsx.gradients.variables import (
     Coefficients,
@@ -60,6 +61,12 @@ LEAST = 1e-9
 
 ROUNDS = 3
 """Most steps of Newton's rule from the located event to the load at which g vanishes."""
+
+AT_ONCE = 1e-5
+"""Difference of the loads of two modes, relative to the load, below which they buckle at once."""
+
+INVERSE_STEPS = 30
+"""Most inverse iterations for the second mode; few are needed where it is a null vector."""
 
 CLOSE = 1e-11
 """Change of the load, relative to that of the path, at which this rule ends."""
@@ -164,7 +171,7 @@ def _strengths(
     laws = {
         f"{name}.electric.breakdown": name
         for name, material in gradients.problem.scene.materials.items()
-        if material.dielectric is not None and material.dielectric.breakdown_law() is not None
+        if material.is_dielectric and material.dielectric.breakdown_law() is not None
     }
     chosen = {one: laws[one] for one in told if isinstance(one, str) and one in laws}
     return chosen, [one for one in told if not isinstance(one, str) or one not in chosen]
@@ -179,7 +186,14 @@ class _Event(ABC):
         What derives.
     ramp
         The ramp of the path.
+
+    Attributes
+    ----------
+    shared
+        Why more than one value belongs to the condition, in words.
     """
+
+    shared = "two principal values are equal there"
 
     def __init__(self, gradients: Gradients, ramp: str) -> None:
         self.gradients, self.problem, self.ramp = gradients, gradients.problem, ramp
@@ -241,15 +255,15 @@ class _Event(ABC):
     def _agree(
         self, found: Iterable[Variable], slopes: Mapping[str, float], others: Mapping[str, float]
     ) -> None:
-        """Raise InputError unless two principal values change alike."""
+        """Raise InputError unless two values that belong to the condition change alike."""
         load = Load(LOAD, self.ramp, 1.0)
-        least = ALIKE * abs(slopes[LOAD])
+        least = abs(slopes[LOAD])  # a change of the load that counts as none
         for one in (load, *found):
             a, b = (self.size(one) * each[one.name] for each in (slopes, others))
             if abs(a - b) > ALIKE * max(abs(a), abs(b), least):
                 raise InputError(
-                    "The load of the event has no derivative here, because two principal values "
-                    f"are equal there and change differently with {one.name!r}; compare two runs."
+                    f"The load of the event has no derivative here, because {self.shared} and "
+                    f"change differently with {one.name!r}; compare two runs."
                 )
 
     def size(self, one: Variable) -> float:
@@ -283,6 +297,8 @@ class _Failing(_Event):
 class _Buckling(_Event):
     """A bifurcation, at which the tangent is singular."""
 
+    shared = "two modes buckle at one load"
+
     def __init__(self, gradients: Gradients, ramp: str, asked: Asked) -> None:
         super().__init__(gradients, ramp)
         problem = self.problem
@@ -291,10 +307,8 @@ class _Buckling(_Event):
                 "The load of buckling has no derivative here: the scene has rigid parts, springs "
                 "or a tangent without symmetry; compare two runs."
             )
-        self._shape = dolfinx.fem.Function(problem.W)
-        self._mode = np.zeros(len(problem.free))
-        stiffness = ufl.action(problem.forms.tangent(self._shape), self._shape)
-        self._functional = Functional([stiffness], lambda i, _: i[0])
+        self._modes: list[np.ndarray] = []
+        self._stiffnesses: list[tuple[Any, Functional]] = []
 
     def conditions(self) -> list[Functional]:
         problem, gradients = self.problem, self.gradients
@@ -309,24 +323,70 @@ class _Buckling(_Event):
             mode = solver.linear_solve(load, 1e-10)
         if mode is None:
             raise SolverError("The null vector of the tangent at the bifurcation was not found.")
-        self._mode = mode / np.sqrt(gradients.kept.total(mode @ mode))
-        problem.spread(self._mode, self._shape)
-        return [self._functional]
+        first = mode / np.sqrt(gradients.kept.total(mode @ mode))
+        self._modes = [first]
+        second = self._second()
+        if second is None:
+            return [self._stiffness(0, first)]
+        self._modes.append(second)
+        shapes = first, second, (first + second) / np.sqrt(2)
+        return [self._stiffness(k, shape) for k, shape in enumerate(shapes)]
+
+    def _stiffness(self, number: int, shape: np.ndarray) -> Functional:
+        """shape . K shape as a functional of the state; those of some numbers are kept."""
+        problem = self.problem
+        if number == len(self._stiffnesses):
+            function = dolfinx.fem.Function(problem.W)
+            form = ufl.action(problem.forms.tangent(function), function)
+            self._stiffnesses.append((function, Functional([form], lambda i, _: i[0])))
+        function, functional = self._stiffnesses[number]
+        problem.spread(shape, function)
+        return functional
+
+    def _second(self) -> np.ndarray | None:
+        """A second null vector of the tangent, or None.  Collective.
+
+        With f_2 the load at which the second mode buckles, its stiffness over that without a load
+        is about 1 - f/f_2.
+        """
+        first, solver, total = self._modes[0], self.gradients.solver, self.gradients.kept.total
+        moving = self.problem.roles.free(Role.MOTION)
+        mode = np.zeros(len(first))
+        mode[moving] = np.random.default_rng(1 + self.problem.comm.rank).normal(size=len(moving))
+        stiffness = np.inf
+        for _ in range(INVERSE_STEPS):
+            load = np.zeros(len(first))
+            load[moving] = (mode - total(float(first @ mode)) * first)[moving]
+            found = solver.linear_solve(load - total(float(first @ load)) * first, 1e-8)
+            if found is None:
+                return None
+            found = found - total(float(first @ found)) * first
+            mode, before = found / np.sqrt(total(float(found @ found))), stiffness
+            stiffness = abs(total(float(mode @ solver.tangent.times(mode))))
+            if abs(stiffness - before) < AT_ONCE * stiffness:
+                break
+        with self.problem.at(self.problem.rest):
+            unloaded = abs(total(float(mode @ solver.tangent.times(mode))))
+        return mode if stiffness <= AT_ONCE * unloaded else None
 
     def solve(self, rhs: np.ndarray) -> tuple[np.ndarray, float]:
-        """In the space without the null vector, in which the tangent is regular."""
-        total, w = self.gradients.kept.total, self._mode
-        along, size = total(w @ rhs), np.sqrt(total(rhs @ rhs))
-        if abs(along) > SYMMETRIC * size:
-            raise InputError(
-                "The load of buckling has no derivative here, because the two directions of "
-                "buckling differ, so that the bifurcation is not symmetric; compare two runs."
-            )
-        values, residual = self.gradients.solved(rhs - along * w)
-        return values - total(w @ values) * w, residual
+        """In the space without the null vectors, in which the tangent is regular."""
+        total, size = self.gradients.kept.total, np.sqrt(self.gradients.kept.total(rhs @ rhs))
+        for mode in self._modes:
+            along = total(mode @ rhs)
+            if abs(along) > SYMMETRIC * size:
+                raise InputError(
+                    "The load of buckling has no derivative here, because the two directions of "
+                    "buckling differ, so that the bifurcation is not symmetric; compare two runs."
+                )
+            rhs = rhs - along * mode
+        values, residual = self.gradients.solved(rhs)
+        for mode in self._modes:
+            values = values - total(mode @ values) * mode
+        return values, residual
 
     def check(self, found: Iterable[Variable]) -> None:
-        paired = Paired(self.gradients.kept, self.gradients.solver.tangent, self._mode)
+        paired = Paired(self.gradients.kept, self.gradients.solver.tangent, self._modes[0])
         for one in found:
             slope, size = paired.slope(one), paired.size(one)
             if abs(slope) > max(SYMMETRIC * size, LEAST / self.size(one)):

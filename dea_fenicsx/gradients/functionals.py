@@ -92,6 +92,15 @@ class Functional:
     _slopes: list[Any] = field(default_factory=list, init=False)
     _weighted: list[Any] = field(default_factory=list, init=False)
 
+    def value(self, problem: Problem, kept: KeptForms) -> float:
+        """J on the mesh and in the state as they are.  Collective."""
+        if self.refresh is not None:
+            self.refresh()
+        if self.rows is not None:
+            return kept.total(self.rows @ problem.residual())
+        values = [kept.value(form) for form in self.forms]
+        return float(self.combine(values, problem.factors))
+
     def weighted(self, problem: Problem, kept: KeptForms) -> tuple[list[Any], dict[str, float]]:
         """Forms whose derivatives add up to those of J at fixed factors, and dJ/df.  Collective.
 

@@ -22,13 +22,13 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.gradients.adjoint import (
-    Gradient,
     Gradients,
     check_height,
     check_static,
 )
 from dea_fenicsx.gradients.differences import displacement_size, fourth_order, small_step
 from dea_fenicsx.gradients.functionals import Functional
+from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.paired import Paired
 from dea_fenicsx.gradients.shapes import most, of_moved_nodes
 from dea_fenicsx.gradients.variables import (
@@ -43,7 +43,6 @@ from dea_fenicsx.gradients.variables import (
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import State
-from dea_fenicsx.support.agreement import bind_alike
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.validation import finite
@@ -99,7 +98,10 @@ def hessian_product(
             )
         if functional.per_period:
             check_height([*found, *(one for one, _ in direction)], type(observable).__name__)
-        measure = bind_alike(problem, name, observable)
+
+        def measure() -> float:
+            return functional.value(problem, gradients.kept)
+
         product = _Product(gradients, state, functional, direction)
         value, slopes, residual = product.derived(found, measure)
     return Gradient(f"slope of {name}", value, slopes, "adjoint", residual)
@@ -208,8 +210,9 @@ class _Product:
         try:
             with ExitStack() as stack:
                 for one, part in self.direction:
-                    stack.enter_context(larger(one, step * part))
-                    if isinstance(one, Shape):
+                    if not isinstance(one, Shape):
+                        stack.enter_context(larger(problem, one, step * part))
+                    else:
                         x += step * part * one.velocity(rest)
                 if any(isinstance(one, Shape) for one, _ in self.direction):
                     stack.enter_context(of_moved_nodes(problem, rest))

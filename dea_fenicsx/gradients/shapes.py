@@ -196,6 +196,41 @@ def of_moved_nodes(problem: Problem, rest: np.ndarray) -> Iterator[None]:
             values[:] = kept[name]
 
 
+@contextmanager
+def moved_nodes(problem: Problem, velocity: Velocity, step: float) -> Iterator[None]:
+    """Let all nodes of the mesh be moved by a velocity times a step.  Collective.
+
+    The mass, and the displacements that depend on the place, are those of the moved mesh.  Whoever
+    goes on with the problem must show a state again.
+    """
+    x, mass = problem.mesh.geometry.x, problem.mass
+    rest = x.copy()
+    x += step * velocity(rest)
+    problem.mass = None
+    try:
+        with of_moved_nodes(problem, rest):
+            yield
+    finally:
+        x[:], problem.mass = rest, mass
+
+
+def distortion(problem: Problem, velocity: Velocity) -> float:
+    """How fast a change of shape distorts the cells or moves the nodes.  Collective.
+
+    It is the largest difference of velocities of two nodes of a cell over their distance, or the
+    largest velocity in units of the device's size, whichever is more.
+    """
+    x = problem.mesh.geometry.x
+    v, cells = velocity(x), compat.geometry_dofmap(problem.mesh)
+    largest = float(np.max(np.abs(v), initial=0.0))
+    for k in range(1, cells.shape[1]):
+        one, other = cells, np.roll(cells, k, axis=1)
+        apart = np.linalg.norm(x[one] - x[other], axis=-1)
+        faster = np.linalg.norm(v[one] - v[other], axis=-1)
+        largest = max(largest, float(np.max(faster / apart, initial=0.0)))
+    return most(problem, np.array([largest]))
+
+
 def _depend_on_place(problem: Problem) -> bool:
     """Whether the scene gives displacements as functions of the place."""
     declared = problem.scene.declared.displacements

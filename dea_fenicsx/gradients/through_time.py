@@ -18,16 +18,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.gradients.adjoint import Gradient, Gradients
+from dea_fenicsx.gradients.adjoint import Gradients
 from dea_fenicsx.gradients.changes import Change, Recorded, changed, slopes, step_of
+from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.motion_changes import MotionChanges, differenced, driven, started
-from dea_fenicsx.gradients.past_checks import check_past
-from dea_fenicsx.gradients.variables import Load, ShapeChange, Variable, larger, variables
+from dea_fenicsx.gradients.past_checks import is_carried
+from dea_fenicsx.gradients.replay import Replay
+from dea_fenicsx.gradients.shapes import fixed_change
+from dea_fenicsx.gradients.variables import (
+    Load,
+    Shape,
+    ShapeChange,
+    Variable,
+    larger,
+    variables,
+)
 from dea_fenicsx.gradients.viscous_changes import Strains, ViscousChanges, combined_change
 from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.state import State
@@ -155,7 +166,7 @@ class ThroughTime:
             def begun(step: float, one: Variable = one, change: Change = change) -> State:
                 state = changed(self.problem, before.state, change, one, step)
                 item = driven(recorded.item, one, step)
-                with larger(one, step):
+                with larger(self.problem, one, step):
                     return started(solver, state, item, recorded.began, jumps)
 
             values, motion = differenced(begun, step_of(self.problem, before.state, change, one))
@@ -298,6 +309,9 @@ class ThroughTime:
             lifted = self.gradients.lifted(one.ramp)
             along.x.array[: problem.owned] += self._share(state, one) / one.unit * lifted
             along.x.scatter_forward()
+        elif isinstance(one, Shape):
+            given = fixed_change(problem, one.velocity)
+            along.x.array[:] += self.gradients.followed(given, everywhere=True)
         return np.asarray(along.x.array.copy())
 
 
@@ -338,20 +352,29 @@ def at_step(
         If a linear solve fails, or if earlier steps are not known.
     """
     problem = gradients.problem
-    found = variables(problem, to)
-    state = recorded(row).state
-    check_past(problem, recorded(row), found)
+    told = [to] if isinstance(to, str | ShapeChange) else list(to)
+    carried, state = is_carried(problem, recorded(row)), recorded(row).state
+    found = variables(problem, told, replayed=not carried)
     with problem.at(state):
-        gradients.check_observable(observable)
-    key = tuple(one.name for one in found)
+        functional = gradients.functional_by(observable, found)
+        measure = bind_alike(problem, name, observable)
+        value = measure()
+    anew = None if functional is None else partial(functional.value, problem, gradients.kept)
+    if not carried:
+        if row not in gradients.replays:
+            gradients.replays[row] = Replay(problem, recorded, row)
+        replay = gradients.replays[row]
+        gone_over = {
+            one.name: replay.slope(asked, one, measure, anew)
+            for asked, one in zip(told, found, strict=True)
+        }
+        return Gradient(name, value, gone_over, "replay", replay.residual)
+    key = tuple(told)
     walk = gradients.walks.get(key)
     if walk is None or walk.row > row:
         walk = gradients.walks[key] = ThroughTime(gradients, found, recorded)
     walk.go_to(row)
     with problem.at(state):
-        measure = bind_alike(problem, name, observable)
-        value = measure()
-        found_slopes = slopes(
-            problem, state, list(zip(walk.found, walk.changes, strict=True)), measure
-        )
+        pairs = list(zip(walk.found, walk.changes, strict=True))
+        found_slopes = slopes(problem, state, pairs, measure, anew)
     return Gradient(name, value, found_slopes, "direct", walk.residual)

@@ -9,7 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.gradients.shapes import THICKNESS, Velocity, check_shape, thickness
+from dea_fenicsx.gradients.shapes import (
+    THICKNESS,
+    Velocity,
+    check_shape,
+    moved_nodes,
+    thickness,
+)
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.scene.prescribed import PreStretch
 from dea_fenicsx.support.agreement import together
@@ -98,8 +104,15 @@ Variable = Coefficients | Load | Shape
 
 
 @contextmanager
-def larger(one: Variable, step: float) -> Iterator[None]:
-    """Let a constant of a material be larger by a step."""
+def larger(problem: Problem, one: Variable, step: float) -> Iterator[None]:
+    """Let a constant of a material, or the shape, be larger by a step.  Collective.
+
+    A load is no part of the problem, but of a state.
+    """
+    if isinstance(one, Shape):
+        with moved_nodes(problem, one.velocity, step):
+            yield
+        return
     changes = one.changes if isinstance(one, Coefficients) else ()
     kept = [c.x.array.copy() for c, _, _ in changes]
     try:
@@ -111,8 +124,12 @@ def larger(one: Variable, step: float) -> Iterator[None]:
             coefficient.x.array[:] = values
 
 
-def variables(problem: Problem, to: Iterable[str | ShapeChange]) -> list[Variable]:
+def variables(
+    problem: Problem, to: Iterable[str | ShapeChange], replayed: bool = False
+) -> list[Variable]:
     """The variables of some names.  Collective.
+
+    Where a march is `replayed`, constants count that no form holds.
 
     Raises
     ------
@@ -121,7 +138,7 @@ def variables(problem: Problem, to: Iterable[str | ShapeChange]) -> list[Variabl
     """
     if isinstance(to, str | ShapeChange):
         to = [to]
-    found = [_variable(problem, one) for one in to]
+    found = [_variable(problem, one, replayed) for one in to]
     names = [one.name for one in found]
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"to= names {twice[0]!r} more than once; name each variable once.")
@@ -140,7 +157,7 @@ def names_of(problem: Problem) -> list[str]:
     ]
 
 
-def _variable(problem: Problem, told: str | ShapeChange) -> Variable:
+def _variable(problem: Problem, told: str | ShapeChange, replayed: bool) -> Variable:
     if isinstance(told, ShapeChange):
         check_declared(told)
         check_shape(problem, told.name)
@@ -161,6 +178,8 @@ def _variable(problem: Problem, told: str | ShapeChange) -> Variable:
     if first == PRESTRETCH:
         return _prestretch(problem, told, *rest.split(":"))
     coefficient = problem.parameters.coefficient(told)
+    if coefficient is None and replayed:
+        return Coefficients(told, (), problem.parameters[told])
     if coefficient is None:
         raise InputError(
             f"{told!r} has no derivative here, because the branch is solved for at each quadrature "

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 import ufl
 
-from dea_fenicsx.gradients.variables import Coefficients, Variable
+from dea_fenicsx.gradients.differences import fourth_order, small_step
+from dea_fenicsx.gradients.shapes import distortion
+from dea_fenicsx.gradients.variables import Coefficients, Shape, Variable, larger
 from dea_fenicsx.model.memory import INFINITE_STEP
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.viscous_history import (
@@ -175,5 +177,18 @@ class ViscousChanges:
         rates, faster = (
             span * each[..., None, None] for each in (self.rates(), self.rate_changes(one))
         )
+        if isinstance(one, Shape):
+            moved += self._by_shape(one)
         M = rates * C + combined(history)
         return unimodular_change(M, rates * moved + faster * C + change)
+
+    def _by_shape(self, one: Shape) -> np.ndarray:
+        """The change of C with a shape at fixed unknowns, shape (cells, points, 6).  Collective."""
+        problem = self.problem
+
+        def strains(step: float) -> np.ndarray:
+            with larger(problem, one, step):
+                return self.memory.strains()
+
+        step = small_step([(1.0, distortion(problem, one.velocity))])
+        return fourth_order(strains, step)

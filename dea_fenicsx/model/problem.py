@@ -225,11 +225,12 @@ class Problem:
     @contextmanager
     def at(self, state: State) -> Iterator[None]:
         """Try a state: within the block the problem is there, and then where it was before."""
-        before = self.state
+        before, since = self.state, self._since
         self.show(state)
         try:
             yield
         finally:
+            self._since = since
             self.show(before)
 
     def commit(self, state: State) -> None:

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.gradients.adjoint import Gradient, Gradients
+from dea_fenicsx.gradients.adjoint import Gradients
 from dea_fenicsx.gradients.changes import Recorded
 from dea_fenicsx.gradients.critical import critical_load, limit_row
 from dea_fenicsx.gradients.events import EVENTS, Asked, event_load, event_row
+from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.hessian import hessian_product
 from dea_fenicsx.gradients.past_checks import has_past
 from dea_fenicsx.gradients.through_time import at_step
@@ -218,7 +219,7 @@ class Run:
     def _recorded_step(self, row: int) -> Recorded:
         """The state of a row, and where on the path it lies."""
         state = self._states.of(row, len(self.history))
-        return Recorded(state, *self._states.item_of(row))
+        return Recorded(state, *self._states.item_of(row), str(self.history[row]["event"] or ""))
 
     def column(self, name: str) -> np.ndarray:
         """A column of the history as an array: numbers, NaN where there is none, or texts."""
