@@ -58,6 +58,8 @@ def main():
     told = ramped(driven, record)
 
     # 2. The same scene by arc length: over the maximum, and down the unstable branch to 0.4 of T.
+    #    With stability="every" the negative eigenvalues of the tangent are counted at each step, and
+    #    bifurcations are located: there the film can leave the uniform state.
     curve = dea.solve(
         driven,
         dea.Trace("voltage", until=("thickness_stretch", 0.4)),
@@ -65,12 +67,12 @@ def main():
         out=args.out,
         resume=args.resume,
         quiet=args.quiet,
+        stability="every",
         settings=parser.settings(args),
     )
     top = next(row for row in curve.history if row["event"] == "maximum")
 
-    # 3. A given charge, up to twice that at pull-in.  With stability="every" the eigenvalues of the
-    #    tangent are counted at each step, and what is passed on the way is located.
+    # 3. A given charge, up to twice that at pull-in.
     Q = 2 * exact.charge * T**2
     charged = dea.solve(
         scene(dea.ChargedElectrode("top", Q)),
