@@ -58,8 +58,8 @@ def main():
     told = ramped(driven, record)
 
     # 2. The same scene by arc length: over the maximum, and down the unstable branch to 0.4 of T.
-    #    With stability="every" the negative eigenvalues of the tangent are counted at each step, and
-    #    bifurcations are located: there the film can leave the uniform state.
+    #    With stability="every" the run counts the negative eigenvalues of the tangent at each step
+    #    and locates bifurcations: there the film can leave the uniform state.
     curve = dea.solve(
         driven,
         dea.Trace("voltage", until=("thickness_stretch", 0.4)),

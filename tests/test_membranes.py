@@ -314,7 +314,7 @@ def test_what_a_membrane_cannot_do_is_told(make, told):
 
 
 def check_picture_of_a_meridian(folder):
-    """It is the surface of revolution: its area on the undeformed ring, and the rim and the disc."""
+    """It is the surface of revolution: its undeformed area, and where the rim and the disc go."""
     skin = pytest.importorskip("dea_fenicsx.pictures.skin")
     found = skin.skin_of(folder, ["field_strength_MV_per_m"], ("r", "z", "hoop"), np.empty(0, int))
     corners = found.points[found.triangles]

@@ -256,11 +256,11 @@ class Tracer:
         before = self.sentinel.excess
         if self.sentinel.stability or before is None or count is None:
             return
-        if abs(count - before) == int(turns):
-            return
-        limits = "its limit point explains only one" if turns else "it has no limit point"
-        self.log(f"{self.item.what}: the number of negative eigenvalues changes from {before} to "
-                 f'{count} in this step; {limits}, and stability="every" looks for others')  # fmt: skip
+        if abs(count - before) != int(turns):
+            limits = "its limit point explains only one" if turns else "it has no limit point"
+            change = f"the number of negative eigenvalues changes from {before} to {count}"
+            told = f'{change} within this step; {limits}, and stability="every" looks for others'
+            self.log(f"{self.item.what}: {told}")
 
     # ------------------------------------------------------------------ between two points
 

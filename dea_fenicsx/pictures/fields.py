@@ -16,8 +16,8 @@ import numpy as np
 from dea_fenicsx.pictures.faces import Faces, edges_of, faces_of, normals, sharp
 from dea_fenicsx.pictures.pieces import lines_of, triangles_of
 from dea_fenicsx.pictures.raster import Canvas
-from dea_fenicsx.pictures.section import Section, section_of
 from dea_fenicsx.pictures.revolved import drawn
+from dea_fenicsx.pictures.section import Section, section_of
 from dea_fenicsx.pictures.stored import stored_step
 
 _GREY, _LINE, _RED = (0xB8, 0xB8, 0xB8), (0x40, 0x40, 0x40), (0xD6, 0x27, 0x28)
