@@ -45,7 +45,7 @@ def main():
     )  # fmt: skip
     sphere = HollowSphere(1.0, args.outer, layers=args.radial, cells=args.around)
     scene = dea.Scene(
-        dea.read_gmsh(sphere, MPI.COMM_WORLD),
+        dea.device(sphere, MPI.COMM_WORLD),
         {"wall": wall},
         supports=[dea.Fix("axis", "r"), dea.Fix("equator", "z")],
         loads=[dea.FollowerPressure("inner", 1.0)],

@@ -118,7 +118,7 @@ def scene(args):
                     notch=cells * k, wide=args.notch * WIDE, deep=args.notch * DEEP)  # fmt: skip
     unit = HEIGHT * float(np.sqrt(args.mu / (4.8 * EPSILON_0)))
     return dea.Scene(
-        dea.read_gmsh(layer, MPI.COMM_WORLD),
+        dea.device(layer, MPI.COMM_WORLD),
         {"layer": vhb(args.mu)},
         electrodes=[dea.Electrode("top", unit), dea.Ground("bottom")],
         supports=[dea.Clamp("bottom"), dea.Fix("x_min", "x"), dea.Fix("x_max", "x")],

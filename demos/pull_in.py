@@ -40,7 +40,7 @@ def main():
     comm = MPI.COMM_WORLD
     T = args.thickness
     film = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(eps_r=2.8))
-    device = dea.read_gmsh(BoxStack(T, T, [Layer("film", T)], divisions=(1, 1)), comm)
+    device = dea.device(BoxStack(T, T, [Layer("film", T)], divisions=(1, 1)), comm)
     exact = trace(Film(film, T)).event("pull-in")
     thickness = dea.MeanStretch(("bottom", "top"), "z")
     record = {"thickness_stretch": thickness, "charge": dea.Charge("top")}

@@ -43,7 +43,7 @@ def builder(volts):
 
     def build(comm, stretch, thickness, material):
         disc = MembraneDisc(RADIUS, ELECTRODE, thickness / 2, taper=EDGE, cells=(3, 2, 3))
-        device = dea.read_gmsh(disc, comm)
+        device = dea.device(disc, comm)
         film = dea.Material(MATERIALS[material], dea.IdealDielectric(4.7))
         edge = dea.Taper(ELECTRODE, ELECTRODE + EDGE)
         return dea.Scene(
