@@ -165,8 +165,8 @@ def row(step, event, count, own=1):
 def test_changes_of_the_count_are_listed():
     rows = [row(0, "", 0), row(1, "", 0, 0), row(2, "", 1), row(3, "maximum", 7), row(4, "", 2)]
     assert count_changes(rows) == [
-        {"from": 0, "to": 1, "after_step": 0, "step": 2, "located": False},
-        {"from": 1, "to": 2, "after_step": 2, "step": 4, "located": True},
+        {"from": 0, "to": 1, "after_step": 0, "step": 2, "limit_points": 0, "located": False},
+        {"from": 1, "to": 2, "after_step": 2, "step": 4, "limit_points": 1, "located": True},
     ]
 
 

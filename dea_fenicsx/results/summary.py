@@ -166,8 +166,8 @@ def unlocated(history: Sequence[Mapping[str, Any]]) -> str | None:
         explained = "limit point" if limits == 1 else f"{limits} limit points"
         return (
             f"{change}.  The {explained} there explain{'s' * (limits == 1)} a change by {limits}, "
-            'so a bifurcation lies there too, or the path has changed its branch; stability="every" '
-            "looks for it."
+            "so a bifurcation lies there too, or the path has changed its branch; "
+            'stability="every" looks for it.'
         )
     return (
         f"{change}, where nothing was located: there the path may have changed its branch; "
