@@ -67,9 +67,8 @@ def main():
         out=args.out,
         resume=args.resume,
         quiet=args.quiet,
-        stability="every",
-        settings=parser.settings(args),
-    )
+        stability="every", settings=parser.settings(args),
+    )  # fmt: skip
     top = next(row for row in curve.history if row["event"] == "maximum")
 
     # 3. A given charge, up to twice that at pull-in.
