@@ -2,8 +2,8 @@
 
 Each demo runs on one core, with the options of docs/gallery/runs.toml.  Its picture goes to
 docs/gallery/NAME.png.  The command, the seconds, the commit and the versions go to
-docs/gallery/results.json, and the site prints them beside the picture.  All demos take about a quarter
-of an hour on one core.
+docs/gallery/results.json, and the site prints them beside the picture.  All demos take about a
+quarter of an hour on one core.
 """
 
 from __future__ import annotations
