@@ -12,7 +12,7 @@
 # make api    pages of all public names from their docstrings, into build/api
 # make pictures  those of README and pages
 # make site   all pages as a web site with search and gallery, into build/site/html
-# make gallery  the pictures and run times of the gallery, by running all demos (25 minutes)
+# make gallery  the pictures and run times of the gallery, by running all demos (a quarter of an hour)
 # make docker the container image (docker/README.md)
 # make dist   source archive and wheel, checked, into dist/
 # make deb    the Debian package, built and tried in the image, into build/deb

@@ -64,7 +64,7 @@ def scene(args, volts):
     mesh = HollowSphere(A, B, args.part, args.layers, args.cells)
     half = args.part == "half"
     return dea.Scene(
-        dea.read_gmsh(mesh, MPI.COMM_WORLD),
+        dea.device(mesh, MPI.COMM_WORLD),
         {"wall": rubber(args)},
         electrodes=[dea.Electrode("inner", volts), dea.Ground("outer")],
         supports=[dea.Fix("axis", "r"), dea.Fix("equator", "z") if half else dea.FreeBody()],

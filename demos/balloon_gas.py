@@ -92,7 +92,7 @@ def unit_volts(args):
 def scene(args, **content):
     """The balloon with a cavity that holds something."""
     mesh = HollowSphere(args.radius, args.ratio * args.radius, args.part).refine(args.mesh)
-    device = dea.read_gmsh(mesh, MPI.COMM_WORLD)
+    device = dea.device(mesh, MPI.COMM_WORLD)
     supports = {
         "half": [dea.Fix("axis", "r"), dea.Fix("equator", "z")],
         "whole": [dea.Fix("axis", "r"), dea.FreeBody()],

@@ -37,7 +37,7 @@ def scene(args):
     sphere = HollowSphere(1.0, args.outer, layers=args.radial, cells=args.around)
     wall = dea.Material(dea.NeoHookean(1.0), dea.IdealDielectric(1 / EPSILON_0), density=1.0)
     return dea.Scene(
-        dea.read_gmsh(sphere, MPI.COMM_WORLD),
+        dea.device(sphere, MPI.COMM_WORLD),
         {"wall": wall},
         electrodes=[dea.Electrode("inner", args.voltage), dea.Ground("outer")],
         supports=[dea.Fix("axis", "r"), dea.Fix("equator", "z")],

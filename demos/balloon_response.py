@@ -11,6 +11,7 @@ Pa), rho = 1, A = 1.
 """
 
 import numpy as np
+from matplotlib.figure import Figure
 from mpi4py import MPI
 
 import dea_fenicsx as dea
@@ -29,11 +30,11 @@ def parse():
     return parser, parser.parse_args()
 
 
-def closed_form(args):
-    """Complex da/dP."""
-    i, B = 1j * args.omega * args.tau, args.outer
+def closed_form(args, omega):
+    """Complex da/dP at an angular frequency."""
+    i, B = 1j * omega * args.tau, args.outer
     modulus = 1 + args.branch * i / (1 + i)
-    return 1 / (4 * (1 - B**-3) * modulus - (1 - 1 / B) * args.omega**2)
+    return 1 / (4 * (1 - B**-3) * modulus - (1 - 1 / B) * omega**2)
 
 
 def main():
@@ -44,7 +45,7 @@ def main():
     )  # fmt: skip
     sphere = HollowSphere(1.0, args.outer, layers=args.radial, cells=args.around)
     scene = dea.Scene(
-        dea.read_gmsh(sphere, MPI.COMM_WORLD),
+        dea.device(sphere, MPI.COMM_WORLD),
         {"wall": wall},
         supports=[dea.Fix("axis", "r"), dea.Fix("equator", "z")],
         loads=[dea.FollowerPressure("inner", 1.0)],
@@ -55,22 +56,43 @@ def main():
         scene, dea.Ramp("load", to=0.0, steps=1, response="relaxed"), radius, out=args.out,
         resume=args.resume, quiet=args.quiet, settings=parser.settings(args),
     )  # fmt: skip
-    hertz = args.omega / (2 * np.pi)
-    found = dea.frequency_response(rest, [hertz], "load", radius)
-    exact = closed_form(args)
-    modulus, phase = found.modulus("radius_m")[0], found.phase_deg("radius_m")[0]
+    omegas = args.omega * np.geomspace(0.25, 4, 9)  # the one in the middle is that of --omega
+    found = dea.frequency_response(rest, omegas / (2 * np.pi), "load", radius)
+    exact = closed_form(args, args.omega)
+    modulus, phase = found.modulus("radius_m"), found.phase_deg("radius_m")
     rest.add(
-        modulus=float(modulus),
-        phase_deg=float(phase),
+        modulus=float(modulus[4]),
+        phase_deg=float(phase[4]),
         closed_form_modulus=float(abs(exact)),
         closed_form_phase_deg=float(np.degrees(np.angle(exact))),
     )
     if MPI.COMM_WORLD.rank == 0:
         found.write(rest.out / "response.csv")
+        draw(rest.out / "response.png", args, omegas, modulus, phase)
         if not args.quiet:
-            print(f"\nomega {args.omega:g}: modulus {modulus:.7f} (exact {abs(exact):.7f}), phase "
-                  f"{phase:.4f} degrees (exact {np.degrees(np.angle(exact)):.4f})")  # fmt: skip
-            print(f"results: {rest.out}/response.csv")
+            angle = np.degrees(np.angle(exact))
+            print(f"\nomega {args.omega:g}: modulus {modulus[4]:.7f} (exact {abs(exact):.7f}), "
+                  f"phase {phase[4]:.4f} degrees (exact {angle:.4f})")  # fmt: skip
+            print(f"results: {rest.out}/response.csv, {rest.out}/response.png")
+
+
+def draw(path, args, omegas, modulus, phase):
+    """Modulus and phase of the radius over the frequency, computed and exact."""
+    fine = np.geomspace(omegas[0], omegas[-1], 200)
+    exact = closed_form(args, fine)
+    figure = Figure(figsize=(6, 4.5), layout="constrained")
+    upper, lower = figure.subplots(2, sharex=True)
+    upper.semilogx(fine, abs(exact), "k-", label="exact")
+    upper.semilogx(omegas, modulus, "o", label="finite elements")
+    upper.set_ylabel("amplitude da/dP (-)")
+    upper.legend()
+    lower.semilogx(fine, np.degrees(np.unwrap(np.angle(exact))), "k-")
+    lower.semilogx(omegas, phase, "o")
+    lower.set_ylabel("phase (degrees)")
+    lower.set_xlabel("angular frequency in units of sqrt(mu/rho)/A")
+    lower.set_xticks(omegas[::2], [f"{omega:.3g}" for omega in omegas[::2]])
+    lower.set_xticks([], minor=True)
+    figure.savefig(path, dpi=150)
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ def scene(mesh):
         viscous=[dea.Maxwell(mu, tau) for mu, tau in BRANCHES],
     )  # fmt: skip
     return dea.Scene(
-        dea.read_gmsh(beam, MPI.COMM_WORLD),
+        dea.device(beam, MPI.COMM_WORLD),
         {"lower": rubber, "upper": rubber},
         electrodes=[
             dea.Electrode("top", VOLTS), dea.Ground("interface_1"), dea.Ground("bottom")

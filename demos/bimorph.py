@@ -97,7 +97,10 @@ def main():
         say(f"capacitance of a face {1e12 * s['capacitance_at_rest_F']:.4f} pF, on a half space "
             f"{1e12 * known:.4f} pF")  # fmt: skip
         dea.pictures.curve(run.out, "voltage_V", "tip_m")
-        dea.pictures.deformed(run.out, say=say)
+        # Displacements are enlarged by a power of ten, so that the plate is seen to bend.
+        length = args.fingers * (args.finger + args.gap) + args.gap
+        enlarged = 10.0 ** math.floor(math.log10(0.3 * length / max(abs(s["tip_m"]), 1e-12)))
+        dea.pictures.deformed(run.out, warp=enlarged, say=say)
 
 
 if __name__ == "__main__":

@@ -257,7 +257,7 @@ def scene(args):
     """The film; at a ramp factor of 1 the nominal field is sqrt(G/eps)."""
     unit = THICKNESS * float(np.sqrt(args.mu / (4.8 * EPSILON_0)))
     return dea.Scene(
-        dea.read_gmsh(film(args.mesh, args.imperfection), MPI.COMM_WORLD),
+        dea.device(film(args.mesh, args.imperfection), MPI.COMM_WORLD),
         {"film": vhb(args.mu, args.density or None)},
         electrodes=[dea.Electrode("electrode", unit), dea.Ground("bottom")],
         supports=[dea.Clamp("x_max"), dea.Clamp("y_max"),

@@ -43,7 +43,7 @@ def strip(args, slenderness, cells, layers):
     h = args.thickness
     mesh = BoxStack(slenderness * h, None, [Layer("strip", h, divisions=layers)],
                     divisions=cells, grading=2.0)  # fmt: skip
-    device = dea.read_gmsh(mesh, MPI.COMM_WORLD)
+    device = dea.device(mesh, MPI.COMM_WORLD)
     material = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(args.eps_r))
     return dea.Scene(
         device,

@@ -133,13 +133,22 @@ def main():
             f"--points is {args.points}, but must be at least {len(TRUE) + 1}: more than constants."
         )
     volts = np.linspace(args.volts / args.points, args.volts, args.points)
+
+    def tell(text):
+        if comm.rank == 0 and not args.quiet:
+            print(text, flush=True)
+
+    tell("computing what the true device does ...")
     values, errors = measured(args, volts, comm)
     alone, both = tests_of(args, volts, values, errors)
     parameters = [dea.Parameter(name, TRUE[name] if "eps" in name else args.start_mu,
                                 1.0 if "eps" in name else 1e3) for name in TRUE]  # fmt: skip
     template = material({p.name: p.start for p in parameters})
+    tell("fitting to the tip alone ...")
     first = dea.calibrate(alone, parameters, template)
+    tell("fitting to the tip, the capacitance and the blocked force ...")
     found = dea.calibrate(both, parameters, template)
+    tell("computing the scatter of devices as made ...\n")
     spread = scattered(args, found, comm)
     if comm.rank == 0:
         out = found.write(args.out)

@@ -54,7 +54,7 @@ def cone(args, thickness):
     volts = args.field * H * np.sqrt(args.mu / (3.0 * EPSILON_0))
     force = 2 * np.pi * args.force * args.mu * H * B
     scene = dea.Scene(
-        dea.read_gmsh(shape, MPI.COMM_WORLD),
+        dea.device(shape, MPI.COMM_WORLD),
         {"film": dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(3.0))},
         electrodes=electrodes(args, volts),
         supports=[dea.Clamp(ring), dea.Rigid(disc)],

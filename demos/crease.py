@@ -124,7 +124,7 @@ def scene(args):
         plane, cell = dea.Plane((0.0, 0.0), (1.0, 0.0)), args.notch * WIDE / (cells * k)
         supports.append(dea.Obstacle("top", plane, tolerance=cell / 2))
     return dea.Scene(
-        dea.read_gmsh(layer, MPI.COMM_WORLD),
+        dea.device(layer, MPI.COMM_WORLD),
         {"layer": vhb(args.mu)},
         electrodes=[dea.Electrode("top", unit), dea.Ground("bottom")],
         supports=supports,

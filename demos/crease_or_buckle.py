@@ -123,7 +123,7 @@ def volts(args, value):
 def scene(args, mesh, unit):
     """Film on base; at a ramp factor of 1 the voltage is `unit`."""
     return dea.Scene(
-        dea.read_gmsh(mesh, MPI.COMM_WORLD),
+        dea.device(mesh, MPI.COMM_WORLD),
         {
             "film": dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(EPS_R)),
             "base": dea.Material(dea.NeoHookean(args.ratio * args.mu)),

@@ -49,7 +49,7 @@ def membrane(args, viscous):
     half, ring = args.thickness / 2, args.electrode / 2
     cells = (2 * args.mesh, 2 * args.mesh, 3 * args.mesh)
     disc = MembraneDisc(args.radius, args.electrode, half, taper=ring, cells=cells, grading=2.0)
-    device = dea.read_gmsh(disc, MPI.COMM_WORLD)
+    device = dea.device(disc, MPI.COMM_WORLD)
     film = dea.Material(dea.ArrudaBoyce(args.mu, 5.99, form="pade"), dea.IdealDielectric(4.8),
                         viscous=viscous)  # fmt: skip
     edge = dea.Taper(args.electrode, args.electrode + ring)

@@ -58,7 +58,7 @@ def main():
     geometry = BoxStack(T, T, [Layer("film", T, divisions=2)], divisions=(2, 2))
     if not (np.isfinite(args.prestretch) and args.prestretch >= 1):
         raise dea.InputError(f"--prestretch is {args.prestretch}, but must be a number >= 1.")
-    device = dea.read_gmsh(geometry, comm)
+    device = dea.device(geometry, comm)
     scene(args, device, film)  # refuses bad constants before they enter the closed form
 
     force = mu * (args.prestretch - args.prestretch**-5)

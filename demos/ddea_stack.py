@@ -36,7 +36,7 @@ def column(args, comm):
     """The column as a section (r, z), with an ideal electrode on each face of each layer."""
     layers = [Layer("film", args.thickness) for _ in range(args.layers)]
     faces = ["bottom", *(f"interface_{k}" for k in range(1, args.layers)), "top"]
-    return dea.read_gmsh(BoxStack(args.radius, None, layers, divisions=2), comm), faces
+    return dea.device(BoxStack(args.radius, None, layers, divisions=2), comm), faces
 
 
 def scene(device, film, electrodes=(), loads=()):

@@ -74,7 +74,7 @@ class Hinge:
         shape = self.shape
         if width not in self.devices:
             made = DEAHinge(thin=shape.thin, thick=shape.thick, width=width, cells=(3, 2))
-            self.devices[width] = dea.read_gmsh(made if width else shape, MPI.COMM_WORLD)
+            self.devices[width] = dea.device(made if width else shape, MPI.COMM_WORLD)
         layers = [f"electrode_{k}" for k in range(1, shape.films + 2)]
         film = film or self.film
         materials = {"sheet": self.petg, "cover": self.cover}

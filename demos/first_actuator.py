@@ -37,7 +37,7 @@ def main():
     # 1. Geometry.  A flat strip, layers from the bottom up.  Each layer is a named region, and the
     #    surfaces have names: x_min, x_max, bottom, interface_1, top.
     strip = BoxStack(L, None, [Layer("passive", h), Layer("active", h)], divisions=args.cells)
-    device = dea.read_gmsh(strip, comm)
+    device = dea.device(strip, comm)
 
     # 2. Scene: which material where, electrodes, supports.  Plane strain: a wide strip, of which
     #    5 mm count for forces and charges.

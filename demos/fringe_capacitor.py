@@ -39,7 +39,7 @@ def main():
     # The lower disc is at 0 V and the charge of the upper one is given.  Since no flux leaves the
     # box, the lower disc has the opposite charge.
     scene = dea.Scene(
-        dea.read_gmsh(discs, comm),
+        dea.device(discs, comm),
         materials={"air": dea.Air()},
         electrodes=[dea.Ground("lower_disc"), dea.ChargedElectrode("upper_disc", charge)],
         kinematics=dea.Axisymmetric(),

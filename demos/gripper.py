@@ -39,7 +39,7 @@ def parse():
 def scene(args):
     """The finger along x; the cylinder lies below it."""
     layers = [Layer(name, args.thickness, args.mesh) for name in ("passive", "film")]
-    device = dea.read_gmsh(BoxStack(args.length, None, layers, (40 * args.mesh,)), MPI.COMM_WORLD)
+    device = dea.device(BoxStack(args.length, None, layers, (40 * args.mesh,)), MPI.COMM_WORLD)
     rubber = dea.NeoHookean(args.mu)
     cylinder = dea.Cylinder((args.at, -args.radius - args.gap), None, args.radius)
     return dea.Scene(

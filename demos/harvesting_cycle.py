@@ -44,7 +44,7 @@ def generator(args, film, volts):
     """One element of the film: its state is the same everywhere."""
     box = BoxStack(THICKNESS, THICKNESS, [Layer("film", THICKNESS)], divisions=(1, 1))
     return dea.Scene(
-        dea.read_gmsh(box, MPI.COMM_WORLD),
+        dea.device(box, MPI.COMM_WORLD),
         {"film": film},
         electrodes=[dea.Source("top", volts, closed=False), dea.Ground("bottom")],
         supports=[dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")],

@@ -64,7 +64,7 @@ def main():
     parser, args = parse()
     comm = MPI.COMM_WORLD
     geometry = HDEA(turns=args.turns, sectors=HALF, **MESHES[args.mesh])
-    device = dea.read_gmsh(geometry, comm)
+    device = dea.device(geometry, comm)
     scene = dea.Scene(
         device,
         materials(args),
@@ -133,7 +133,7 @@ def curvature(args, comm, run, kappa, young, say):
     for turns in (args.curvature - 1, args.curvature):
         geometry = HDEA(turns=turns, sectors=HALF, **MESHES[args.mesh])
         scene = dea.Scene(
-            dea.read_gmsh(geometry, comm),
+            dea.device(geometry, comm),
             materials(args),
             supports=[dea.Clamp("bottom")],
             loads=[dea.DeadPressure(f"electrode_{e}_active", p) for e in "ab"],

@@ -94,7 +94,7 @@ def main():
     parser, args = parse()
     comm = MPI.COMM_WORLD
     geometry = COARSE.refine(args.mesh)
-    device = dea.read_gmsh(geometry, comm)
+    device = dea.device(geometry, comm)
     path = [dea.Ramp("voltage", steps=args.steps)]
     if args.pull_in:
         path.append(dea.Trace("voltage", first=0.1, steps=60, until=("contraction", 0.4)))
@@ -293,7 +293,7 @@ def edges(args, comm, run, say):
     for edge in EDGES:
         for mesh in [2**k for k in range(8) if 2**k <= args.mesh]:
             geometry = COARSE.refine(mesh)
-            device = dea.read_gmsh(geometry, comm)
+            device = dea.device(geometry, comm)
             path = dea.Trace("voltage", first=0.2, steps=40, until=("c", 0.4), longest=1.0)
             try:
                 one = dea.solve(driven(args, device, geometry, 12e3, edge), path,

@@ -42,7 +42,7 @@ def ring(args, comm):
         )
     layer = Layer("film", args.thickness, divisions=args.through, grading=2.0)
     shape = BoxStack(width, None, [layer], divisions=args.radial, grading=8.0, x0=args.inner_radius)
-    return dea.read_gmsh(shape, comm)
+    return dea.device(shape, comm)
 
 
 def main():

@@ -103,7 +103,7 @@ def main():
         return
     flat = {} if args.cap is None else {"ends": "flat", "cap": args.cap}
     geometry = HDEA(turns=args.turns, **MESHES[args.mesh], **flat)
-    device = dea.read_gmsh(geometry, comm)
+    device = dea.device(geometry, comm)
     path = [dea.Ramp("voltage", steps=args.steps)]
     if args.reach:
         until = ("contraction", THESIS["contraction"])
@@ -218,7 +218,7 @@ def cell(args, comm, run, geometry, say):
     section = HelicalCell(grading=2.0, grading_rim=1.0, grading_through=1.0, **mesh)
     begin = time.perf_counter()
     alone = dea.solve(
-        driven(args, dea.read_gmsh(section, comm), kinematics=dea.Helical(section.pitch)),
+        driven(args, dea.device(section, comm), kinematics=dea.Helical(section.pitch)),
         dea.Ramp("voltage", steps=args.steps),
         record={"contraction": dea.OverallContraction(), "twist": dea.OverallTwist()},
         out=run.out / "cell",

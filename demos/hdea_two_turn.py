@@ -71,7 +71,7 @@ def main():
     parser, args = parse()
     comm = MPI.COMM_WORLD
     geometry = HDEA(turns=args.turns, **MESHES[args.mesh])
-    device = dea.read_gmsh(geometry, comm)
+    device = dea.device(geometry, comm)
     run = dea.solve(
         driven(args, device),
         dea.Ramp("voltage", steps=args.steps),
@@ -108,7 +108,7 @@ def main():
 def check_mesh(args, run, comm, say):
     """State the mesh error: the same ramp on the next coarser mesh, at half and full voltage."""
     say("\nthe same on a coarser mesh, to state the mesh error ...")
-    device = dea.read_gmsh(HDEA(turns=args.turns, **MESHES[args.mesh - 1]), comm)
+    device = dea.device(HDEA(turns=args.turns, **MESHES[args.mesh - 1]), comm)
     ramp = dea.Ramp("voltage", steps=max(args.steps // 3, 2), at=(0.5,))
     coarse = dea.solve(driven(args, device), ramp, record(), quiet=True, stability="never")
     found = {}
@@ -139,7 +139,7 @@ def trend(args, comm, run, say):
     rows = []
     say("\nturns  unknowns  given pressure  exact -0.8 (2n-1)/2n    full field   (strain E/p)")
     for turns in (1, 2, 4, 8):
-        device = dea.read_gmsh(HDEA(turns=turns, **MESHES[1]), comm)
+        device = dea.device(HDEA(turns=turns, **MESHES[1]), comm)
         pressed = dea.Scene(
             device,
             materials(args),

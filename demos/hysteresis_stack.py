@@ -50,7 +50,7 @@ def stack(args, film):
     faces = ["bottom", *(f"interface_{k}" for k in range(1, args.layers)), "top"]
     column = BoxStack(args.thickness, None, layers, divisions=1)
     scene = dea.Scene(
-        dea.read_gmsh(column, MPI.COMM_WORLD),
+        dea.device(column, MPI.COMM_WORLD),
         {"film": film},
         electrodes=[dea.Electrode(tuple(faces[1::2]), args.voltage), dea.Ground(tuple(faces[::2]))],
         supports=[dea.Fix("bottom", "z"), dea.Fix("x_min", "r")],

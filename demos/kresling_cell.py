@@ -141,7 +141,7 @@ def main():
         )
 
     def device(mesh):
-        return dea.read_gmsh(
+        return dea.device(
             KreslingCell(args.side, args.height, float(np.radians(args.twist)), args.thickness,
                          args.hinge, **MESHES[mesh], **GRADING), comm,
         )  # fmt: skip

@@ -42,7 +42,7 @@ def scene(args):
     mesh = BoxStack(args.radius, None, [Layer("film", args.thickness / args.stretch**2)],
                     divisions=args.cells, grading=4.0)  # fmt: skip
     return dea.Scene(
-        dea.read_gmsh(mesh, MPI.COMM_WORLD),
+        dea.device(mesh, MPI.COMM_WORLD),
         {"film": film},
         electrodes=[dea.Electrode("top", args.bias), dea.Ground("bottom")],
         supports=[dea.Fix("x_min", "r"), dea.Clamp("x_max")],

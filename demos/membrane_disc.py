@@ -46,7 +46,7 @@ def membrane(args, mesh, taper, field):
                         cells=(6 * mesh, 3 * mesh, 6 * mesh) if not args.solid else (3, 2, 4),
                         layers=mesh if not args.solid else 1, grading=4.0,
                         angular=8 * mesh if args.solid else 0)  # fmt: skip
-    device = dea.read_gmsh(disc, MPI.COMM_WORLD)
+    device = dea.device(disc, MPI.COMM_WORLD)
     elastic = dea.Gent(args.mu, args.jm)
     film = dea.Material(elastic, dea.IdealDielectric(args.eps_r))
     volts = args.thickness * np.sqrt(args.mu / (args.eps_r * EPSILON_0)) / 2

@@ -56,7 +56,7 @@ def scene(args, thickness):
     grading = max(1.0, min(0.25 * a / h, 40.0))
     disc = DiskStack(a, [Layer("film", h)], radial=args.radial, angular=args.angular,
                      grading=grading)  # fmt: skip
-    device = dea.read_gmsh(disc, MPI.COMM_WORLD)
+    device = dea.device(disc, MPI.COMM_WORLD)
     film = dea.Material(
         dea.NeoHookean(1.0), dea.IdealDielectric(eps_r=1 / EPSILON_0), density=1.0
     )

@@ -82,7 +82,7 @@ def closed_form(args, volts):
 def structure(args):
     """Half of the section, as a scene."""
     layers = [Layer("frame", args.frame), Layer("film", args.film)]
-    device = dea.read_gmsh(
+    device = dea.device(
         BoxStack(args.length / 2, None, layers, divisions=(args.cells,)), MPI.COMM_WORLD,
         surfaces={"root": dea.OnPlane("x", 0.0) & dea.InBox((0.0, 0.0), (0.0, args.frame))},
     )  # fmt: skip

@@ -46,7 +46,7 @@ def disc(args, comm, edge, volts=None):
     volts = args.volts if volts is None else volts
     n = args.mesh
     shape = MembraneDisc(args.radius, edge, args.thickness / 2, cells=(5 * n, 1, 5 * n))
-    device = dea.read_gmsh(shape, comm)
+    device = dea.device(shape, comm)
     rubber = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(args.eps_r))
     return dea.Scene(
         device, dict.fromkeys(device.regions, rubber),

@@ -37,11 +37,11 @@ def main():
     comm = MPI.COMM_WORLD
     # A .geo script names parts and surfaces itself (Physical Volume, Physical Surface).  It has no
     # unit of length: `unit` says that this one is in mm.
-    geo = dea.read_gmsh(DATA / "clover.geo", comm, unit=1e-3, size=args.size)
+    geo = dea.device(DATA / "clover.geo", comm, unit=1e-3, size=args.size)
     # A STEP file has its unit, and the names of solids at most.  `dea mesh` numbers the rest:
     # surface_5 is the lower face, surface_6 the upper one.
     names = {"bottom": "surface_5", "top": "surface_6", "edge": ["surface_1", "surface_2"]}
-    step = dea.read_gmsh(DATA / "clover.step", comm, size=args.size, names=names)
+    step = dea.device(DATA / "clover.step", comm, size=args.size, names=names)
 
     film = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(eps_r=2.8))
     runs = []

@@ -76,7 +76,7 @@ def main():
 
     # Finite elements with the same class, to 95 % of pull-in.
     scene = dea.Scene(
-        dea.read_gmsh(BoxStack(T, None, [Layer("film", T)], divisions=1), comm),
+        dea.device(BoxStack(T, None, [Layer("film", T)], divisions=1), comm),
         materials={"film": rubber},
         electrodes=[dea.Electrode("top", 0.95 * peak.voltage), dea.Ground("bottom")],
         supports=[dea.Fix("bottom", "z"), dea.Fix("x_min", "r")],

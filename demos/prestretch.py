@@ -40,7 +40,7 @@ def main():
     film = dea.Material(dea.NeoHookean(mu), dea.IdealDielectric(eps_r=2.8))
     # All lengths are those of the film before it is stretched.  A quarter of it is enough: x_min
     # and y_min are planes of symmetry.
-    device = dea.read_gmsh(BoxStack(5e-3, 5e-3, [Layer("film", T)], divisions=(2, 2)), comm)
+    device = dea.device(BoxStack(5e-3, 5e-3, [Layer("film", T)], divisions=(2, 2)), comm)
 
     def scene(volts, **held):
         return dea.Scene(

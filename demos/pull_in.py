@@ -40,7 +40,7 @@ def main():
     comm = MPI.COMM_WORLD
     T = args.thickness
     film = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(eps_r=2.8))
-    device = dea.read_gmsh(BoxStack(T, T, [Layer("film", T)], divisions=(1, 1)), comm)
+    device = dea.device(BoxStack(T, T, [Layer("film", T)], divisions=(1, 1)), comm)
     exact = trace(Film(film, T)).event("pull-in")
     thickness = dea.MeanStretch(("bottom", "top"), "z")
     record = {"thickness_stretch": thickness, "charge": dea.Charge("top")}
@@ -58,6 +58,8 @@ def main():
     told = ramped(driven, record)
 
     # 2. The same scene by arc length: over the maximum, and down the unstable branch to 0.4 of T.
+    #    With stability="every" the run counts the negative eigenvalues of the tangent at each step
+    #    and locates bifurcations: there the film can leave the uniform state.
     curve = dea.solve(
         driven,
         dea.Trace("voltage", until=("thickness_stretch", 0.4)),
@@ -65,12 +67,11 @@ def main():
         out=args.out,
         resume=args.resume,
         quiet=args.quiet,
-        settings=parser.settings(args),
-    )
+        stability="every", settings=parser.settings(args),
+    )  # fmt: skip
     top = next(row for row in curve.history if row["event"] == "maximum")
 
-    # 3. A given charge, up to twice that at pull-in.  With stability="every" the eigenvalues of the
-    #    tangent are counted at each step, and what is passed on the way is located.
+    # 3. A given charge, up to twice that at pull-in.
     Q = 2 * exact.charge * T**2
     charged = dea.solve(
         scene(dea.ChargedElectrode("top", Q)),

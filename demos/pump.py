@@ -49,7 +49,7 @@ def parse():
 def scene(args):
     """The film on its chamber; ramp factor 1 of "fill" is the state before the cycle."""
     disc = MembraneDisc(args.radius, 0.9 * args.radius, args.thickness, cells=(8, 1, 3), grading=2)
-    device = dea.read_gmsh(disc.refine(args.mesh), MPI.COMM_WORLD)
+    device = dea.device(disc.refine(args.mesh), MPI.COMM_WORLD)
     rubber = dea.Material(dea.Gent(args.mu, 80.0), dea.IdealDielectric(3.0))
     if args.content == "liquid":
         chamber = dea.Cavity("bottom", liquid=args.fill, ramp="fill")

@@ -38,7 +38,7 @@ def make(parser, args):
     film = dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(eps_r=2.8))
     block = BoxStack(2e-3, 1.5e-3, [Layer("film", 0.5e-3)], divisions=(2, 2))
     scene = dea.Scene(
-        dea.read_gmsh(block, MPI.COMM_WORLD),
+        dea.device(block, MPI.COMM_WORLD),
         materials={"film": film},
         electrodes=[dea.Electrode("top", args.voltage), dea.Ground("bottom")],
         supports=[dea.Clamp("bottom")],

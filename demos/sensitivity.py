@@ -47,7 +47,7 @@ def bender(args, comm, **changed):
     """The strip as a section, clamped at its left end."""
     at = {name: changed.get(name, getattr(args, name)) for name in VARIABLES}
     layers = [Layer("active", at["thickness"]), Layer("passive", at["passive_thickness"])]
-    device = dea.read_gmsh(BoxStack(args.length, None, layers, divisions=args.cells), comm)
+    device = dea.device(BoxStack(args.length, None, layers, divisions=args.cells), comm)
     film = dea.IdealDielectric(at["eps_r"])
     return dea.Scene(
         device,
@@ -72,7 +72,7 @@ def free_film(args, comm):
     V = 0.687 H sqrt(mu/eps), so that dV/dmu = V/(2 mu), dV/deps = -V/(2 eps) and dV/dH = V/H.
     """
     H, to = args.thickness, ["film.elastic.mu", "film.electric.eps_r", "thickness:film:z"]
-    device = dea.read_gmsh(BoxStack(1e-3, 1e-3, [Layer("film", H)], divisions=(1, 1)), comm)
+    device = dea.device(BoxStack(1e-3, 1e-3, [Layer("film", H)], divisions=(1, 1)), comm)
     unit = H * float(np.sqrt(args.mu / (args.eps_r * dea.materials.EPSILON_0)))
     scene = dea.Scene(
         device,

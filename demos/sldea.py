@@ -38,7 +38,7 @@ def main():
     layer = BoxStack(args.radius, None, [Layer("film", args.thickness)], divisions=4)
     top = max(THESIS)
     scene = dea.Scene(
-        dea.read_gmsh(layer, comm),
+        dea.device(layer, comm),
         {"film": film},
         supports=[dea.Fix("bottom", "z"), dea.Fix("x_min", "r")],
         loads=[dea.FollowerPressure("top", top)],

@@ -52,7 +52,7 @@ def scene(args, field):
     )
     mesh = BoxStack(1.0, 1.0, [Layer("film", THICKNESS)], divisions=1)
     return dea.Scene(
-        dea.read_gmsh(mesh, MPI.COMM_WORLD),
+        dea.device(mesh, MPI.COMM_WORLD),
         {"film": rubber},
         electrodes=[dea.Electrode("top", field * THICKNESS), dea.Ground("bottom")],
         supports=[dea.Fix("x_min", "x"), dea.Fix("y_min", "y"), dea.Fix("bottom", "z")],

@@ -56,7 +56,7 @@ def main():
     comm = MPI.COMM_WORLD
     T = args.thickness
     mesh = BoxStack(T, T, [Layer("film", T)], divisions=(1, 1))
-    device = dea.read_gmsh(mesh if args.mesh == "cell" else Tetrahedra(T), comm)
+    device = dea.device(mesh if args.mesh == "cell" else Tetrahedra(T), comm)
     film = dea.Material(dea.Gent(args.mu, args.jm), dea.IdealDielectric(args.eps_r))
     unit = T * np.sqrt(args.mu / (args.eps_r * EPSILON_0))
     scene = dea.Scene(

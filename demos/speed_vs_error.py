@@ -39,7 +39,7 @@ def cell(args, level, pitch, **elements):
     """One pitch of the cross-section; pitch 0 makes rings of it."""
     plate = dea.Material(dea.NeoHookean(args.mu), dea.Conductor())
     return dea.Scene(
-        dea.read_gmsh(COARSE.refine(level), MPI.COMM_WORLD),
+        dea.device(COARSE.refine(level), MPI.COMM_WORLD),
         {"elastomer": rubber(args), "electrode_a": plate, "electrode_b": plate},
         electrodes=[dea.Electrode("electrode_a", args.voltage), dea.Ground("electrode_b")],
         supports=[dea.FreeBody()],

@@ -42,7 +42,7 @@ def scene(args, springs=(), prescribed=()):
                      x0=lp * INNER * B)  # fmt: skip
     volts = args.field * H * np.sqrt(args.mu / (3.0 * EPSILON_0))
     return dea.Scene(
-        dea.read_gmsh(shape, MPI.COMM_WORLD),
+        dea.device(shape, MPI.COMM_WORLD),
         {"film": dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(3.0))},
         electrodes=[dea.Electrode("top", volts), dea.Ground("bottom")],
         supports=[dea.Clamp(RING), dea.Rigid(DISC), *springs],

@@ -142,7 +142,7 @@ def bare(args, model, case, width):
         volts = 0.95 * peak.voltage
     size = args.thickness / np.prod(stretches)
     cell = BoxStack(size, size, [Layer("film", size)])
-    scene = loaded(film, stretches, width, volts, dea.read_gmsh(cell, MPI.COMM_WORLD),
+    scene = loaded(film, stretches, width, volts, dea.device(cell, MPI.COMM_WORLD),
                    [dea.Fix("x_min", "x"), dea.Fix("bottom", "z")],
                    {"film": film.material})  # fmt: skip
     run = dea.solve(scene, [*tension_up(film, stretches), dea.Ramp("voltage", steps=8)], STRAINS,
@@ -174,7 +174,7 @@ def stiffened(args, out, settings):
     mylar = mylar_of(args, shape)
     volts = branch.at_stretch(stretches[0] * (1 + args.strain))[0].voltage
     # on a smooth table: a strip that lies off the middle cannot bend the film
-    scene = loaded(film, stretches, args.width, volts, dea.read_gmsh(shape, MPI.COMM_WORLD),
+    scene = loaded(film, stretches, args.width, volts, dea.device(shape, MPI.COMM_WORLD),
                    [dea.Fix("x_min", "x"), dea.Fix("bottom", "z")],
                    {"film": film.material, "stiffener": mylar})  # fmt: skip
     path = [*tension_up(film, stretches, together=True), dea.Ramp("voltage", steps=6)]
@@ -216,7 +216,7 @@ def section(args, volts, shape, eps_r=None, out=None, stiff=None, steps=6):
     film = dea.materials.get(f"vhb-thesis-{args.model}-2p125").elastic
     mylar = stiff or mylar_of(args, shape)
     scene = dea.Scene(
-        dea.read_gmsh(shape, MPI.COMM_WORLD),
+        dea.device(shape, MPI.COMM_WORLD),
         {"film": dea.Material(film, dea.IdealDielectric(eps_r or args.eps_r)),
          "stiffener": mylar},
         electrodes=[dea.Electrode("top", volts), dea.Ground("bottom")],

@@ -39,7 +39,7 @@ def strip(args):
         dea.NeoHookean(args.mu), dea.IdealDielectric(args.eps_r), density=args.density
     )
     scene = dea.Scene(
-        dea.read_gmsh(mesh, MPI.COMM_WORLD),
+        dea.device(mesh, MPI.COMM_WORLD),
         {"strip": material},
         electrodes=[dea.Electrode("top", field * h), dea.Ground("bottom")],
         supports=[dea.Clamp("x_min"), dea.Clamp("x_max")],

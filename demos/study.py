@@ -43,7 +43,7 @@ def builder(volts):
 
     def build(comm, stretch, thickness, material):
         disc = MembraneDisc(RADIUS, ELECTRODE, thickness / 2, taper=EDGE, cells=(3, 2, 3))
-        device = dea.read_gmsh(disc, comm)
+        device = dea.device(disc, comm)
         film = dea.Material(MATERIALS[material], dea.IdealDielectric(4.7))
         edge = dea.Taper(ELECTRODE, ELECTRODE + EDGE)
         return dea.Scene(
@@ -73,7 +73,7 @@ def main():
               "capacitance": dea.Capacitance("top_active")}  # fmt: skip
     path = [dea.Ramp("stretch", steps=3), dea.Ramp("voltage", steps=2)]
     begin = time.perf_counter()
-    found = dea.study(builder(args.volts), over, record, path, args.out, quiet=True)
+    found = dea.study(builder(args.volts), over, record, path, args.out, quiet=args.quiet)
     if comm.rank == 0:
         done = [row for row in found if row["status"] == "completed"]
         gains = {
@@ -92,8 +92,6 @@ def main():
         shutil.copy(Path(args.out, "table.csv"), Path(args.out, "history.csv"))
         Path(args.out, "summary.json").write_text(json.dumps(told, indent=1), "utf-8")
         if not args.quiet:
-            print(f"{len(found)} runs, {found.solved} of them solved now in "
-                  f"{told['wall_s']:.1f} s; {told['failed']} lost their equilibrium")  # fmt: skip
             print(f"largest gain of area {100 * gains[best]:.3g} % at {args.volts:g} V: "
                   f"{best[2]}, stretch {best[0]:g}, {best[1] * 1e3:.3g} mm")  # fmt: skip
             print(f"{args.out}/table.csv, {args.out}/study.png")

@@ -115,7 +115,7 @@ def solved(parser, args, film, unit, path):
     """The run to its pull-in, which ends it as an error: EquilibriumLost."""
     T = args.thickness
     cell = BoxStack(T, T, [Layer("film", T)], divisions=(1, 1))
-    device = dea.read_gmsh(cell if args.mesh == 1 else Tetrahedra(T), MPI.COMM_WORLD)
+    device = dea.device(cell if args.mesh == 1 else Tetrahedra(T), MPI.COMM_WORLD)
     scene = dea.Scene(
         device,
         {"film": film},

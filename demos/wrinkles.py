@@ -147,7 +147,7 @@ def scene(args, film, volts):
     half = film.L / 2, film.W / 2
     mesh = BoxStack(*half, [Layer("film", film.H)], divisions=tuple(args.cells))
     return dea.Scene(
-        dea.read_gmsh(mesh, MPI.COMM_WORLD),
+        dea.device(mesh, MPI.COMM_WORLD),
         {"film": dea.Material(dea.NeoHookean(film.mu), dea.IdealDielectric(args.eps_r))},
         electrodes=[dea.Electrode("top", volts), dea.Ground("bottom")],
         supports=[dea.Fix("x_min", "x"), dea.Fix("y_min", "y")],

@@ -41,7 +41,7 @@ def main():
     slack = h / lam**2 * np.sqrt(args.mu * (lam**2 - lam**-4) / (args.eps_r * EPSILON_0))
     along = {"x_min": "y", "y_min": "x", "x_max": "xy", "y_max": "xy"}
     scene = dea.Scene(
-        dea.read_gmsh(mesh, comm),
+        dea.device(mesh, comm),
         {"film": dea.Material(dea.NeoHookean(args.mu), dea.IdealDielectric(args.eps_r))},
         electrodes=[dea.Electrode("top", slack), dea.Ground("bottom")],
         supports=[dea.Fix("x_min", "x"), dea.Fix("y_min", "y")],

@@ -80,7 +80,7 @@ def make_scene(args, comm, volts):
     strip = BoxStack(LENGTH, None, layers, divisions=args.mesh, order=1)
     rubber = dea.NeoHookean(MU)
     return dea.Scene(
-        dea.read_gmsh(strip, comm),
+        dea.device(strip, comm),
         materials={
             "insulator": dea.Material(rubber, dea.IdealDielectric(EPS_R)),
             "gap": dea.Air(stiffness=args.stiffness),
@@ -121,7 +121,7 @@ def storey(args, rod, comm):
     rubber = dea.Material(dea.NeoHookean(RUBBER / 3))
     axis = dea.Cylinder((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), args.rod)
     return dea.Scene(
-        dea.read_gmsh(cell, comm),
+        dea.device(cell, comm),
         {"panel": petg, "side": rubber, "edge": rubber, "diagonal": rubber},
         supports=[dea.Clamp("bottom"), *([dea.Obstacle("inner", axis)] if rod else [])],
         prescribed=[dea.Displacement("top", "z", -args.stroke)],
@@ -265,7 +265,7 @@ def four_sides(args, meets, comm):
         *(sheets() if meets else [dea.Rigid(n, held="xyz", turns="") for n in names]),
     ]
     return dea.Scene(
-        dea.read_gmsh(cell, comm),
+        dea.device(cell, comm),
         {"panel": petg, "side": rubber, "edge": rubber, "diagonal": rubber}
         | dict.fromkeys(names, rubber),
         supports=supports,

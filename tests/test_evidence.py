@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
-from dea_fenicsx.results.summary import count_changes
+from dea_fenicsx.results.summary import count_changes, unlocated
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
@@ -165,8 +165,8 @@ def row(step, event, count, own=1):
 def test_changes_of_the_count_are_listed():
     rows = [row(0, "", 0), row(1, "", 0, 0), row(2, "", 1), row(3, "maximum", 7), row(4, "", 2)]
     assert count_changes(rows) == [
-        {"from": 0, "to": 1, "after_step": 0, "step": 2, "located": False},
-        {"from": 1, "to": 2, "after_step": 2, "step": 4, "located": True},
+        {"from": 0, "to": 1, "after_step": 0, "step": 2, "limit_points": 0, "located": False},
+        {"from": 1, "to": 2, "after_step": 2, "step": 4, "limit_points": 1, "located": True},
     ]
 
 
@@ -180,3 +180,17 @@ def test_loads_that_a_trace_does_not_pass_are_told(tmp_path):
     assert run.summary["message"] == words
     assert words in (tmp_path / "out" / "run.log").read_text()
     assert [e["voltage_V"] for e in run.summary["events"]] == pytest.approx([0.02 * 5e3])
+
+
+def test_a_limit_point_explains_one_of_three():
+    """The sentence names what was located, and what was not."""
+    told = [(0, ""), (0, "maximum"), (3, "")]
+    rows = [{"step": k, "inertia": count, "inertia_is_of_this_step": True, "event": event}
+            for k, (count, event) in enumerate(told)]  # fmt: skip
+    sentence = unlocated(rows)
+    assert "from 0 to 3 between steps 0 and 2.  The limit point there" in sentence
+    assert "nothing was located" not in sentence
+    rows[1]["event"] = ""
+    assert "where nothing was located" in unlocated([rows[0], rows[2]])
+    rows[1]["event"], rows[2]["inertia"] = "maximum", 1
+    assert unlocated(rows) is None

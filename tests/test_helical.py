@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from conftest import numbers_of_ranks
@@ -26,8 +28,10 @@ WHOLE = {"stretch": dea.OverallStretch(), "twist": dea.OverallTwist(), "force": 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
 
-def ring(cell=RING, volts=0.0, pitch=0.0, comm=MPI.COMM_SELF, **more):
+def ring(cell=RING, volts=0.0, pitch=0.0, comm=MPI.COMM_SELF, prestretched=None, **more):
     """A ring of film between ideal electrodes; all tests share its kernel."""
+    if prestretched is not None:
+        more["prescribed"] = [prestretched, *more.get("prescribed", [])]
     return dea.Scene(
         dea.read_gmsh(cell, comm),
         {"elastomer": dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(EPS_R))},
@@ -102,6 +106,41 @@ def test_torsion_and_extension_of_a_tube():
     u = FieldWriter(run.problem).node_fields()["displacement_m"]
     assert np.ptp(u[:, 1]) == pytest.approx((lam - 1) * RING.pitch, rel=0.02)
     assert np.ptp(u[:, 2]) > 0.9 * np.sin(k * RING.pitch) * RING.inner_radius
+
+
+def test_a_film_that_was_stretched_before():
+    """Left free it shrinks to its natural length, and under voltage it is the exact film.
+
+    L is the stretch along the field from the natural film on: (eps/mu) E^2 = 1/L - L^2.
+    """
+    path = [dea.Ramp("prestretch", steps=2), dea.Ramp("voltage", steps=2)]
+    for given, along in ({"z": 1.3}, 1.3), ({"r": 1.2}, 1.2**-2):
+        free = ring(volts=0.5 * UNIT, prestretched=dea.PreStretch("elastomer", **given))
+        run = dea.solve(free, path, WHOLE, quiet=True, stability="never")
+        lam, volts = run.column("stretch"), run.column("voltage_V") / UNIT
+        assert lam[2] == pytest.approx(1 / along, rel=1e-9)
+        total = lam[2:] * along
+        assert volts[2:] ** 2 == pytest.approx(lam[2:] ** 2 * (1 / total - total**2), abs=1e-9)
+
+
+def test_a_tube_that_was_stretched_before_it_is_twisted():
+    """Rivlin's tube of the test above: its mesh is longer here and has smaller radii.
+
+    The mesh is an affine image of the one there, and the errors are the same.
+    """
+    before, lam, k = 1.1, 1.2, 150.0
+    fine = RING.refine(2)
+    thin = dataclasses.replace(
+        fine, inner_radius=fine.inner_radius * before**-0.5,
+        outer_radius=fine.outer_radius * before**-0.5,
+    )  # fmt: skip
+    held = ring(thin, pitch=thin.pitch, prestretched=dea.PreStretch("elastomer", z=before),
+                prescribed=[dea.AxialStretch(lam / before), dea.Twist(k / before)])  # fmt: skip
+    path = [dea.Ramp(("prestretch", "stretch"), steps=2)]
+    run = dea.solve(held, path, WHOLE, quiet=True, stability="never")
+    exact = tube(lam, k, RING.inner_radius, RING.outer_radius)
+    assert run["force_N"] == pytest.approx(exact[0], rel=1.1e-5)
+    assert run["torque_N_m"] == pytest.approx(exact[1], rel=3e-5)
 
 
 def test_taylor_remainder_of_all_unknowns():

@@ -313,10 +313,29 @@ def test_what_a_membrane_cannot_do_is_told(make, told):
     assert len(str(error.value)) <= 400
 
 
+def check_picture_of_a_meridian(folder):
+    """It is the surface of revolution: its undeformed area, and where the rim and the disc go."""
+    skin = pytest.importorskip("dea_fenicsx.pictures.skin")
+    found = skin.skin_of(folder, ["field_strength_MV_per_m"], ("r", "z", "hoop"), np.empty(0, int))
+    corners = found.points[found.triangles]
+    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    radii = np.hypot(*found.points[:, :2].T)
+    ring = np.pi * (radii.max() ** 2 - radii.min() ** 2)
+    assert not found.flat and radii.max() / radii.min() > 2
+    chord = np.sin(2 * np.pi / 72) / (2 * np.pi / 72)  # of 72 sectors, cells of a polygon
+    assert np.linalg.norm(sides, axis=1).sum() / 2 == pytest.approx(ring * chord, rel=1e-9)
+    lift = found.moved[-1][:, 2]
+    assert lift[radii == radii.max()] == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(lift).max() == pytest.approx(np.abs(lift[radii < 1.01 * radii.min()]).min())
+    dea.pictures.deformed(folder)
+    assert (folder / "field_strength.png").stat().st_size > 10_000
+
+
 @pytest.mark.demo
 def test_the_cone_of_a_membrane(start, tmp_path):
     demo = ROOT / "demos" / "cone.py"
     done = start(demo, "--membrane", "--cells", 20, "--out", tmp_path, "--quiet", check=True)
     check_cone_of_a_membrane(tmp_path, done.stdout)
+    check_picture_of_a_meridian(tmp_path)
     both = start(demo, "--membrane", "--solid", "--out", tmp_path)
     assert both.returncode != 0 and "exclude each other" in both.stderr

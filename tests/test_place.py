@@ -151,6 +151,10 @@ def test_the_table_of_materials_has_a_head_and_a_legend(capsys):
     assert lines[0].split() == ["name", "model", "modulus", "eps_r", "mark", "for"]
     for mark in ("S", "M", "D"):
         assert any(line.startswith(f"  {mark}  ") for line in lines)
+    names = [line.split()[0] for line in lines if line.strip()]
+    corner = lines.index("Only for the benchmark of Park (2019), `dea table`:")
+    assert all("thesis" not in line.split()[0] for line in lines[:corner] if line.strip())
+    assert set(dea.materials.list()) <= set(names)
 
 
 @pytest.mark.parametrize(("name", "text", "told"), [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import tempfile
 
 import numpy as np
@@ -56,15 +57,19 @@ def check_rows(rows):
     assert {row["status"] for row in rows} == {"refused", "equilibrium lost", "completed"}
 
 
-def test_a_study_goes_on_after_an_error_of_the_script(tmp_path):
+def test_a_study_goes_on_after_an_error_of_the_script(tmp_path, capsys):
     FAULTS[:] = [2e5]
     with pytest.raises(RuntimeError):
         dea.study(build, OVER, RECORD, PATH, tmp_path, quiet=True)
     FAULTS.clear()
     assert len(list(tmp_path.glob("runs/*/row.json"))) == 1
-    found = dea.study(build, OVER, RECORD, PATH, tmp_path, quiet=True)
+    assert capsys.readouterr().out == ""
+    found = dea.study(build, OVER, RECORD, PATH, tmp_path)
     check_rows(found.rows)
     assert found.solved == 5
+    told = capsys.readouterr().out.splitlines()
+    assert len(told) == 5 + 1 and told[-1].startswith("study: 6 runs, 5 of them solved now in ")
+    assert any(re.fullmatch(r"run \d of 6: .*mu -1: refused, \d+\.\d s", line) for line in told)
     again = dea.study(build, OVER, RECORD, PATH, tmp_path, quiet=True)
     assert again.rows == found.rows and again.solved == 0
     assert np.isnan(found.column("thin")).sum() == 2

@@ -217,10 +217,10 @@ class Tracer:
         if self.sentinel.stability or before is None or count is None:
             return
         if abs(count - before) != int(turns):
-            self.log(
-                f"{self.item.what}: the number of negative eigenvalues changes from {before} to "
-                f"{count} within this step, and no limit point explains it"
-            )
+            limits = "its limit point explains only one" if turns else "it has no limit point"
+            change = f"the number of negative eigenvalues changes from {before} to {count}"
+            told = f'{change} within this step; {limits}, and stability="every" looks for others'
+            self.log(f"{self.item.what}: {told}")
 
     # ------------------------------------------------------------------ between two points
 

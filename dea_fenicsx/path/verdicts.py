@@ -151,8 +151,8 @@ def _advice(names: Sequence[str]) -> str:
     """What to do about a ramp that has come to a limit point."""
     trace = f'dea.Trace("{names[0]}")' if len(names) == 1 else "dea.Trace of one of its ramps"
     return (
-        f"  {trace} follows the branch on; Ramp(snap=True) lands where the device snaps to, "
-        'at_loss="motion" moves it.'
+        f"  Follow the branch with {trace}, or let the device snap with Ramp(snap=True) or "
+        'Ramp(at_loss="motion").'
     )
 
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dea_fenicsx.pictures.stored import Stored
-from dea_fenicsx.support.cell_types import BY_DEGREE, LINE
-from dea_fenicsx.support.errors import InputError
 
 MANY_FACES = 150_000
 """Faces beyond which only their corners are kept: a cell is then a few pixels wide."""
@@ -67,11 +65,6 @@ def faces_of(stored: Stored) -> Faces:
     """The outer faces of a device in space and those between regions; the cells of a flat one."""
     origin, regions = stored.origin, stored.regions
     corners, local = _local(stored)
-    if stored.cell.nodes == 2 or stored.cell.vtk == BY_DEGREE[2][LINE].vtk:
-        raise InputError(
-            "The run is that of a line, the meridian of a membrane, which has no face to be drawn; "
-            "open fields.xdmf in ParaView, or draw columns of history.csv."
-        )
     if stored.cell.flat:
         chosen = np.arange(stored.count)
         inner = np.zeros(stored.count, dtype=bool)

@@ -16,6 +16,7 @@ import numpy as np
 from dea_fenicsx.pictures.faces import Faces, edges_of, faces_of, normals, sharp
 from dea_fenicsx.pictures.pieces import lines_of, triangles_of
 from dea_fenicsx.pictures.raster import Canvas
+from dea_fenicsx.pictures.revolved import drawn
 from dea_fenicsx.pictures.section import Section, section_of
 from dea_fenicsx.pictures.stored import stored_step
 
@@ -66,7 +67,7 @@ class Body:
     """
 
     def __init__(self, folder: Path, field: str, step: int, axes: tuple[str, str, str]) -> None:
-        self._stored = stored_step(folder, step, field, axes)
+        self._stored = drawn(stored_step(folder, step, field, axes))
         self.time, self.flat = self._stored.time, self._stored.flat
         self.values, self.name, self.nodal = self._stored.values(field, axes)
 

@@ -80,9 +80,16 @@ function choose(select, names, labels, value) {
   select.value = value;
 }
 
+// A loop over single signs where a browser has no function of its own for it.
+function bytesOf(text) {
+  if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
+  const signs = atob(text), bytes = new Uint8Array(signs.length);
+  for (let k = 0; k < signs.length; k++) bytes[k] = signs.charCodeAt(k);
+  return bytes;
+}
+
 async function unpacked() {
-  const text = at("numbers").textContent.trim();
-  const bytes = Uint8Array.from(atob(text), sign => sign.charCodeAt(0));
+  const bytes = bytesOf(at("numbers").textContent.trim());
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
   const buffer = await new Response(stream).arrayBuffer();
   const found = new Map();
@@ -127,7 +134,7 @@ function moved(base, change, factor) {
 }
 
 // The least and the largest coordinates of all steps, with a little room; kept for each factor.
-const reached = new Map();
+const reached = new Map(data.device ? [[1, roomy(data.device.reach)]] : []);
 function reach(arrays, factor) {
   if (!reached.has(factor)) reached.set(factor, findReach(arrays, factor));
   return reached.get(factor);
@@ -143,19 +150,31 @@ function findReach(arrays, factor) {
       }
     });
   });
+  return roomy(ends);
+}
+
+function roomy(ends) {
   const room = .02 * Math.max(...ends.map(([low, high]) => high - low)) || 1;
   return ends.map(([low, high]) => [low - room, high + room]);
 }
 
 // The triangles all corners of which have a value, and the others, as three columns each.
 function parted(triangles, values) {
-  const parts = [[[], [], []], [[], [], []]];
-  for (let k = 0; k < triangles.length; k += 3) {
-    const corners = [triangles[k], triangles[k + 1], triangles[k + 2]];
-    const part = parts[corners.every(corner => Number.isFinite(values[corner])) ? 0 : 1];
-    corners.forEach((corner, j) => part[j].push(corner));
+  const size = triangles.length / 3, known = new Uint8Array(size);
+  let many = 0;
+  for (let k = 0; k < size; k++) {
+    known[k] = [0, 1, 2].every(j => Number.isFinite(values[triangles[3 * k + j]]));
+    many += known[k];
   }
-  return parts;
+  return [[1, many], [0, size - many]].map(([wanted, count]) => {
+    const columns = [0, 1, 2].map(() => new Int32Array(count));
+    for (let k = 0, place = 0; k < size; k++) {
+      if (known[k] !== wanted) continue;
+      for (let j = 0; j < 3; j++) columns[j][place] = triangles[3 * k + j];
+      place++;
+    }
+    return columns;
+  });
 }
 
 const COLOURS = ["#d62728", "#1f77b4", "#ff7f0e", "#9467bd", "#8c564b", "#e377c2"];
@@ -247,8 +266,8 @@ async function start() {
     for (const id of ["field", "warp", "electrodes"]) at(id).onchange = draw;
     await draw();
   }
-  drawCurve(row());
   document.body.dataset.ready = "yes";
+  setTimeout(() => drawCurve(row()));  // below the device, which is shown first
 }
 start();
 </script>

@@ -229,9 +229,12 @@ def _device(
         shown.append([name, label, float(low / unit), float(high / unit)])
         for k, values in enumerate(steps):
             put(f"{name}/{k}", values / unit)
+    places = np.array([skin.points + moved for moved in skin.moved]) * 1e3
+    reach = np.stack([places.min(axis=(0, 1)), places.max(axis=(0, 1))], axis=1).tolist()
     for k, (moved, line_moved) in enumerate(zip(skin.moved, skin.line_moved, strict=True)):
         put(f"moved/{k}", moved.T * 1e3)
         put(f"line_moved/{k}", line_moved.T * 1e3)
     rows = np.array(field_times(history))
     return {"flat": skin.flat, "steps": [int(np.abs(rows - t).argmin()) for t in skin.times],
-            "fields": shown, "electrodes": list(lines), "points": len(skin.points)}  # fmt: skip
+            "fields": shown, "electrodes": list(lines), "points": len(skin.points),
+            "reach": reach}  # fmt: skip

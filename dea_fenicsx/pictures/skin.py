@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from dea_fenicsx.pictures.faces import faces_of
+from dea_fenicsx.pictures.revolved import drawn
 from dea_fenicsx.pictures.stored import DISPLACEMENT, Stored, stored_step
 from dea_fenicsx.results.reading import frame_times
 from dea_fenicsx.results.reading_surfaces import Facets
@@ -74,7 +75,7 @@ def skin_of(
         Numbers of nodes in fields.xdmf whose places and displacements are wanted too.
     """
     first = DISPLACEMENT if not fields else fields[0]
-    last = stored_step(folder, -1, first, axes)
+    last = drawn(stored_step(folder, -1, first, axes))
     ids, triangles = _thinned(last)
     origin = last.origin
     where = wanted if origin is None else _first_of_each(origin)[wanted]
@@ -85,7 +86,7 @@ def skin_of(
     found = Skin(kept.of(last.points), triangles, last.flat, steps, [times[k] for k in steps],
                  lines=asked.of(last.points))  # fmt: skip
     for step in steps:
-        now = stored_step(folder, step, first, axes)
+        now = drawn(stored_step(folder, step, first, axes))
         found.moved.append(kept.of(now.displacements))
         found.line_moved.append(asked.of(now.displacements))
         for name in fields:

@@ -18,7 +18,7 @@ from dea_fenicsx.results.components import component
 from dea_fenicsx.results.reading import FIELDS, grid_element, grid_time
 from dea_fenicsx.results.surface_names import NODAL_DOCUMENT, ORIGIN
 from dea_fenicsx.results.untrusted import read_blocks, read_data, shape_of
-from dea_fenicsx.support.cell_types import BY_XDMF, WrittenCell
+from dea_fenicsx.support.cell_types import BY_XDMF, LINES, WrittenCell
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean
 
@@ -69,6 +69,11 @@ class Stored:
         self.count, self.size = cells[0], points[0]
         if not self.count or not self.size:
             raise self._damaged()
+
+    @property
+    def is_meridian(self) -> bool:
+        """Whether its cells are lines, the meridian of an axisymmetric membrane."""
+        return self.cell.xdmf in LINES
 
     @cached_property
     def flat(self) -> bool:

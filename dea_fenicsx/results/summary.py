@@ -73,9 +73,9 @@ def count_changes(history: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     -------
     list of dict
         For each change between two steps at which it was counted: ``from`` and ``to``, the two
-        numbers; ``after_step`` and ``step``, the two steps; ``located``, whether events between
-        them (limit points, of which each explains a change by one, a bifurcation or a snap)
-        explain it.
+        numbers; ``after_step`` and ``step``, the two steps; ``limit_points``, how many lie between
+        them; ``located``, whether events between them (limit points, of which each explains a
+        change by one, a bifurcation or a snap) explain it.
     """
     found: list[dict[str, Any]] = []
     before: Mapping[str, Any] | None = None
@@ -91,7 +91,7 @@ def count_changes(history: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             located = limits < len(passed) or abs(row["inertia"] - before["inertia"]) <= limits
             found.append({
                 "from": before["inertia"], "to": row["inertia"], "after_step": before["step"],
-                "step": row["step"], "located": located,
+                "step": row["step"], "limit_points": limits, "located": located,
             })  # fmt: skip
         before, passed = row, []
     return found
@@ -202,10 +202,20 @@ def unlocated(history: Sequence[Mapping[str, Any]]) -> str | None:
         return None
     first, others = passed[0], len(passed) - 1
     also = f" (and at {others} other place{'s' * (others > 1)})" if others else ""
-    return (
+    change = (
         f"The number of negative eigenvalues changes from {first['from']} to {first['to']} between "
-        f"steps {first['after_step']} and {first['step']}{also}, where nothing was located: there "
-        'the path may have changed its branch; stability="every" looks for the bifurcation.'
+        f"steps {first['after_step']} and {first['step']}{also}"
+    )
+    if limits := first["limit_points"]:
+        explained = "limit point" if limits == 1 else f"{limits} limit points"
+        return (
+            f"{change}.  The {explained} there explain{'s' * (limits == 1)} a change by {limits}, "
+            "so a bifurcation lies there too, or the path has changed its branch; "
+            'stability="every" looks for it.'
+        )
+    return (
+        f"{change}, where nothing was located: there the path may have changed its branch; "
+        'stability="every" looks for the bifurcation.'
     )
 
 

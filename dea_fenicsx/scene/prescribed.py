@@ -135,8 +135,8 @@ class PreStretch(InRegions, Prescribed):
     x, y, z
         Stretches along the axes.  One may be left out: it follows from constant volume.
     r
-        In an axisymmetric section in place of x and y: the stretch along the radius and around the
-        axis, which are alike.  One of r and z is given, the other follows.
+        In an axisymmetric section or a helical cell in place of x and y: the stretch along the
+        radius and around the axis, which are alike.  One of r and z is given, the other follows.
     """
 
     where: str | tuple[str, ...]
@@ -157,11 +157,6 @@ class PreStretch(InRegions, Prescribed):
         return a, b, c
 
     def check(self, scene: Setting) -> None:
-        if scene.kinematics.global_unknowns and not scene.kinematics.cartesian:
-            raise InputError(
-                "PreStretch is not available in a helical cell; bring the device to its stretch "
-                "with Stretch(...)."
-            )
         for name in self.names:
             known(name, scene.device.regions, "region")
             if scene.materials[name].bulk_modulus is not None:
@@ -194,15 +189,15 @@ class PreStretch(InRegions, Prescribed):
         """Raise InputError unless the stretches are along axes that the kinematics has."""
         if not round_section and self.r is not None:
             raise InputError(
-                f"The pre-stretch of {label!r} is along r, which is for an axisymmetric section; "
-                "give x, y and z, of which one may be left out."
+                f"The pre-stretch of {label!r} is along r, which is for an axisymmetric section or "
+                "a helical cell; give x, y and z, of which one may be left out."
             )
         if round_section and (
             (self.x, self.y) != (None, None) or (self.r is None) == (self.z is None)
         ):
             raise InputError(
-                f"The pre-stretch of {label!r} in an axisymmetric section needs one of r and z; x "
-                "and y are for three dimensions and plane strain only."
+                f"The pre-stretch of {label!r} needs one of r and z, because the device is round; "
+                "x and y are for three dimensions and plane strain only."
             )
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:

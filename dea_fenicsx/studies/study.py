@@ -194,7 +194,12 @@ def study(
     try:
         claims = Claims(folder, len(found), comm, group)
         started = time.perf_counter()
-        mine = [(k, *worker.row(k)) for k in claims]
+        mine = []
+        for k in claims:
+            row, new = worker.row(k)
+            mine.append((k, row, new))
+            if new and group.rank == 0 and not given["quiet"]:
+                print(f"run {k + 1} of {len(found)}: {_told(row, list(found[0]))}", flush=True)
         claims.close()
         rows = _gathered(comm, mine if group.rank == 0 else [])
         solved = sum(new for _, _, new in rows)
@@ -212,6 +217,14 @@ def study(
             f"{time.perf_counter() - started:.1f} s, {failed} not completed; {folder}/table.csv"
         )
     return Study(table, solved, folder)
+
+
+def _told(row: Mapping[str, Any], names: Sequence[str]) -> str:
+    """A run that has ended: its parameters, its status and its seconds."""
+    values = (row[name] for name in names)
+    told = (f"{v:.6g}" if isinstance(v, float) else str(v) for v in values)
+    point = ", ".join(f"{name} {value}" for name, value in zip(names, told, strict=True))
+    return f"{point}: {row['status']}, {row['seconds']:.1f} s"
 
 
 def _gathered(comm: Any, mine: list[Any]) -> list[Any]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dea_fenicsx.pictures.curves import STYLE, write_whole
+from dea_fenicsx.pictures.curves import STYLE, axis_label, write_whole
 from dea_fenicsx.support.files import replace_file
 
 MOST_LINES = 12
@@ -66,12 +66,18 @@ def _draw_column(
             continue
         label = ", ".join(f"{n} = {_short(row[n])}" for n in others)
         curves.setdefault(label, []).append((row[x], row[column]))
+    drawn = [*list(curves.values())[:MOST_LINES], failed]
+    text, unit = axis_label(column, max((abs(y) for part in drawn for _, y in part), default=0.0))
+
+    def scaled(part: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:
+        return list(zip(*((at, value / unit) for at, value in part), strict=True))
+
     for label, found in list(curves.items())[:MOST_LINES]:
-        axes.plot(*zip(*sorted(found), strict=True), "o-", ms=3, label=label or None)
+        axes.plot(*scaled(sorted(found)), "o-", ms=3, label=label or None)
     if failed:
-        axes.plot(*zip(*failed, strict=True), "kx", ms=5, label="not completed")
+        axes.plot(*scaled(failed), "kx", ms=5, label="not completed")
     axes.set_xlabel(x.replace("_", " "))
-    axes.set_ylabel(column.replace("_", " "))
+    axes.set_ylabel(text)
     if failed or (others and curves):
         axes.legend(fontsize=6.5)
 

@@ -214,6 +214,8 @@ def _words(hint: Any) -> str:
         many = origin is Sequence or (len(inner) == 2 and inner[1] is Ellipsis)
         kinds = list(dict.fromkeys(_words(one) for one in (inner[:1] if many else inner)))
         count = "" if many else f"{len(inner)} "
+        if len(kinds) == 1 and " or " not in kinds[0]:
+            return f"a tuple of {count}{kinds[0].removeprefix('a ').removeprefix('an ')}s"
         return f"a tuple of {count}({' and '.join(kinds)})"
     if origin is not None and issubclass(origin, Mapping):
         return f"a dictionary by {_words(inner[0]).removeprefix('a ')}"
