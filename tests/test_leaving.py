@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from conftest import on_demand
 from leaving_scenes import bent, column, on_all_ranks
 from mpi4py import MPI
 from test_branches import DEFLECTION, EULER, TRACE, H, strip
@@ -77,6 +78,7 @@ def test_any_step_of_a_kept_run_is_a_start(tmp_path):
         dea.solve(strip(), TRACE, start=dea.StoredStep(out, 99), quiet=True)
 
 
+@on_demand
 @pytest.mark.mpi
 def test_branches_on_three_ranks(on_ranks):
     here, there = on_all_ranks(MPI.COMM_SELF), on_ranks("leaving_scenes", "on_all_ranks", 3)
