@@ -337,7 +337,7 @@ CHECKS = DEVICE_CHECKS | {
     "buckling_strip.py": (check_buckling, []),
     "cone.py": (check_cone, ["--thickness", 0.02, "--cells", 12]),
     "gripper.py": (check_gripper, []),
-    "crease.py": (check_crease, ["--field", 1.1, "--tolerance", 1e-3]),
+    "crease.py": (check_crease, ["--field", 1.12, "--notch", 8, "--tolerance", 1e-3]),
     "crease_or_buckle.py": (check_bonded_film, []),
     "creep_disc.py": (check_creep, ["--tolerance", 2e-2, "--rest", 100]),
     "cube.py": (check_cube, []),
