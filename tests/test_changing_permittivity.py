@@ -48,8 +48,7 @@ def test_the_flux_through_a_curved_layer_is_uniform(law):
         assert lengths @ E == pytest.approx(volts, rel=1e-13)
         assert flux == pytest.approx(flux.mean() * np.ones(3), rel=1e-12)
     if law == "ln cosh":
-        with pytest.raises(dea.InputError, match="saturated"):
-            field.through(e, lengths, areas, 1e6)
+        assert np.isnan(field.through(e, lengths, areas, 1e6)).any()
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -85,14 +85,15 @@ class Device:
         """Local cells (owned and ghost) of a region."""
         return self.cells.find(self.regions[name])
 
-    @cached_property
+    @property
     def facets_by_surface(self) -> dict[str, np.ndarray]:
         """Local facets (owned and ghost) of each surface, sorted; do not change the arrays."""
-        found = {}
-        for name, tag in self.surfaces.items():
-            tags = (tag, *self.further.get(name, ()))
-            found[name] = np.sort(np.concatenate([self.facets.find(tag) for tag in tags]))
-        return found
+        tags = {name: (tag, *self.further.get(name, ())) for name, tag in self.surfaces.items()}
+        return {name: self._facets_by_tags[several] for name, several in tags.items()}
+
+    @cached_property
+    def _facets_by_tags(self) -> FacetsByTags:
+        return FacetsByTags(self.facets)
 
     def facets_of(self, name: str) -> np.ndarray:
         """Local facets (owned and ghost) of a surface, sorted; an array of the caller's own."""
@@ -101,6 +102,24 @@ class Device:
     def owned_cells(self) -> int:
         """Number of cells this rank owns."""
         return self.mesh.topology.index_map(self.dim).size_local
+
+
+class FacetsByTags(dict[tuple[int, ...], np.ndarray]):
+    """Sorted local facets by their tags, each found when it is asked for the first time.
+
+    Parameters
+    ----------
+    facets
+        The facet tags of a mesh.
+    """
+
+    def __init__(self, facets: Any) -> None:
+        super().__init__()
+        self._facets = facets
+
+    def __missing__(self, tags: tuple[int, ...]) -> np.ndarray:
+        found = self[tags] = np.sort(np.concatenate([self._facets.find(tag) for tag in tags]))
+        return found
 
 
 class _Told(NamedTuple):

@@ -113,20 +113,23 @@ def ending(
     """
     is_trace = isinstance(path[-1], Trace)
     status, message = _stability(history, is_trace)
-    where = None if is_trace else unstable_from(scene, history, path)
+    where = None if is_trace else unstable_from(scene, history, path, message)
     told = [sentence for sentence in (message, where) if sentence]
     return status, " ".join(told + loads_not_passed(scene, history, path))
 
 
 def unstable_from(
-    scene: Scene, history: Sequence[Mapping[str, Any]], path: Sequence[Item]
-) -> str | None:
+    scene: Scene, history: Sequence[Mapping[str, Any]], path: Sequence[Item],
+    told_before: str | None,
+) -> str | None:  # fmt: skip
     """A sentence on where a branch first becomes unstable along ramps, if it does.
 
     Parameters
     ----------
     scene, history, path
         As of `ending`.
+    told_before
+        The sentence before this one.  It may tell the same steps, if it is that of `unlocated`.
     """
     before: Mapping[str, Any] | None = None
     passed: Mapping[str, Any] | None = None
@@ -150,6 +153,8 @@ def unstable_from(
     if passed is not None:
         return f"Nothing rests on this branch from {told(passed)} (step {passed['step']}) on."
     if before is not None:
+        if told_before and f"{before['step']} and {row['step']}" in told_before:
+            return "Nothing rests on this branch from there on."
         return (
             f"Nothing rests on this branch from between {told(before)} (step {before['step']}) and "
             f"{told(row)} (step {row['step']}) on."

@@ -284,7 +284,7 @@ class _Session:
         """What an error that ends the path says of the stability before it."""
         found = [unlocated(journal.history)]
         if not any(isinstance(item, Trace) for item in self.path):
-            found.append(unstable_from(self.scene, journal.history, self.path))
+            found.append(unstable_from(self.scene, journal.history, self.path, found[0]))
         return [note for note in found if note]
 
     def _gap(self, item: int) -> float | None:
