@@ -109,7 +109,7 @@ def test_a_branch_at_a_small_angle_is_refused():
         electrodes=[dea.Electrode("inner", ball.limits(2e-3)[0].volts), dea.Ground("outer")],
         supports=[dea.Fix("equator", "z"), dea.Fix("axis", "r")], kinematics=dea.Axisymmetric(),
     )  # fmt: skip
-    path = dea.Trace("voltage", steps=100, until=("equator_m", 3e-3))
+    path = dea.Trace("voltage", steps=100, until=("equator_m", 3e-3), at_turn="follow")
     run = dea.solve(scene, path, INNER, quiet=True, stability="never")
     equator, pole = run.column("equator_m")[1:], run.column("pole_m")[1:]
     assert equator[-1] == pytest.approx(3e-3, rel=1e-6)

@@ -91,7 +91,7 @@ class Crossings:
     longest
         Longest step in units of arc; a step over a crossing may begin farther back.
     watch
-        Tells whether a step leaves the branch along a soft shape.
+        Tells whether a step leaves the branch along a soft shape; None if nobody asks for it.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Crossings:
         The last accepted points, the latest one at the end.
     """
 
-    def __init__(self, branch: Branch, longest: float, watch: SoftWatch) -> None:
+    def __init__(self, branch: Branch, longest: float, watch: SoftWatch | None) -> None:
         self.branch, self.longest, self.watch = branch, longest, watch
         self.forget()
 
@@ -107,8 +107,15 @@ class Crossings:
         """Begin anew, as on another branch."""
         self._anchors: list[tuple[Point, Point]] = []
         self._arc, self._short, self._next = 0.0, 0, 0.0
-        self.watch.forget()
+        if self.watch is not None:
+            self.watch.forget()
         self.trail: list[Point] = []
+
+    def advance(
+        self, here: Point, arc: float, before: Point | None
+    ) -> tuple[Attempt, Point | None]:
+        """As of `Branch.advance`; a watched step must not leave the branch.  Collective."""
+        return (self.watch or self.branch).advance(here, arc, before)
 
     def reached(self, point: Point, before: Point, arc: float) -> None:
         """Take note of an accepted point, of the one before it, and of the arc between the two."""
@@ -146,8 +153,8 @@ class Crossings:
                 if there is None:
                     continue
                 turn = branch.dot(anchor.direction, anchor.slope, there.direction, there.slope)
-                straight = turn > STRAIGHT and self.watch.stays(anchor, there, arc, before)
-                if straight and branch.is_smooth(anchor, there, arc):
+                stays = self.watch is None or self.watch.stays(anchor, there, arc, before)
+                if turn > STRAIGHT and stays and branch.is_smooth(anchor, there, arc):
                     return Passage(attempt, anchor, there, arc, done)
         return self._guided_passage(here)
 

@@ -316,7 +316,8 @@ def _check_trace(trace: Trace) -> None:
             f"The trace in {trace.what} needs a first step other than 0 (at most a million "
             "times the load), at least one step and a longest step > 0."
         )
-    one_of(trace.at_turn, TURNS, f"at_turn of the trace in {trace.what}")
+    if trace.at_turn is not None:
+        one_of(trace.at_turn, TURNS, f"at_turn of the trace in {trace.what}")
 
 
 def _check_leave(trace: Trace) -> None:

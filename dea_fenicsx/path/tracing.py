@@ -91,8 +91,9 @@ class Tracer:
         self.rates, now = {item.what: 1.0}, self.problem.factors[item.what]
         self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
         self.branch.precise = sentinel.stability
-        self.crossings = Crossings(self.branch, item.longest, SoftWatch(self.branch))
-        self.turns = Turns(self.branch, self.crossings, item.at_turn == "follow")
+        watch = SoftWatch(self.branch) if item.at_turn else None
+        self.crossings = Crossings(self.branch, item.longest, watch)
+        self.turns = Turns(self.branch, self.crossings, item.at_turn)
         self._cut = 1.0
         self._over: Passage | None = None
 
@@ -176,7 +177,7 @@ class Tracer:
                 over = self.crossings.passage(here)
             if over is not None:
                 return self._passed(over, retries)
-            attempt, there = self.crossings.watch.advance(here, arc, before)
+            attempt, there = self.crossings.advance(here, arc, before)
             outcome = attempt.outcome
             if there is not None:
                 count = self.sentinel.count(there.state)

@@ -26,6 +26,7 @@ from mpi4py import MPI
 from dea_fenicsx.path.arclength import Branch, Point
 from dea_fenicsx.path.crossing import MOST_POINTS_BACK, Crossings
 from dea_fenicsx.path.guiding import Guide
+from dea_fenicsx.path.items import Turn
 from dea_fenicsx.path.soft_shapes import SoftShapes
 
 TURN_ASIDE = "turn aside"
@@ -62,12 +63,12 @@ class Turns:
         The branch.
     crossings
         Goes straight on.
-    follows
-        Whether the trace follows a turn: then it is told once.
+    at_turn
+        What the trace does there.  A turn that it follows is told once; with None we do not look.
     """
 
-    def __init__(self, branch: Branch, crossings: Crossings, follows: bool) -> None:
-        self.branch, self.crossings, self.follows = branch, crossings, follows
+    def __init__(self, branch: Branch, crossings: Crossings, at_turn: Turn | None) -> None:
+        self.branch, self.crossings, self.at_turn = branch, crossings, at_turn
         self.forget()
 
     def forget(self) -> None:
@@ -87,7 +88,7 @@ class Turns:
         """
         self.crossings.reached(point, before, arc)
         self._quiet = max(0, self._quiet - 1)
-        if self._quiet or not self.branch.problem.forms.is_symmetric:
+        if not self.at_turn or self._quiet or not self.branch.problem.forms.is_symmetric:
             return None
         trail = self.crossings.trail
         begin = next((k for k, p in enumerate(trail) if p is self._first), 0)
@@ -103,7 +104,7 @@ class Turns:
         self._first = point
         if not stiffness or stiffness[1] / stiffness[0] < 0:
             return None
-        self._quiet = POINTS_OF_ONE_TURN if self.follows else 0
+        self._quiet = POINTS_OF_ONE_TURN if self.at_turn == "follow" else 0
         return here
 
     def _angle(self, first: Point, second: Point) -> float:
