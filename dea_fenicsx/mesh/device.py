@@ -15,6 +15,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.geometry._gmsh import quality
 from dea_fenicsx.mesh.cad import Names, lengths, name_the_body, open_file, read_names
+from dea_fenicsx.mesh.facets_by_tags import FacetsByTags
 from dea_fenicsx.mesh.foreign.model import checked
 from dea_fenicsx.mesh.foreign.options import gmsh_for, is_family
 from dea_fenicsx.mesh.named_by_place import Named, Where, check_wanted, named_by_place
@@ -102,24 +103,6 @@ class Device:
     def owned_cells(self) -> int:
         """Number of cells this rank owns."""
         return self.mesh.topology.index_map(self.dim).size_local
-
-
-class FacetsByTags(dict[tuple[int, ...], np.ndarray]):
-    """Sorted local facets by their tags, each found when it is asked for the first time.
-
-    Parameters
-    ----------
-    facets
-        The facet tags of a mesh.
-    """
-
-    def __init__(self, facets: Any) -> None:
-        super().__init__()
-        self._facets = facets
-
-    def __missing__(self, tags: tuple[int, ...]) -> np.ndarray:
-        found = self[tags] = np.sort(np.concatenate([self._facets.find(tag) for tag in tags]))
-        return found
 
 
 class _Told(NamedTuple):
