@@ -100,15 +100,21 @@ def test_the_round_branch_over_the_minimum_to_five_times_the_radius(tmp_path):
     assert not counted or counted[-1] == 0
 
 
-def test_a_branch_at_a_small_angle_is_refused():
-    """At 1.82 radii waves at the pole set in; a long step from there would end on their branch."""
-    wall = dea.Material(dea.NeoHookean(1e5), dea.IdealDielectric(4.0))
-    ball = exact.RoundBalloon(1e-3, 1.2e-3, wall)
+def half_sphere(rubber, outer, cells):
+    """The upper half of a thick sphere with its maximum voltage, and its exact states."""
+    wall = dea.Material(rubber, dea.IdealDielectric(4.0))
+    ball = exact.RoundBalloon(1e-3, outer, wall)
     scene = dea.Scene(
-        dea.read_gmsh(HollowSphere(1e-3, 1.2e-3, "half", 2, 8)), {"wall": wall},
+        dea.read_gmsh(HollowSphere(1e-3, outer, "half", *cells)), {"wall": wall},
         electrodes=[dea.Electrode("inner", ball.limits(2e-3)[0].volts), dea.Ground("outer")],
         supports=[dea.Fix("equator", "z"), dea.Fix("axis", "r")], kinematics=dea.Axisymmetric(),
     )  # fmt: skip
+    return scene, ball
+
+
+def test_a_branch_at_a_small_angle_is_refused():
+    """At 1.82 radii waves at the pole set in; a long step from there would end on their branch."""
+    scene, ball = half_sphere(dea.NeoHookean(1e5), 1.2e-3, (2, 8))
     path = dea.Trace("voltage", steps=100, until=("equator_m", 3e-3), at_turn="follow")
     run = dea.solve(scene, path, INNER, quiet=True, stability="never")
     equator, pole = run.column("equator_m")[1:], run.column("pole_m")[1:]
@@ -120,13 +126,7 @@ def test_a_branch_at_a_small_angle_is_refused():
 
 def coarse(at_turn):
     """A trace of a sphere whose 7 cells from pole to equator open its crossings widely."""
-    wall = dea.Material(dea.Gent(5e4, 50.0), dea.IdealDielectric(4.0))
-    ball = exact.RoundBalloon(1e-3, 1.48e-3, wall)
-    scene = dea.Scene(
-        dea.read_gmsh(HollowSphere(1e-3, 1.48e-3, "half", 3, 7)), {"wall": wall},
-        electrodes=[dea.Electrode("inner", ball.limits(2e-3)[0].volts), dea.Ground("outer")],
-        supports=[dea.Fix("equator", "z"), dea.Fix("axis", "r")], kinematics=dea.Axisymmetric(),
-    )  # fmt: skip
+    scene, _ = half_sphere(dea.Gent(5e4, 50.0), 1.48e-3, (3, 7))
     path = dea.Trace("voltage", steps=200, first=0.08, longest=0.69, until=("equator_m", 1.9e-3),
                      at_turn=at_turn)  # fmt: skip
     return dea.solve(scene, path, INNER, quiet=True, stability="never")

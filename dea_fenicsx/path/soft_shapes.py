@@ -39,6 +39,19 @@ SOFTER = 0.1
 """Shapes must be kept whose |m| is at most this share of the largest |m| among the carried ones."""
 
 
+def size(branch: Followed, motion: np.ndarray) -> float:
+    """Size of a motion in the free unknowns, in units of arc.  Collective."""
+    return float(np.sqrt(branch.dot(motion, 0.0, motion, 0.0)))
+
+
+def stiffness(branch: Followed, shapes: np.ndarray, point: Point) -> np.ndarray:
+    """C^T K C with the tangent K at a point, of shapes C of shape (n, k).  Collective."""
+    with branch.problem.at(point.state):
+        carried = [branch.solver.tangent.times(shape) for shape in shapes.T]
+    own = shapes.T @ np.stack(carried, axis=1)
+    return np.asarray(branch.problem.comm.allreduce(own, op=MPI.SUM))
+
+
 class SoftShapes:
     """The softest shapes at points of a branch.
 

@@ -16,12 +16,11 @@ cubic does not predict, is refused.  It is first tried again from a prediction w
 from __future__ import annotations
 
 import numpy as np
-from mpi4py import MPI
 
 from dea_fenicsx.path.arclength import Branch, Point
 from dea_fenicsx.path.cubic import Cubic
 from dea_fenicsx.path.guiding import Guide
-from dea_fenicsx.path.soft_shapes import SoftShapes
+from dea_fenicsx.path.soft_shapes import SoftShapes, size, stiffness
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
 WATCHED_SHAPES = 8
@@ -85,7 +84,8 @@ class SoftWatch:
 
     def _continues(self, here: Point, there: Point, arc: float, before: Point) -> bool:
         """As of `stays`, but costs little as long as the cubic is as good as before."""
-        missed = self._missed(here, there, arc, before)
+        motion = self._missed(here, there, arc, before)
+        missed = size(self.branch, motion)
         back = self.branch.advanced(here, before)
         fourth = missed / (arc * (arc - back)) ** 2  # a multiple of the fourth derivative
         if self._fourth is not None and fourth <= USUAL_GROWTH * self._fourth:
@@ -93,7 +93,7 @@ class SoftWatch:
             return True
         if missed <= LEAST_MISSED * arc:
             return True
-        if not self.stays(here, there, arc, before):
+        if not self._keeps_to(here, there, arc, before, motion):
             return False
         self._fourth = fourth
         return True
@@ -103,29 +103,33 @@ class SoftWatch:
 
         It moves little along the soft shapes, or the cubic predicts most of this motion.
         """
-        branch = self.branch
-        guess, _ = Cubic.through(branch, here, before).guess(arc)
-        missed = self._moved(guess.values, there)
-        if self._size(missed) <= LEAST_MISSED * arc:
+        missed = self._missed(here, there, arc, before)
+        if size(self.branch, missed) <= LEAST_MISSED * arc:
             return True
+        return self._keeps_to(here, there, arc, before, missed)
+
+    def _keeps_to(
+        self, here: Point, there: Point, arc: float, before: Point, missed: np.ndarray
+    ) -> bool:
+        """As of `stays`, for a motion beside the prediction that is not small.  Collective."""
         shapes = self._shapes(here, before)
         if shapes is None:
             return True
         if self._stay_stiff(shapes, here, there):
             return True
-        aside = self._size(shapes.part(self._moved(here.state.values, there)))
-        unpredicted = self._size(shapes.part(missed))
+        aside = size(self.branch, shapes.part(self._moved(here.state.values, there)))
+        unpredicted = size(self.branch, shapes.part(missed))
         few = max(LEAST_MISSED * arc, LEAST_UNPREDICTED * aside)
         return aside <= LEAST_ASIDE * arc or unpredicted <= few
 
-    def _missed(self, here: Point, there: Point, arc: float, before: Point) -> float:
-        """Size of the motion beside the prediction of the cubic."""
+    def _missed(self, here: Point, there: Point, arc: float, before: Point) -> np.ndarray:
+        """The motion beside the prediction of the cubic."""
         guess, _ = Cubic.through(self.branch, here, before).guess(arc)
-        return self._size(self._moved(guess.values, there))
+        return self._moved(guess.values, there)
 
     def _stay_stiff(self, shapes: Guide, here: Point, there: Point) -> bool:
         """Whether the stiffnesses of the soft shapes hardly change in a step.  Collective."""
-        first, last = (self._stiffness(shapes, point) for point in (here, there))
+        first, last = (stiffness(self.branch, shapes.shapes, point) for point in (here, there))
         try:
             changes = np.linalg.eigvals(np.linalg.solve(first, last))
         except np.linalg.LinAlgError:
@@ -133,17 +137,7 @@ class SoftWatch:
         least, most = LEAST_CHANGE
         return bool(np.all((changes.real > least) & (changes.real < most)))
 
-    def _stiffness(self, shapes: Guide, point: Point) -> np.ndarray:
-        """C^T K C with the tangent K at a point, shape (k, k).  Collective."""
-        problem, columns = self.branch.problem, shapes.shapes
-        with problem.at(point.state):
-            carried = [self.branch.solver.tangent.times(column) for column in columns.T]
-        own = columns.T @ np.stack(carried, axis=1)
-        return np.asarray(problem.comm.allreduce(own, op=MPI.SUM))
-
-    def _straight(
-        self, here: Point, arc: float, before: Point
-    ) -> tuple[Attempt, Point | None]:
+    def _straight(self, here: Point, arc: float, before: Point) -> tuple[Attempt, Point | None]:
         """The same step from a prediction that keeps the amplitudes of the soft shapes."""
         branch, shapes = self.branch, self._shapes(here, before)
         assert shapes is not None
@@ -164,6 +158,3 @@ class SoftWatch:
 
     def _moved(self, start: np.ndarray, there: Point) -> np.ndarray:
         return np.asarray((there.state.values - start)[self.branch.problem.free])
-
-    def _size(self, motion: np.ndarray) -> float:
-        return float(np.sqrt(self.branch.dot(motion, 0.0, motion, 0.0)))

@@ -27,7 +27,7 @@ from dea_fenicsx.path.arclength import Branch, Point
 from dea_fenicsx.path.crossing import MOST_POINTS_BACK, Crossings
 from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.items import Turn
-from dea_fenicsx.path.soft_shapes import SoftShapes
+from dea_fenicsx.path.soft_shapes import SoftShapes, size, stiffness
 
 TURN_ASIDE = "turn aside"
 """The event's name."""
@@ -125,7 +125,7 @@ class Turns:
             return None
         first, last = self._unit(here.direction), self._unit(point.direction)
         aside = guide.part(last - first)
-        if self._size(aside) < LEAST_SOFT_SHARE * self._size(last - first):
+        if size(self.branch, aside) < LEAST_SOFT_SHARE * size(self.branch, last - first):
             return None
         before, now = (self._stiffness(aside, p) for p in (back, here))
         way, ahead = -self.branch.advanced(here, back), self.branch.advanced(here, point)
@@ -143,14 +143,8 @@ class Turns:
         return abs(float(problem.comm.allreduce(motion @ load, op=MPI.SUM)))
 
     def _unit(self, motion: np.ndarray) -> np.ndarray:
-        return motion / self._size(motion)
-
-    def _size(self, motion: np.ndarray) -> float:
-        return float(np.sqrt(self.branch.dot(motion, 0.0, motion, 0.0)))
+        return motion / size(self.branch, motion)
 
     def _stiffness(self, shape: np.ndarray, point: Point) -> float:
         """The shape's stiffness w . K w at a point, per product of its motions.  Collective."""
-        problem = self.branch.problem
-        with problem.at(point.state):
-            force = self.branch.solver.tangent.times(shape)
-        return float(problem.comm.allreduce(shape @ force, op=MPI.SUM))
+        return float(stiffness(self.branch, shape[:, None], point)[0, 0])
