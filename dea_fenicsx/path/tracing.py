@@ -97,7 +97,9 @@ class Tracer:
         self._cut = 1.0
         self._over: Passage | None = None
 
-    def follow(self, arc: float, sign: float, passed: int = 0) -> Iterator[Traced]:
+    def follow(
+        self, arc: float, sign: float, passed: int = 0, earlier: State | None = None
+    ) -> Iterator[Traced]:
         """Yield the accepted points, one after another.
 
         Parameters
@@ -106,6 +108,9 @@ class Tracer:
             Length of the first step, and the sign of the load's change along it.
         passed
             Number of bifurcations that it has met before.
+        earlier
+            In a resumed run, the state of the point before, if the first step follows the cubic
+            through both.
 
         Raises
         ------
@@ -118,7 +123,7 @@ class Tracer:
         here = branch.point(self.problem.state, None, sign)
         if here is None:
             raise BranchLost(self.solver.trouble)
-        before: Point | None = None
+        before = None if earlier is None else branch.behind(earlier, here)
         exits = Exits(branch, item, passed)
         while True:
             step = self._step(here, arc, before)
@@ -154,7 +159,10 @@ class Tracer:
             self._cut = arc / usual  # a step that is short because the end is near tells nothing
             before, here = start, there
             if turn is None:
-                yield Traced(there.state, arc, float(np.sign(there.slope)), retries)
+                yield Traced(
+                    there.state, arc, float(np.sign(there.slope)), retries,
+                    earlier=(start.state,),
+                )  # fmt: skip
                 continue
             self.log(f"{item.what}: the branch turns aside; another one almost crosses it")
             yield Traced(there.state, arc, float(np.sign(there.slope)), retries, TURN_ASIDE)
