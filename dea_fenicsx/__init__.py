@@ -135,6 +135,7 @@ if TYPE_CHECKING:
     from dea_fenicsx.run.knocking_down import KnockDown, knock_down
     from dea_fenicsx.run.modes import Modes, modes
     from dea_fenicsx.run.parser import Parser
+    from dea_fenicsx.run.planning import Plan, plan
     from dea_fenicsx.run.session import solve
     from dea_fenicsx.scene.body_forces import BodyForce, Centrifugal, Gravity
     from dea_fenicsx.scene.cavity import Cavity
@@ -278,6 +279,7 @@ _HOME = {
     "run.deflating": ("Equilibrium", "deflate"),
     "run.imperfections": ("ModeShape", "RandomShape", "imperfect"),
     "run.knocking_down": ("KnockDown", "knock_down"),
+    "run.planning": ("Plan", "plan"),
     "run.modes": ("Modes", "modes"),
     "run.frequency_response": ("FrequencyResponse", "frequency_response"),
     "scene.scene": ("Scene",),

@@ -3,6 +3,7 @@
     dea doctor            is this machine set up, and if not, how to mend it
     dea demos [NAME]      the demos; copy one out to edit
     dea mesh FILE         the names in a .msh, .geo or STEP file
+    dea plan SCRIPT       what a run will take: unknowns, memory, time
     dea show RESULTS      curves and pictures of a run
     dea report RESULTS    a run as one HTML file
     dea export RESULTS    a run or a mesh in the files of others
@@ -29,7 +30,9 @@ from dea_fenicsx.support.files import clean
 
 __all__ = ["main"]
 
-COMMANDS = ("doctor", "demos", "mesh", "show", "report", "export", "compare", "table", "materials")
+COMMANDS = (
+    "doctor", "demos", "mesh", "plan", "show", "report", "export", "compare", "table", "materials",
+)  # fmt: skip
 
 
 class _Parser(argparse.ArgumentParser):

@@ -127,6 +127,13 @@ class LinearSolver:
         small = problem.unknowns <= MOST_UNKNOWNS_COUNTED[problem.mesh.topology.dim]
         return small and self._preferred is self._whole and problem.forms.is_symmetric
 
+    @property
+    def factor_kind(self) -> str:
+        """What is kept as the preconditioner, by its name in `NewtonOptions`."""
+        if self._preferred is self._whole:
+            return "whole"
+        return "split" if self._preferred is self._split else "single"
+
     def _splits(self) -> bool:
         """Whether the kept factor is a split one."""
         problem, choice = self.problem, self.options.factor

@@ -322,13 +322,18 @@ def create_vector(form: Any) -> Any:
     return dolfinx.fem.petsc.create_vector(form)
 
 
+def keeps_single() -> bool:
+    """Whether this PETSc (3.24 or later) can keep a factor of MUMPS in single precision."""
+    return bool(PETSc.Sys.getVersion() >= (3, 24))
+
+
 def set_precision(pc: Any, single: bool) -> None:
     """Let MUMPS keep this factor in single precision, where PETSc can (3.24), or in double.
 
     PETSc notes the prefix with the matrix, which two factors may share: so both kinds have one.
     """
     prefix = "dea_single_" if single else "dea_double_"
-    if single and PETSc.Sys.getVersion() >= (3, 24):
+    if single and keeps_single():
         PETSc.Options()[f"{prefix}pc_precision"] = "single"
     pc.setOptionsPrefix(prefix)
     pc.setFromOptions()
