@@ -83,6 +83,8 @@ class Gradients:
     ----------
     problem
         The problem.
+    lent
+        A solver of the problem that a run needs no more, whose factor serves again; or None.
 
     Attributes
     ----------
@@ -92,8 +94,8 @@ class Gradients:
         What goes over the steps of a march again, by the row to which it goes.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, lent: NewtonSolver | None = None) -> None:
+        self.problem, self._lent = problem, lent
         self.kept = KeptForms(problem)
         self._directions: dict[int, Any] = {}
         self._functionals: dict[tuple[int, frozenset[str]], tuple[Any, Functional | None]] = {}
@@ -102,9 +104,12 @@ class Gradients:
 
     @cached_property
     def solver(self) -> NewtonSolver:
-        """A solver of its own, so that the run's keeps its factor and its counts."""
+        """What solves: the lent solver in space, and a new one in the plane."""
         # A factor in single precision costs as much in the plane, and many more Krylov iterations.
+        # In space a factor costs as much as six Newton iterations, and so the last one is used on.
         plane = self.problem.mesh.topology.dim < 3
+        if self._lent and not plane:
+            return self._lent
         return NewtonSolver(self.problem, NewtonOptions(factor="whole" if plane else "auto"))
 
     def of_observable(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from dea_fenicsx.gradients.adjoint import Gradients
 from dea_fenicsx.gradients.changes import Recorded
@@ -26,6 +27,7 @@ from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
 from dea_fenicsx.results.kept_states import KeptStates
 from dea_fenicsx.results.tables import run_html
+from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import known
 
@@ -41,6 +43,8 @@ class Run:
         What summary.json holds.
     folder
         The results folder's writer, or None.
+    lent
+        The solver of the run, until another run begins; its factor serves for derivatives.
     """
 
     def __init__(
@@ -57,6 +61,7 @@ class Run:
         self._problem, self._recorded = problem, dict(recorded or {})
         self._failures = tuple(failures)
         self._states = KeptStates() if states is None else states
+        self.lent: NewtonSolver | None = None
 
     @property
     def problem(self) -> Problem:
@@ -116,7 +121,9 @@ class Run:
 
     @cached_property
     def _gradients(self) -> Gradients:
-        return Gradients(self._problem)
+        # A rank that has solved something alone since then has let its part of the solver go.
+        everywhere = self._problem.comm.allreduce(self.lent is not None, op=MPI.LAND)
+        return Gradients(self._problem, self.lent if everywhere else None)
 
     def sensitivity(self, name: str, to: Iterable[str | ShapeChange], step: int = -1) -> Gradient:
         """The derivatives of what was recorded at a step, or of a critical load.  Collective.
