@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import block, on_demand
@@ -9,6 +11,7 @@ from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx.results.kept_states import KeptStates
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 TIGHT = dea.NewtonOptions(tolerance=1e-12)
@@ -198,6 +201,27 @@ def test_differences_converge_to_the_derivative_of_a_march_gone_over_again(case)
         assert errors[0] / errors[1] == pytest.approx(4, rel=0.02)
     assert run.problem.parameters["film.elastic.mu"] == MU
     assert run["up_m"] == pytest.approx(found.value, rel=1e-12)
+
+
+@pytest.mark.parametrize("case", ["motion", "energy-conserving"])
+def test_states_that_memory_has_no_room_for_come_back_from_disk(case, monkeypatch):
+    if case in MARCHES:
+        time, how = MARCHES[case]
+        told, path = scene(MPI.COMM_SELF, time=time), march(time, **how | {"steps": 3})
+    else:
+        told = scene(MPI.COMM_SELF)
+        made, given = ONCE_MORE[case]
+        told, path = replace(told, materials={"film": made(MU, MPI.COMM_SELF)}), given()
+
+    def found():
+        run = dea.solve(told, path, RECORD, quiet=True, stability="never")
+        return run, run.sensitivity("up", ["film.elastic.mu"])
+
+    kept, due = found()
+    monkeypatch.setattr(KeptStates.__init__, "__defaults__", (1, 1))  # room for one state
+    run, told_again = found()
+    assert len(run._states._states) == 1 < len(kept._states._states) == len(run.history)
+    assert dict(told_again) == dict(due)
 
 
 # ------------------------------------------------------------------------------- what is refused
