@@ -169,6 +169,8 @@ FIELDS = {
         in_scene(dea.ChargedElectrode, "electrodes"), dict(where="top", coulombs=1e-12)),
     dea.Taper: (lambda **g: scene(electrodes=[dea.Electrode("top", 1.0, taper=dea.Taper(**g))]),
                 dict(start=0.0, end=1e-4, along="x")),
+    dea.Graded: (in_scene(dea.Graded, "supports"),
+                 dict(where="film", constant="elastic.mu", factor=lambda X: 1 + X[:, 0])),
     dea.Fix: (in_scene(dea.Fix, "supports"), dict(where="bottom", axes="x")),
     dea.Clamp: (in_scene(dea.Clamp, "supports"), dict(where="bottom")),
     dea.Stretch: (in_scene(dea.Stretch, "prescribed"), dict(where="top", axes="x", stretch=2.0)),

@@ -20,6 +20,9 @@ from dea_fenicsx.support.errors import InputError
 SATISFIED = 1e-6
 """By so much, relative to its bound, a constraint may be missed."""
 
+NOTHING = 1e-6
+"""An objective is nothing if it is smaller than this share of what all its derivatives add up to."""
+
 WORSE = 1.0
 """What a design that cannot be solved is worse than the one before, in units of the objective."""
 
@@ -117,7 +120,7 @@ class Descent:
         first = self._at(x)
         if first.failed:
             raise InputError(f"The first design could not be solved: {first.failed}")
-        self._size = abs(first.values[self.goal]) or 1.0
+        self._size = self._size_of(first)
         rooms = [
             (self._room(name, bound, side), self._room_slope(name, bound, side))
             for name, pair in self.bounds.items()
@@ -130,6 +133,12 @@ class Descent:
         except _Enough:
             converged, message = False, f"{self.chosen['most']} designs were solved"
         return self._told(converged, message)
+
+    def _size_of(self, first: Sample) -> float:
+        """The size of the objective; by symmetry the first design may have nothing of it."""
+        value = abs(first.values[self.goal])
+        slope = float(np.abs(self._scaled(first, self.goal, 1.0)).sum())
+        return (value if value > NOTHING * slope else slope) or 1.0
 
     def _by_slsqp(self, x: np.ndarray, rooms: list[Room]) -> tuple[bool, str]:
         """Search by a sequence of quadratic problems: whether it has ended by itself, and how."""

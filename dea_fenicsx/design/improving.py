@@ -181,7 +181,7 @@ def improve(
     free, fixed, start = _given(variables)
     runs = [analyses] if isinstance(analyses, Analysis) else list(analyses)
     wanted, bounds = goals(objective), limits(constraints or {})
-    _check_quantities(runs, wanted, bounds)
+    check_quantities(runs, wanted, bounds)
     if resume and out is None:
         raise InputError("A search can be resumed from a folder only; give out=.")
     facts = {
@@ -242,16 +242,17 @@ def _given(
     return free, fixed, start
 
 
-def _check_quantities(
-    runs: Sequence[Analysis], wanted: Mapping[str, str], bounds: Mapping[str, Any]
-) -> None:
+def check_quantities(
+    runs: Sequence[Analysis], wanted: Mapping[str, str], bounds: Mapping[str, Any],
+    others: Sequence[str] = (),
+) -> None:  # fmt: skip
     """Raise InputError for a quantity that no analysis gives, or that two give."""
     if len(wanted) != 1:
         raise InputError(
             f"There are {len(wanted)} objectives, but gradients lead to one optimum; name one "
             "objective and bound the others, or take dea.design.optimise for a front."
         )
-    names = [name for run in runs for name in run.names]
+    names = [*others, *(name for run in runs for name in run.names)]
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"Two analyses give {twice[0]!r}; give one of them another name.")
     for name in (*wanted, *bounds):

@@ -29,7 +29,7 @@ from dea_fenicsx.gradients.variables import (
     Coefficients,
     Load,
     Shape,
-    ShapeChange,
+    Told,
     Variable,
     larger,
     variables,
@@ -99,7 +99,7 @@ class Gradients:
         self.kept = KeptForms(problem)
         self._directions: dict[int, Any] = {}
         self._functionals: dict[tuple[int, frozenset[str]], tuple[Any, Functional | None]] = {}
-        self.walks: dict[tuple[str | ShapeChange, ...], Any] = {}
+        self.walks: dict[tuple[Told, ...], Any] = {}
         self.replays: dict[int, Any] = {}
 
     @cached_property
@@ -113,7 +113,7 @@ class Gradients:
         return NewtonSolver(self.problem, NewtonOptions(factor="whole" if plane else "auto"))
 
     def of_observable(
-        self, state: State, name: str, observable: Any, to: Iterable[str | ShapeChange]
+        self, state: State, name: str, observable: Any, to: Iterable[Told]
     ) -> Gradient:
         """The derivatives of an observable at an equilibrium.  Collective.
 

@@ -18,7 +18,7 @@ from dea_fenicsx.gradients.changes import Recorded
 from dea_fenicsx.gradients.differences import OBSERVABLE_STEP
 from dea_fenicsx.gradients.motion_changes import driven
 from dea_fenicsx.gradients.shapes import distortion, most
-from dea_fenicsx.gradients.variables import Load, Shape, ShapeChange, Variable, larger
+from dea_fenicsx.gradients.variables import Load, Shape, Told, Variable, larger
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.items import Item, March, Ramp
@@ -105,7 +105,7 @@ class Replay:
                 "two runs instead."
             )
         self._solver: NewtonSolver | None = None
-        self._reached: dict[tuple[str | ShapeChange, int], State] = {}
+        self._reached: dict[tuple[Told, int], State] = {}
         self.residual = self._checked()
 
     def _checked(self) -> float:
@@ -123,7 +123,7 @@ class Replay:
         return off
 
     def slope(
-        self, told: str | ShapeChange, one: Variable, measure: Callable[[], float],
+        self, told: Told, one: Variable, measure: Callable[[], float],
         anew: Callable[[], float] | None,
     ) -> float:  # fmt: skip
         """The derivative of an observable by a variable.  Collective.

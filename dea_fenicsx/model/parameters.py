@@ -11,10 +11,12 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.base import constants, is_compressible, parts
 from dea_fenicsx.materials.viscous import Branch, Maxwell
+from dea_fenicsx.model.cell_middles import PlaceFunction, at_middles
 from dea_fenicsx.model.flowing_branches import spherical_slope
 from dea_fenicsx.model.kernels import Kernel
 from dea_fenicsx.model.scales import Scales
@@ -160,6 +162,27 @@ class Parameters(MutableMapping[str, float]):
         self._device, self._scales = scene.device, scales
         self._kernels = {name: kernel for kernel in kernels for name in kernel.regions}
         self._handles = dict(self._all())
+        self._factors: dict[str, np.ndarray] = {}
+        for graded in scene.declared.graded:
+            for region in graded.regions:
+                self._grade(f"{region}.{graded.constant}", graded.factor)
+
+    def _grade(self, name: str, factor: PlaceFunction) -> None:
+        """Let a constant vary with the place.  Collective."""
+        handle = self._handle(name)
+        material = self.materials[handle.region]
+        if handle.part not in ("elastic", "electric") or is_compressible(material.elastic):
+            raise InputError(
+                f"The constant {name!r} cannot vary with the place; those of the dielectric can, "
+                "and those of the elastic model, unless it is one of a foam."
+            )
+        cells, what = self._device.cells_of(handle.region), f"The factor of {name!r}"
+        found = at_middles(self._device, cells, factor, what)
+        least = float(found.min(initial=np.inf))
+        if (least := self._device.comm.allreduce(least, op=MPI.MIN)) <= 0:
+            raise InputError(f"{what} is {least:g} somewhere, but must be above 0.")
+        self._factors[name] = self._factors.get(name, 1.0) * found
+        self._store(name, material)
 
     def _all(self) -> Iterator[tuple[str, _Handle]]:
         for region, material in self.materials.items():
@@ -184,7 +207,7 @@ class Parameters(MutableMapping[str, float]):
         if faults := material.faults():
             model = type(material.elastic).__name__
             raise InputError(f"Region {handle.region!r}, {model}: {faults[0]}.")
-        self._store(handle, material)
+        self._store(name, material)
         self.materials[handle.region] = material
 
     def __delitem__(self, name: str) -> None:
@@ -201,8 +224,8 @@ class Parameters(MutableMapping[str, float]):
 
         They are set together, as some of them make sense only together.
         """
-        for handle in self._handles.values():
-            self._store(handle, materials[handle.region])
+        for name, handle in self._handles.items():
+            self._store(name, materials[handle.region])
         self.materials = dict(materials)
 
     def values_in(self, materials: Mapping[str, Material]) -> dict[str, float]:
@@ -220,10 +243,11 @@ class Parameters(MutableMapping[str, float]):
         known(name, self._handles, "constant", "the problem")
         return self._handles[name]
 
-    def coefficient(self, name: str) -> tuple[Any, np.ndarray, float] | None:
+    def coefficient(self, name: str) -> tuple[Any, np.ndarray, Any] | None:
         """The coefficient of the forms that holds a constant, its cells, and its unit.
 
-        In these local cells the coefficient is the constant, in SI units, times the unit.  None for
+        In these local cells the coefficient is the constant, in SI units, times the unit, which
+        differs between cells where the constant varies with the place.  None for
         a constant of a branch that is solved for at each quadrature point.
         """
         handle = self._handle(name)
@@ -231,11 +255,7 @@ class Parameters(MutableMapping[str, float]):
         cells = self._device.cells_of(handle.region)
         if handle.part != "viscous":
             coefficient, _ = self._held(handle, material)
-            unit = {"": 1 / self._scales.stress}.get(handle.part, 1.0)
-            if handle.part == "electric":
-                kind = material.dielectric.constants[handle.name]
-                unit = self._scales.of_dielectric(1.0, kind)
-            return coefficient, cells, unit
+            return coefficient, cells, self.unit(name) * self._factors.get(name, 1.0)
         for branch in kernel.branches:
             if branch.place == handle.parts[1]:
                 return getattr(branch, handle.name), cells, 1.0
@@ -258,15 +278,24 @@ class Parameters(MutableMapping[str, float]):
             coefficient = coefficient[handle.place]
         return coefficient, handle.read(material)
 
-    def _store(self, handle: _Handle, material: Material) -> None:
+    def unit(self, name: str) -> float:
+        """What a constant in SI units is multiplied by in the coefficient of the forms."""
+        handle = self._handle(name)
+        if handle.part == "electric":
+            kind = self.materials[handle.region].dielectric.constants[handle.name]
+            return float(self._scales.of_dielectric(1.0, kind))
+        return 1.0 if handle.part else 1 / self._scales.stress
+
+    def _store(self, name: str, material: Material) -> None:
         """Put a constant into the coefficient that holds it, in the cells of its region."""
+        handle = self._handles[name]
         if handle.part == "viscous":
             self._store_viscous(handle, material)
             return
         coefficient, value = self._held(handle, material)
         cells: np.ndarray = self._device.cells_of(handle.region)
         assert coefficient is not None
-        coefficient.x.array[cells] = value
+        coefficient.x.array[cells] = value * self._factors.get(name, 1.0)
 
     def _store_viscous(self, handle: _Handle, material: Material) -> None:
         """Put a constant of a viscous branch where it is needed.

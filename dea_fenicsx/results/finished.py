@@ -19,7 +19,7 @@ from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.hessian import hessian_product
 from dea_fenicsx.gradients.past_checks import has_past
 from dea_fenicsx.gradients.through_time import at_step
-from dea_fenicsx.gradients.variables import ShapeChange
+from dea_fenicsx.gradients.variables import Told
 from dea_fenicsx.measure.failures import FailureMode
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.columns import check_added
@@ -125,7 +125,7 @@ class Run:
         everywhere = self._problem.comm.allreduce(self.lent is not None, op=MPI.LAND)
         return Gradients(self._problem, self.lent if everywhere else None)
 
-    def sensitivity(self, name: str, to: Iterable[str | ShapeChange], step: int = -1) -> Gradient:
+    def sensitivity(self, name: str, to: Iterable[Told], step: int = -1) -> Gradient:
         """The derivatives of what was recorded at a step, or of a critical load.  Collective.
 
         Parameters
@@ -150,6 +150,8 @@ class Run:
                 layer is thinnest; ``"thickness:film:x"`` names another one.
             a `ShapeChange`
                 Any other change of the undeformed shape, by the velocity of its points.
+            a `ConstantChange`
+                A change of constants that varies with the place.
         step
             The row of the history; the last one by default.  At a step of a march the lengths of
             all steps are held, and a load is derived by its value at factor 1, so that the whole
@@ -190,7 +192,7 @@ class Run:
         return self._gradients.of_observable(state, name, self._recorded[name], to)
 
     def hessian_product(
-        self, name: str, to: Iterable[str | ShapeChange], along: Mapping[str, float],
+        self, name: str, to: Iterable[Told], along: Mapping[str, float],
         step: int = -1,
     ) -> Gradient:  # fmt: skip
         """The second derivatives of what was recorded, along a direction.  Collective.

@@ -100,7 +100,7 @@ class OnDisk:
         """Write the state of a row."""
         try:
             if self._file is None:
-                self._file = tempfile.TemporaryFile(prefix="dea_fenicsx_states_")
+                self._file = tempfile.TemporaryFile(prefix="dea_fenicsx_")  # noqa: SIM115
             place = self._file.seek(0, os.SEEK_END)
             _Pickler(self._file, pickle.HIGHEST_PROTOCOL).dump(state)
             self._file.flush()
