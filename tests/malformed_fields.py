@@ -398,6 +398,9 @@ FIELDS = {
     dea.ShapeChange: (
         lambda **g: derived().sensitivity("up", [dea.ShapeChange(**g)]),
         dict(name="height", velocity=lambda X: 0 * X)),
+    dea.ConstantChange: (
+        lambda **g: derived().sensitivity("up", [dea.ConstantChange(**g)]),
+        dict(name="softer", rates={"film.elastic.mu": lambda X: 1 - X[:, 0]})),
     geometry.Layer: (geometry.Layer, dict(name="film", thickness=1e-3)),
     geometry.BoxStack: (BoxStack, dict(length=1e-3, width=1e-3, layers=[Layer("film", 1e-3)])),
     geometry.DiskStack: (geometry.DiskStack, dict(radius=1e-2, layers=[Layer("film", 1e-3)])),

@@ -86,7 +86,7 @@ STROKE = Analysis(
     {"stroke": dea.Expression(mark, unit="m")},
     [dea.Ramp("prestretch", steps=1), dea.Ramp("voltage", steps=1)], {"stability": "never"},
 )  # fmt: skip
-ELECTRODE = Density(REGIONS, {"electric.eps_r": (1e-4, 1.0)}, 3e-3, "r")
+ELECTRODE = Density(REGIONS, {"electric.eps_r": (1e-4, 1.0)}, 3e-3, "r", sharpness=(4.0, 64.0))
 
 
 def rates(comm, p=0.0):
@@ -160,8 +160,7 @@ def test_an_electrode_finds_its_edge(method, tmp_path):
     def search(**more):
         return distribute(
             disc, ELECTRODE, {"stroke": "max"}, STROKE, {"filled": (None, 0.5)}, method=method,
-            sharpness=(4.0, 64.0), most=20, tolerance=1e-5, out=tmp_path, quiet=True,
-            comm=MPI.COMM_SELF, **more,
+            most=20, tolerance=1e-5, out=tmp_path, quiet=True, comm=MPI.COMM_SELF, **more,
         )  # fmt: skip
 
     found = search()
@@ -179,7 +178,9 @@ def test_an_electrode_finds_its_edge(method, tmp_path):
     ({"density": replace(ELECTRODE, axes="x")}, "must do so along some of r, z"),
     ({"density": replace(ELECTRODE, constants={"electric.eps_r": (0.0, 1.0)})}, "numbers above 0"),
     ({"density": replace(ELECTRODE, where="activ")}, "did you mean 'active'"),
-    ({"start": 2.0}, "must lie between 0 and 1"),
+    ({"density": replace(ELECTRODE, start=2.0)}, "must be 0 to 1"),
+    ({"density": replace(ELECTRODE, sharpness=())}, "one or more numbers > 0"),
+    ({"density": replace(ELECTRODE, constants={"elastic.m": (1.0, 2.0)})}, "has no constant"),
     ({"objective": {"strok": "max"}}, "did you mean 'stroke'"),
     ({"method": "MMB"}, "no method 'MMB'"),
     ({"method": "MMA"}, "pip install nlopt"),

@@ -26,7 +26,7 @@ from scipy import sparse
 from scipy.spatial import cKDTree
 
 from dea_fenicsx.gradients.variables import ConstantChange
-from dea_fenicsx.model.cell_middles import middles
+from dea_fenicsx.mesh.cell_middles import middles
 from dea_fenicsx.scene.graded import Graded
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support import compat
@@ -34,7 +34,7 @@ from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
 from dea_fenicsx.support.units import in_si
-from dea_fenicsx.support.validation import known, positive
+from dea_fenicsx.support.validation import finite, known, positive
 
 SAME_PLACE = 1e-6
 """Distance, relative to the size of the regions, within which cells lie above one another."""
@@ -60,6 +60,10 @@ class Density:
         Cells that differ along others only are filled alike.
     penalty
         The exponent p, at least 1.  With a larger one half-filled places pay less.
+    start
+        The variables of the first design, from 0 to 1.
+    sharpness
+        The sharpness b in searches one after another; each begins where the one before has ended.
     """
 
     where: str | tuple[str, ...]
@@ -67,6 +71,8 @@ class Density:
     length: float
     axes: str = ""
     penalty: float = 1.0
+    start: float = 0.5
+    sharpness: tuple[float, ...] = (1.0, 4.0, 16.0, 64.0)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -83,6 +89,11 @@ class Density:
             raise InputError("A Density names no region or no constant; give it at least one each.")
         if not 1 <= self.penalty <= 10:
             raise InputError(f"The penalty of a Density is {self.penalty:g}, but must be 1 to 10.")
+        finite(self.start, "The start of a Density")
+        if not 0 <= self.start <= 1:
+            raise InputError(f"The start of a Density is {self.start:g}, but must be 0 to 1.")
+        for sharpness in self.sharpness or (0.0,):
+            positive(sharpness, "The sharpness of a Density", "one or more numbers > 0")
         for name, pair in self.constants.items():
             if min(pair) <= 0 or pair[0] == pair[1] or not np.isfinite(pair).all():
                 raise InputError(
@@ -118,6 +129,10 @@ class Layout:
     def __init__(self, density: Density, scene: Scene) -> None:
         density.check(scene)
         self.density, device = density, scene.device
+        self._full = {
+            (region, name): (high - low) * _value(scene, region, name)
+            for name, (low, high) in density.constants.items() for region in density.names
+        }  # fmt: skip
         names = scene.kinematics.coordinates
         self._columns = [names.index(axis) for axis in (density.axes or names)]
         cells = np.concatenate([device.cells_of(name) for name in density.names])
@@ -134,7 +149,6 @@ class Layout:
         self._tree = cKDTree(self.places)
         self._filter = self._weights()
         self._known: tuple[np.ndarray, np.ndarray] | None = None
-        self._scene = scene
 
     @property
     def names(self) -> list[str]:
@@ -180,17 +194,12 @@ class Layout:
         """The variables of `Run.sensitivity` that belong to those of the density."""
         p, rho = self.density.penalty, self.filled(x, sharpness)
         by_x = (sparse.diags(p * rho ** (p - 1)) @ self.slopes(x, sharpness)).tocsc()
-        values = {
-            (region, name): (high - low) * _value(self._scene, region, name)
-            for name, (low, high) in self.density.constants.items()
-            for region in self.density.names
-        }
         found = []
         for k, variable in enumerate(self.names):
             column = by_x[:, [k]].toarray().ravel()
             found.append(ConstantChange(variable, {
                 f"{region}.{name}": _Looked(self, value * column)
-                for (region, name), value in values.items()
+                for (region, name), value in self._full.items()
             }))  # fmt: skip
         return found
 

@@ -21,7 +21,7 @@ SATISFIED = 1e-6
 """By so much, relative to its bound, a constraint may be missed."""
 
 NOTHING = 1e-6
-"""An objective is nothing if it is smaller than this share of what all its derivatives add up to."""
+"""An objective is nothing below this share of what the sizes of its derivatives add up to."""
 
 WORSE = 1.0
 """What a design that cannot be solved is worse than the one before, in units of the objective."""

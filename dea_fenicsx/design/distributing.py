@@ -29,13 +29,9 @@ from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import DeaError, InputError, Interrupted, MachineError
 from dea_fenicsx.support.type_checks import shown
-from dea_fenicsx.support.validation import finite, positive
 
 FILLED = "filled"
 """The share of the regions that is filled, as a quantity."""
-
-SHARPNESS = (1.0, 4.0, 16.0, 64.0)
-"""The sharpness with which the density follows its variables, from one search to the next."""
 
 
 @dataclass(frozen=True)
@@ -84,8 +80,6 @@ def distribute(
     objective: Mapping[str, str],
     analyses: Analysis | Sequence[Analysis],
     constraints: Mapping[str, Any] | None = None,
-    start: float = 0.5,
-    sharpness: Sequence[float] = SHARPNESS,
     out: str | os.PathLike | None = None,
     resume: bool = False,
     **options: Unpack[ImproveOptions],
@@ -100,11 +94,6 @@ def distribute(
         What is distributed, see `Density`.
     objective, analyses, constraints
         As of `improve`.  The quantity ``"filled"`` is the share of the regions that is filled.
-    start
-        The variables of the first design, from 0 to 1.
-    sharpness
-        The sharpness of the density in searches one after another; each begins where the one
-        before has ended.
     out, resume
         As of `improve`.
     options
@@ -124,13 +113,8 @@ def distribute(
     comm, runs = chosen["comm"], _listed(analyses)
     wanted, bounds = goals(objective), limits(constraints or {})
     check_quantities(runs, wanted, bounds, [FILLED])
-    finite(start, "The start of a density")
-    if not 0 <= start <= 1:
-        raise InputError(f"The start of a density is {start:g}, but must lie between 0 and 1.")
-    for one in sharpness:
-        positive(one, "The sharpness of a density", "a number > 0")
-    if not sharpness or (resume and out is None):
-        raise InputError("A search for a density needs a sharpness, and out= where it is resumed.")
+    if resume and out is None:
+        raise InputError("A search can be resumed from a folder only; give out=.")
     scene = build(comm) if callable(build) else build
     if not isinstance(scene, Scene):
         raise InputError(f"build returned {shown(scene)}, but must return a Scene.")
@@ -139,9 +123,9 @@ def distribute(
         "analyses": [[described(item) for item in run.items] for run in runs],
         "quantities": [*wanted, *bounds], "density": repr(density),
     }  # fmt: skip
-    x = np.full(len(layout.places), float(start))
+    x = np.full(len(layout.places), float(density.start))
     told: list[dict[str, Any]] = []
-    for one in sharpness:
+    for one in density.sharpness:
         folder = None if out is None else Path(out) / f"sharpness_{one:g}"
         free = dict.fromkeys(layout.names, (0.0, 1.0))
         kept = KeptDesigns(folder, layout.names, facts, resume, comm)
@@ -152,7 +136,7 @@ def distribute(
         finally:
             kept.close()
         x = np.array([told[-1]["design"][name] for name in layout.names])
-    rho, last = layout.filled(x, sharpness[-1]), told[-1]
+    rho, last = layout.filled(x, density.sharpness[-1]), told[-1]
     return Distributed(
         rho, layout.places, last["quantities"], told[0]["before"],
         sum(one["evaluations"] for one in told), sum(one["solved"] for one in told),

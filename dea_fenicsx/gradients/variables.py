@@ -17,7 +17,7 @@ from dea_fenicsx.gradients.shapes import (
     moved_nodes,
     thickness,
 )
-from dea_fenicsx.model.cell_middles import at_middles
+from dea_fenicsx.mesh.cell_middles import at_middles
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.scene.prescribed import PreStretch
 from dea_fenicsx.support.agreement import together

@@ -11,12 +11,10 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from mpi4py import MPI
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.base import constants, is_compressible, parts
 from dea_fenicsx.materials.viscous import Branch, Maxwell
-from dea_fenicsx.model.cell_middles import PlaceFunction, at_middles
 from dea_fenicsx.model.flowing_branches import spherical_slope
 from dea_fenicsx.model.kernels import Kernel
 from dea_fenicsx.model.scales import Scales
@@ -164,11 +162,10 @@ class Parameters(MutableMapping[str, float]):
         self._handles = dict(self._all())
         self._factors: dict[str, np.ndarray] = {}
         for graded in scene.declared.graded:
-            for region in graded.regions:
-                self._grade(f"{region}.{graded.constant}", graded.factor)
+            self._grade(f"{graded.region}.{graded.constant}", graded.factor)
 
-    def _grade(self, name: str, factor: PlaceFunction) -> None:
-        """Let a constant vary with the place.  Collective."""
+    def _grade(self, name: str, factor: np.ndarray) -> None:
+        """Let a constant vary with the place: its factor in each local cell."""
         handle = self._handle(name)
         material = self.materials[handle.region]
         if handle.part not in ("elastic", "electric") or is_compressible(material.elastic):
@@ -176,12 +173,7 @@ class Parameters(MutableMapping[str, float]):
                 f"The constant {name!r} cannot vary with the place; those of the dielectric can, "
                 "and those of the elastic model, unless it is one of a foam."
             )
-        cells, what = self._device.cells_of(handle.region), f"The factor of {name!r}"
-        found = at_middles(self._device, cells, factor, what)
-        least = float(found.min(initial=np.inf))
-        if (least := self._device.comm.allreduce(least, op=MPI.MIN)) <= 0:
-            raise InputError(f"{what} is {least:g} somewhere, but must be above 0.")
-        self._factors[name] = self._factors.get(name, 1.0) * found
+        self._factors[name] = self._factors.get(name, 1.0) * factor
         self._store(name, material)
 
     def _all(self) -> Iterator[tuple[str, _Handle]]:

@@ -6,18 +6,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 
+from dea_fenicsx.mesh.cell_middles import at_middles
+from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.scene.condition import InRegions, Setting, Support
 from dea_fenicsx.scene.declarations import Declaration
+from dea_fenicsx.support.errors import InputError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GradedConstant(Declaration):
-    """A constant of regions, times a factor of the place; see `Graded`."""
+    """A constant of a region, and its factor in each local cell; see `Graded`."""
 
-    regions: tuple[str, ...]
+    region: str
     constant: str
-    factor: Callable[[np.ndarray], np.ndarray]
+    factor: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,26 @@ class Graded(InRegions, Support):
     def check(self, scene: Setting) -> None:
         self.check_named()
         super().check(scene)
+        for name in self.names:
+            self.factors(scene.device, name)
+
+    def factors(self, device: Device, region: str) -> np.ndarray:
+        """The factor in each local cell of a region.  Collective.
+
+        Raises
+        ------
+        InputError
+            If it cannot be found, or is not above 0.
+        """
+        what = f"The factor of '{region}.{self.constant}'"
+        found = at_middles(device, device.cells_of(region), self.factor, what)
+        least = device.comm.allreduce(float(found.min(initial=np.inf)), op=MPI.MIN)
+        if least <= 0:
+            raise InputError(f"{what} is {least:g} somewhere, but must be above 0.")
+        return found
 
     def declarations(self, scene: Setting) -> Sequence[Declaration]:
-        return [GradedConstant(self.names, self.constant, self.factor)]
+        return [
+            GradedConstant(name, self.constant, self.factors(scene.device, name))
+            for name in self.names
+        ]
