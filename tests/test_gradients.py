@@ -11,6 +11,7 @@ from mpi4py import MPI
 from rank_scenes import helix, hexahedron, ring, split_factor, triangles
 
 import dea_fenicsx as dea
+from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.gradients.variables import Coefficients, Load, variables
 from dea_fenicsx.solvers.newton import NewtonSolver
 
@@ -54,6 +55,29 @@ def test_force_of_a_stretched_block(pulled):
     exact = [force / MU, slope * (STRETCH - 1), force / T, 0.0]
     assert found.method == "adjoint" and found.value == pytest.approx(force, rel=1e-9)
     assert list(found.values()) == pytest.approx(exact, rel=1e-8, abs=1e-8 * force / L)
+
+
+def test_a_modulus_of_a_body_that_is_pressed():
+    """The stiffness of a contact follows the modulus, and so does a new scene with another one."""
+
+    def pressed(mu):
+        films = [dea.Material(dea.NeoHookean(m), dea.IdealDielectric(EPS_R)) for m in (mu, MU)]
+        device = dea.read_gmsh(
+            BoxStack(L, None, [Layer("lower", T), Layer("upper", T)], 2), MPI.COMM_SELF
+        )
+        plate = dea.Obstacle("bottom", dea.Plane((0.0, 0.0), (0.0, 1.0)), (0.0, 0.1 * T))
+        scene = dea.Scene(
+            device, dict(zip(("lower", "upper"), films, strict=True)),
+            supports=[dea.Clamp("top"), plate], kinematics=dea.PlaneStrain(L),
+        )  # fmt: skip
+        record = {"out": dea.MeanDisplacement("x_max", "x")}
+        return dea.solve(scene, dea.Ramp(steps=1), record, quiet=True, options=TIGHT)
+
+    name = "lower.elastic.mu"
+    found = pressed(MU).sensitivity("out", [name])[name]
+    h = 1e-3
+    ends = [pressed(MU * (1 + s))["out_m"] for s in (h, -h)]
+    assert found == pytest.approx((ends[0] - ends[1]) / (2 * h * MU), rel=1e-5)
 
 
 def test_displacement_that_a_stretch_prescribes(pulled):

@@ -224,6 +224,71 @@ def test_states_that_memory_has_no_room_for_come_back_from_disk(case, monkeypatc
     assert dict(told_again) == dict(due)
 
 
+def warm(changed):
+    rubber = dea.Material(
+        dea.NeoHookean(changed.get("mu", MU)), dea.IdealDielectric(3.0),
+        viscous=[dea.Maxwell(MU_V, TAU)],
+        thermal=dea.Thermal(293.15, 273.15, 353.15, modulus=dea.Entropic(),
+                            shift=dea.WLF(8.0, 100.0)),
+    )  # fmt: skip
+    heat = dea.Temperature("film", 293.15 + 20 * changed.get("heat", 1.0))
+    return rubber, {"prescribed": [heat]}
+
+
+def rubbed(changed):
+    rubber = dea.Material(dea.NeoHookean(changed.get("mu", MU)), viscous=[dea.Maxwell(MU_V, TAU)])
+    move = changed.get("move", 1.0)
+    plate = dea.Obstacle("top", dea.Plane((0.0, L / 4), (0.0, -1.0)),
+                         (0.02 * L * move, -0.03 * L * move), friction=0.3)  # fmt: skip
+    return rubber, {"electrodes": [], "supports": [dea.Clamp("bottom"), plate]}
+
+
+def fed(changed):
+    rubber = dea.Material(dea.NeoHookean(changed.get("mu", MU)), dea.IdealDielectric(3.0))
+    source = dea.Source("top", 800 * changed.get("kilovolts", 1.0), ohms=3e12)
+    return rubber, {"electrodes": [source, dea.Ground("bottom")]}
+
+
+REPLAYED = {
+    "friction": (rubbed, {"obstacle": lambda t: t / 1.5}, {"obstacle": ("move", 1.0)}),
+    "source": (fed, {"voltage": lambda t: 1.0}, {"voltage": ("kilovolts", 800.0)}),
+    "temperature": (
+        warm, {"voltage": lambda t: 0.3 + 0.5 * t, "temperature": lambda t: 0.4 * t},
+        {"temperature": ("heat", 1.0)},
+    ),
+}  # fmt: skip
+
+
+@on_demand
+@pytest.mark.parametrize("case", REPLAYED)
+def test_friction_sources_and_heat_are_gone_over_again(case):
+    made, drives, to = REPLAYED[case]
+
+    def ends(**changed):
+        device = dea.read_gmsh(BoxStack(L, None, [Layer("film", L / 4)], 2), MPI.COMM_SELF)
+        rubber, more = made(changed)
+        given = {
+            "electrodes": [dea.Electrode("top", 800.0), dea.Ground("bottom")],
+            "supports": [dea.Clamp("x_min"), dea.Fix("bottom", "y")],
+        }  # fmt: skip
+        told = dea.Scene(device, {"film": rubber}, **(given | more), kinematics=dea.PlaneStrain(L))
+        record = {"up": dea.MeanDisplacement("x_max", "y")}
+        return solve(told, dea.March(1.5, drives, steps=3), record)
+
+    to = {"film.elastic.mu": ("mu", MU), **to}
+    found = ends().sensitivity("up", list(to))
+    assert found.method == "replay"
+    for variable, (key, value) in to.items():
+        unit = MU if key == "mu" else 1.0
+        errors = [
+            (ends(**{key: unit * (1 + s)})["up_m"] - ends(**{key: unit * (1 - s)})["up_m"])
+            / (2 * s * value) / found[variable] - 1
+            for s in (1e-2, 5e-3)
+        ]  # fmt: skip
+        assert abs(errors[0]) < 1e-3
+        assert errors[0] / errors[1] == pytest.approx(4, rel=0.01)
+
+
 # ------------------------------------------------------------------------------- what is refused
 
 

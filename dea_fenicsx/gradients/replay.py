@@ -180,10 +180,16 @@ class Replay:
             return
         kept = constants[one.name]
         try:
-            constants[one.name] = kept + step
+            self._put(one.name, kept + step)
             yield
         finally:
-            constants[one.name] = kept
+            self._put(one.name, kept)
+
+    def _put(self, name: str, value: float) -> None:
+        """Give a constant a value; the stiffness of contacts follows."""
+        self.problem.parameters[name] = value
+        for contact in self.problem.forms.contacts:
+            contact.take(self.problem.parameters.materials)
 
     def _walked(self, one: Variable | None, step: float) -> State:
         """The state in which the march ends under a load that is larger by a step.  Collective."""

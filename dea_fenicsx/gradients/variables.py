@@ -211,7 +211,18 @@ def _variable(problem: Problem, told: Told, replayed: bool) -> Variable:
             f"{told!r} has no derivative here, because the branch is solved for at each quadrature "
             "point; only Maxwell branches have their constants in the forms."
         )
-    return Coefficients(told, (coefficient,), problem.parameters[told])
+    changes = (coefficient, *_of_contacts(problem, told))
+    return Coefficients(told, changes, problem.parameters[told])
+
+
+def _of_contacts(problem: Problem, name: str) -> list[tuple[Any, np.ndarray, Any]]:
+    """How the stiffness of contacts, which follows the shear modulus, changes with a constant."""
+    contacts = list(problem.forms.contacts)
+    rate = problem.parameters.modulus_rate(name) if contacts else 0.0
+    if not rate:
+        return []
+    each = [contact.by_modulus(name.split(".")[0]) for contact in contacts]
+    return [(r, cells, rate * slopes) for r, cells, slopes in each]
 
 
 def _varying(problem: Problem, told: ConstantChange) -> Coefficients:

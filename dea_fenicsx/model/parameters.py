@@ -22,6 +22,9 @@ from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import finite, known
 
+RATE_STEP = 1e-5
+"""Relative step of a constant for the derivative of the shear modulus, mostly linear in it."""
+
 
 @dataclass(frozen=True)
 class _Handle:
@@ -252,6 +255,16 @@ class Parameters(MutableMapping[str, float]):
             if branch.place == handle.parts[1]:
                 return getattr(branch, handle.name), cells, 1.0
         return None
+
+    def modulus_rate(self, name: str) -> float:
+        """The derivative of the region's shear modulus by a constant; 0 if it is no elastic one."""
+        handle = self._handle(name)
+        if handle.part != "elastic":
+            return 0.0
+        material, value = self.materials[handle.region], self[name]
+        step = RATE_STEP * (abs(value) or 1.0)
+        ends = [handle.changed(material, value + s).elastic.shear_modulus() for s in (step, -step)]
+        return float(ends[0] - ends[1]) / (2 * step)
 
     def _held(self, handle: _Handle, material: Material) -> tuple[Any, float]:
         """The coefficient that holds a constant, and what it is to hold, dimensionless.
