@@ -39,6 +39,9 @@ from dea_fenicsx.support.validation import finite, known, positive
 SAME_PLACE = 1e-6
 """Distance, relative to the size of the regions, within which cells lie above one another."""
 
+BISECTIONS = 50
+"""Halvings of an interval of length 1, down to rounding."""
+
 
 @dataclass(frozen=True)
 @in_si(length="m")
@@ -61,7 +64,7 @@ class Density:
     penalty
         The exponent p, at least 1.  With a larger one half-filled places pay less.
     start
-        The variables of the first design, from 0 to 1.
+        The density of the first design, from 0 to 1, the same everywhere.
     sharpness
         The sharpness b in searches one after another; each begins where the one before has ended.
     """
@@ -174,8 +177,19 @@ class Layout:
 
     def filled(self, x: np.ndarray, sharpness: float) -> np.ndarray:
         """The density in each place."""
-        m = self._filter @ x
-        return np.asarray(1 - np.exp(-sharpness * m) + m * np.exp(-sharpness))
+        return _sharpened(self._filter @ x, sharpness)
+
+    def first(self, sharpness: float) -> np.ndarray:
+        """The variables of the first design."""
+        return _blunted(np.full(len(self.places), float(self.density.start)), sharpness)
+
+    def resharpened(self, x: np.ndarray, old: float, new: float) -> np.ndarray:
+        """Variables with which a sharper density is about as it was.
+
+        With the same variables it would be larger, and where it comes near to 1 its derivatives
+        vanish.
+        """
+        return _blunted(_sharpened(x, old), new)
 
     def slopes(self, x: np.ndarray, sharpness: float) -> Any:
         """Its derivatives by the variables, a sparse matrix."""
@@ -209,6 +223,21 @@ class Layout:
             found = self._tree.query(X[:, self._columns])[1] if len(X) else np.zeros(0, dtype=int)
             self._known = X.copy(), np.asarray(found)
         return self._known[1]
+
+
+def _sharpened(m: np.ndarray, sharpness: float) -> np.ndarray:
+    """1 - exp(-b m) + m exp(-b)"""
+    return np.asarray(1 - np.exp(-sharpness * m) + m * np.exp(-sharpness))
+
+
+def _blunted(rho: np.ndarray, sharpness: float) -> np.ndarray:
+    """m in [0, 1] with a density of `_sharpened`, which grows with m, by bisection."""
+    low, high = np.zeros_like(rho), np.ones_like(rho)
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        below = _sharpened(middle, sharpness) < rho
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return np.where(rho >= 1, 1.0, low)
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,9 +123,10 @@ def distribute(
         "analyses": [[described(item) for item in run.items] for run in runs],
         "quantities": [*wanted, *bounds], "density": repr(density),
     }  # fmt: skip
-    x = np.full(len(layout.places), float(density.start))
-    told: list[dict[str, Any]] = []
-    for one in density.sharpness:
+    x, told = layout.first(density.sharpness[0]), list[dict[str, Any]]()
+    for number, one in enumerate(density.sharpness):
+        if number:
+            x = layout.resharpened(x, density.sharpness[number - 1], one)
         folder = None if out is None else Path(out) / f"sharpness_{one:g}"
         free = dict.fromkeys(layout.names, (0.0, 1.0))
         kept = KeptDesigns(folder, layout.names, facts, resume, comm)
