@@ -96,6 +96,8 @@ class Gradients:
 
     def __init__(self, problem: Problem, lent: NewtonSolver | None = None) -> None:
         self.problem, self._lent = problem, lent
+        self._is_plane = problem.mesh.topology.dim < 3
+        self._at: State | None = None
         self.kept = KeptForms(problem)
         self._directions: dict[int, Any] = {}
         self._functionals: dict[tuple[int, frozenset[str]], tuple[Any, Functional | None]] = {}
@@ -107,10 +109,10 @@ class Gradients:
         """What solves: the lent solver in space, and a new one in the plane."""
         # A factor in single precision costs as much in the plane, and many more Krylov iterations.
         # In space a factor costs as much as six Newton iterations, and so the last one is used on.
-        plane = self.problem.mesh.topology.dim < 3
-        if self._lent and not plane:
+        if self._lent and not self._is_plane:
             return self._lent
-        return NewtonSolver(self.problem, NewtonOptions(factor="whole" if plane else "auto"))
+        kind = "whole" if self._is_plane else "auto"
+        return NewtonSolver(self.problem, NewtonOptions(factor=kind))
 
     def of_observable(
         self, state: State, name: str, observable: Any, to: Iterable[Told]
@@ -132,6 +134,10 @@ class Gradients:
             measure = bind_alike(problem, name, observable)
             value = measure()
             self.linearise()
+            if self._is_plane and state is not self._at:
+                # a new one costs less than the Krylov iterations with one of another state
+                self.solver.forget_factor()
+            self._at = state
             if functional is None:
                 slopes, residual = self._direct(state, measure, found)
                 return Gradient(name, value, slopes, "direct", residual)
