@@ -111,8 +111,8 @@ class Gradients:
         # In space a factor costs as much as six Newton iterations, and so the last one is used on.
         if self._lent and not self._is_plane:
             return self._lent
-        kind = "whole" if self._is_plane else "auto"
-        return NewtonSolver(self.problem, NewtonOptions(factor=kind))
+        options = NewtonOptions(factor="whole") if self._is_plane else NewtonOptions()
+        return NewtonSolver(self.problem, options)
 
     def of_observable(
         self, state: State, name: str, observable: Any, to: Iterable[Told]
