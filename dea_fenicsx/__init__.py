@@ -32,7 +32,7 @@ if TYPE_CHECKING:
         Triangle,
     )
     from dea_fenicsx.gradients.gradient import Gradient
-    from dea_fenicsx.gradients.variables import ShapeChange
+    from dea_fenicsx.gradients.variables import ConstantChange, ShapeChange
     from dea_fenicsx.materials import (
         WLF,
         Alexander,
@@ -146,6 +146,7 @@ if TYPE_CHECKING:
         ThinFilm,
     )
     from dea_fenicsx.scene.elements import Discretisation
+    from dea_fenicsx.scene.graded import Graded
     from dea_fenicsx.scene.kinematics import (
         Axisymmetric,
         GeneralisedPlaneStrain,
@@ -203,6 +204,7 @@ _HOME = {
     "scene.electrodes": ("ChargedElectrode", "Electrode", "Ground", "ThinFilm"),
     "scene.taper": ("Taper",),
     "scene.elements": ("Discretisation",),
+    "scene.graded": ("Graded",),
     "scene.loads": ("AxialForce", "DeadLoad", "DeadPressure", "FollowerPressure", "Torque"),
     "scene.periodic": ("MeanStrain", "Periodic"),
     "scene.prescribed": ("AxialStretch", "Displacement", "PreStretch", "Stretch", "Twist"),
@@ -227,7 +229,7 @@ _HOME = {
         "SolverError", "StabilityLost",
     ),
     "gradients.gradient": ("Gradient",),
-    "gradients.variables": ("ShapeChange",),
+    "gradients.variables": ("ConstantChange", "ShapeChange"),
     "measure.failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),
     "scene.law_check": ("LawCheck", "check_law"),
     "scene.kinematics": (

@@ -169,6 +169,8 @@ FIELDS = {
         in_scene(dea.ChargedElectrode, "electrodes"), dict(where="top", coulombs=1e-12)),
     dea.Taper: (lambda **g: scene(electrodes=[dea.Electrode("top", 1.0, taper=dea.Taper(**g))]),
                 dict(start=0.0, end=1e-4, along="x")),
+    dea.Graded: (in_scene(dea.Graded, "supports"),
+                 dict(where="film", constant="elastic.mu", factor=lambda X: 1 + X[:, 0])),
     dea.Fix: (in_scene(dea.Fix, "supports"), dict(where="bottom", axes="x")),
     dea.Clamp: (in_scene(dea.Clamp, "supports"), dict(where="bottom")),
     dea.Stretch: (in_scene(dea.Stretch, "prescribed"), dict(where="top", axes="x", stretch=2.0)),
@@ -396,6 +398,9 @@ FIELDS = {
     dea.ShapeChange: (
         lambda **g: derived().sensitivity("up", [dea.ShapeChange(**g)]),
         dict(name="height", velocity=lambda X: 0 * X)),
+    dea.ConstantChange: (
+        lambda **g: derived().sensitivity("up", [dea.ConstantChange(**g)]),
+        dict(name="softer", rates={"film.elastic.mu": lambda X: 1 - X[:, 0]})),
     geometry.Layer: (geometry.Layer, dict(name="film", thickness=1e-3)),
     geometry.BoxStack: (BoxStack, dict(length=1e-3, width=1e-3, layers=[Layer("film", 1e-3)])),
     geometry.DiskStack: (geometry.DiskStack, dict(radius=1e-2, layers=[Layer("film", 1e-3)])),

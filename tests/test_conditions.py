@@ -217,6 +217,7 @@ EXAMPLES = {
     "BodyForce": ("film", (0.0, 0.0, 1.0)),
     "MembranePressure": ("film", 5.0, (0.0, 0.0, -1.0)),
     "Temperature": ("film", 310.0),
+    "Graded": ("film", "elastic.mu", lambda X: 1 + X[:, 0]),
 }  # fmt: skip
 
 

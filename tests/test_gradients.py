@@ -11,6 +11,7 @@ from mpi4py import MPI
 from rank_scenes import helix, hexahedron, ring, split_factor, triangles
 
 import dea_fenicsx as dea
+from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.gradients.variables import Coefficients, Load, variables
 from dea_fenicsx.solvers.newton import NewtonSolver
 
@@ -54,6 +55,22 @@ def test_force_of_a_stretched_block(pulled):
     exact = [force / MU, slope * (STRETCH - 1), force / T, 0.0]
     assert found.method == "adjoint" and found.value == pytest.approx(force, rel=1e-9)
     assert list(found.values()) == pytest.approx(exact, rel=1e-8, abs=1e-8 * force / L)
+
+
+def test_a_modulus_of_a_body_that_is_pressed():
+    """A larger modulus moves nothing, and forces grow with it; so the contact must be as stiff."""
+    device = dea.read_gmsh(BoxStack(L, None, [Layer("film", T / 2)], 2), MPI.COMM_SELF)
+    plate = dea.Obstacle("top", dea.Plane((0.0, T / 2), (0.0, -1.0)), (0.0, -0.12 * T))
+    scene = dea.Scene(
+        device, {"film": FILM}, supports=[dea.Clamp("bottom"), plate],
+        kinematics=dea.PlaneStrain(L),
+    )  # fmt: skip
+    record = {"out": dea.MeanDisplacement("x_max", "x"), "force": dea.ContactForce("top", "y")}
+    run = dea.solve(scene, dea.Ramp(steps=1), record, quiet=True, options=TIGHT)
+    for name, power in (("out", 0), ("force", 1)):
+        found = run.sensitivity(name, ["film.elastic.mu"])
+        slope = MU * found["film.elastic.mu"]
+        assert slope == pytest.approx(power * found.value, rel=1e-8, abs=1e-8 * abs(found.value))
 
 
 def test_displacement_that_a_stretch_prescribes(pulled):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import block, on_demand
@@ -9,6 +11,7 @@ from mpi4py import MPI
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx.results.kept_states import KeptStates
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 TIGHT = dea.NewtonOptions(tolerance=1e-12)
@@ -198,6 +201,92 @@ def test_differences_converge_to_the_derivative_of_a_march_gone_over_again(case)
         assert errors[0] / errors[1] == pytest.approx(4, rel=0.02)
     assert run.problem.parameters["film.elastic.mu"] == MU
     assert run["up_m"] == pytest.approx(found.value, rel=1e-12)
+
+
+@pytest.mark.parametrize("case", ["motion", "energy-conserving"])
+def test_states_that_memory_has_no_room_for_come_back_from_disk(case, monkeypatch):
+    if case in MARCHES:
+        time, how = MARCHES[case]
+        told, path = scene(MPI.COMM_SELF, time=time), march(time, **how | {"steps": 3})
+    else:
+        told = scene(MPI.COMM_SELF)
+        made, given = ONCE_MORE[case]
+        told, path = replace(told, materials={"film": made(MU, MPI.COMM_SELF)}), given()
+
+    def found():
+        run = dea.solve(told, path, RECORD, quiet=True, stability="never")
+        return run, run.sensitivity("up", ["film.elastic.mu"])
+
+    kept, due = found()
+    monkeypatch.setattr(KeptStates.__init__, "__defaults__", (1, 1))  # room for one state
+    run, told_again = found()
+    assert len(run._states._states) == 1 < len(kept._states._states) == len(run.history)
+    assert dict(told_again) == dict(due)
+
+
+def warm(changed):
+    rubber = dea.Material(
+        dea.NeoHookean(changed.get("mu", MU)), dea.IdealDielectric(3.0),
+        viscous=[dea.Maxwell(MU_V, TAU)],
+        thermal=dea.Thermal(293.15, 273.15, 353.15, modulus=dea.Entropic(),
+                            shift=dea.WLF(8.0, 100.0)),
+    )  # fmt: skip
+    heat = dea.Temperature("film", 293.15 + 20 * changed.get("heat", 1.0))
+    return rubber, {"prescribed": [heat]}
+
+
+def rubbed(changed):
+    rubber = dea.Material(dea.NeoHookean(changed.get("mu", MU)), viscous=[dea.Maxwell(MU_V, TAU)])
+    move = changed.get("move", 1.0)
+    plate = dea.Obstacle("top", dea.Plane((0.0, L / 4), (0.0, -1.0)),
+                         (0.02 * L * move, -0.03 * L * move), friction=0.3)  # fmt: skip
+    return rubber, {"electrodes": [], "supports": [dea.Clamp("bottom"), plate]}
+
+
+def fed(changed):
+    rubber = dea.Material(dea.NeoHookean(changed.get("mu", MU)), dea.IdealDielectric(3.0))
+    source = dea.Source("top", 800 * changed.get("kilovolts", 1.0), ohms=3e12)
+    return rubber, {"electrodes": [source, dea.Ground("bottom")]}
+
+
+REPLAYED = {
+    "friction": (rubbed, {"obstacle": lambda t: t / 1.5}, {"obstacle": ("move", 1.0)}),
+    "source": (fed, {"voltage": lambda t: 1.0}, {"voltage": ("kilovolts", 800.0)}),
+    "temperature": (
+        warm, {"voltage": lambda t: 0.3 + 0.5 * t, "temperature": lambda t: 0.4 * t},
+        {"temperature": ("heat", 1.0)},
+    ),
+}  # fmt: skip
+
+
+@on_demand
+@pytest.mark.parametrize("case", REPLAYED)
+def test_friction_sources_and_heat_are_gone_over_again(case):
+    made, drives, to = REPLAYED[case]
+
+    def ends(**changed):
+        device = dea.read_gmsh(BoxStack(L, None, [Layer("film", L / 4)], 2), MPI.COMM_SELF)
+        rubber, more = made(changed)
+        given = {
+            "electrodes": [dea.Electrode("top", 800.0), dea.Ground("bottom")],
+            "supports": [dea.Clamp("x_min"), dea.Fix("bottom", "y")],
+        }  # fmt: skip
+        told = dea.Scene(device, {"film": rubber}, **(given | more), kinematics=dea.PlaneStrain(L))
+        record = {"up": dea.MeanDisplacement("x_max", "y")}
+        return solve(told, dea.March(1.5, drives, steps=3), record)
+
+    to = {"film.elastic.mu": ("mu", MU), **to}
+    found = ends().sensitivity("up", list(to))
+    assert found.method == "replay"
+    for variable, (key, value) in to.items():
+        unit = MU if key == "mu" else 1.0
+        errors = [
+            (ends(**{key: unit * (1 + s)})["up_m"] - ends(**{key: unit * (1 - s)})["up_m"])
+            / (2 * s * value) / found[variable] - 1
+            for s in (1e-2, 5e-3)
+        ]  # fmt: skip
+        assert abs(errors[0]) < 1e-3
+        assert errors[0] / errors[1] == pytest.approx(4, rel=0.01)
 
 
 # ------------------------------------------------------------------------------- what is refused

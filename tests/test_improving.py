@@ -103,13 +103,16 @@ def test_rates_of_constants_voltages_and_nodes_add_up():
     assert total == pytest.approx((slope(0.5 + h)[1] - slope(0.5 - h)[1]) / (2 * h), rel=1e-5)
 
 
-def test_a_constraint_holds():
+@pytest.mark.parametrize("method", ["SLSQP", "MMA"])
+def test_a_constraint_holds(method):
     """At 120 V at most a stroke that grows with the voltage ends there."""
+    if method == "MMA":
+        pytest.importorskip("nlopt")
     volts = {"volts": dea.Potential("bottom"), "slope": SLOPE}
     found = improve(
         lambda comm, volts: bilayer(comm, 0.3, volts), {"volts": (50.0, 200.0)}, {"slope": "max"},
         Analysis(volts, dea.Ramp(steps=1)), {"volts": (None, 120.0)}, quiet=True,
-        comm=MPI.COMM_SELF,
+        comm=MPI.COMM_SELF, method=method,
     )  # fmt: skip
     assert found.feasible and found.design["volts"] == pytest.approx(120.0, rel=1e-6)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import re
+import sys
 import tempfile
 
 import numpy as np
@@ -78,6 +79,10 @@ def test_a_study_goes_on_after_an_error_of_the_script(tmp_path, capsys):
     assert [float(row["mu"]) for row in table] == [row["mu"] for row in found]
     assert table[-1]["status"] == "refused" and table[-1]["thin"] == ""
     assert (tmp_path / "study.png").stat().st_size > 5000
+    parquet = pytest.importorskip("pyarrow.parquet")
+    kept = parquet.read_table(found.to_parquet()).to_pylist()
+    assert kept == [{name: row.get(name) for name in kept[0]} for row in found.rows]
+    assert set(kept[0]) == {name for row in found for name in row}
     assert not list(tmp_path.glob("claims-*"))
     with pytest.raises(dea.InputError, match="a study with another path"):
         dea.study(build, OVER, RECORD, dea.Ramp(steps=3), tmp_path, quiet=True)
@@ -114,6 +119,13 @@ def test_what_is_no_scene_is_a_row(tmp_path):
         dea.study(3, {"x": [1]}, RECORD, out=tmp_path)
     with pytest.raises(dea.InputError, match="did you mean 'ranks_per_run'"):
         dea.study(build, {"x": [1]}, RECORD, out=tmp_path, rank_per_run=2)
+
+
+def test_parquet_needs_pyarrow(tmp_path, monkeypatch):
+    found = dea.study(lambda comm, x: x, {"x": [1]}, RECORD, PATH, tmp_path, quiet=True)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(dea.InputError, match="needs pyarrow; install it with pip install pyarrow"):
+        found.to_parquet()
 
 
 def on_ranks_found(comm):

@@ -19,6 +19,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dea_fenicsx.design.density import Density
+    from dea_fenicsx.design.distributing import Distributed, distribute
     from dea_fenicsx.design.front import Front
     from dea_fenicsx.design.helical import (
         CONSTRAINTS,
@@ -35,6 +37,8 @@ if TYPE_CHECKING:
     from dea_fenicsx.design.sensitivity import Sensitivity, draw_sensitivities, sensitivities
 
 _HOME = {
+    "density": ("Density",),
+    "distributing": ("Distributed", "distribute"),
     "front": ("Front",),
     "helical": (
         "CONSTRAINTS", "EFFECTIVE_MU", "ENVELOPE", "OBJECTIVES", "TABLE_4_2", "UNITS",

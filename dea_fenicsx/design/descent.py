@@ -1,6 +1,6 @@
-"""A search with gradients by SciPy's SLSQP, over designs that are kept.
+"""A search with gradients by SciPy's SLSQP or NLopt's MMA, over designs that are kept.
 
-SLSQP is deterministic.  So a search that was killed is simply run again: designs that are on disk
+Both are deterministic.  So a search that was killed is simply run again: designs that are on disk
 cost nothing, and it goes on where it was.
 """
 
@@ -20,8 +20,39 @@ from dea_fenicsx.support.errors import InputError
 SATISFIED = 1e-6
 """By so much, relative to its bound, a constraint may be missed."""
 
+NOTHING = 1e-6
+"""An objective is nothing below this share of what the sizes of its derivatives add up to."""
+
 WORSE = 1.0
 """What a design that cannot be solved is worse than the one before, in units of the objective."""
+
+
+SLSQP, MMA = METHODS = ("SLSQP", "MMA")
+"""What searches: SciPy's sequence of quadratic problems, or moving asymptotes by NLopt."""
+
+Function = Callable[[np.ndarray], Any]
+"""Of a scaled design."""
+
+Room = tuple[Function, Function]
+"""What a constraint leaves of its bound, relative to the bound, and the derivatives of this."""
+
+
+def mma_library() -> Any:
+    """The library NLopt.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    try:
+        import nlopt
+    except ImportError as error:
+        raise InputError(
+            'A search with method="MMA" needs NLopt; install it with pip install nlopt, or take '
+            f'method="{SLSQP}".'
+        ) from error
+    return nlopt
 
 
 @dataclass(frozen=True)
@@ -89,24 +120,58 @@ class Descent:
         first = self._at(x)
         if first.failed:
             raise InputError(f"The first design could not be solved: {first.failed}")
-        self._size = abs(first.values[self.goal]) or 1.0
-        constraints = [
-            {"type": "ineq", "fun": self._room(name, bound, side),
-             "jac": self._room_slope(name, bound, side)}
+        self._size = self._size_of(first)
+        rooms = [
+            (self._room(name, bound, side), self._room_slope(name, bound, side))
             for name, pair in self.bounds.items()
             for bound, side in zip(pair, (1.0, -1.0), strict=True)
             if bound is not None
-        ]  # fmt: skip
+        ]
+        by = {SLSQP: self._by_slsqp, MMA: self._by_mma}[self.chosen["method"]]
         try:
-            found = minimize(
-                self._value, x, jac=self._slope, method="SLSQP", constraints=constraints,
-                bounds=[(0.0, 1.0)] * len(x),
-                options={"ftol": self.chosen["tolerance"], "maxiter": self.chosen["most"]},
-            )  # fmt: skip
-            converged, message = bool(found.success), str(found.message)
+            converged, message = by(x, rooms)
         except _Enough:
             converged, message = False, f"{self.chosen['most']} designs were solved"
         return self._told(converged, message)
+
+    def _size_of(self, first: Sample) -> float:
+        """The size of the objective; by symmetry the first design may have nothing of it."""
+        value = abs(first.values[self.goal])
+        slope = float(np.abs(self._scaled(first, self.goal, 1.0)).sum())
+        return (value if value > NOTHING * slope else slope) or 1.0
+
+    def _by_slsqp(self, x: np.ndarray, rooms: list[Room]) -> tuple[bool, str]:
+        """Search by a sequence of quadratic problems: whether it has ended by itself, and how."""
+        found = minimize(
+            self._value, x, jac=self._slope, method="SLSQP",
+            constraints=[{"type": "ineq", "fun": room, "jac": slope} for room, slope in rooms],
+            bounds=[(0.0, 1.0)] * len(x),
+            options={"ftol": self.chosen["tolerance"], "maxiter": self.chosen["most"]},
+        )  # fmt: skip
+        return bool(found.success), str(found.message)
+
+    def _by_mma(self, x: np.ndarray, rooms: list[Room]) -> tuple[bool, str]:
+        """The same by the method of moving asymptotes."""
+        nlopt = mma_library()
+        search = nlopt.opt(nlopt.LD_MMA, len(x))
+
+        def told(function: Function, slope: Function, sign: float) -> Callable[..., float]:
+            def value(at: np.ndarray, by: np.ndarray) -> float:
+                if by.size:
+                    by[:] = sign * slope(at)
+                return sign * float(function(at))
+
+            return value
+
+        search.set_lower_bounds(np.zeros(len(x)))
+        search.set_upper_bounds(np.ones(len(x)))
+        search.set_min_objective(told(self._value, self._slope, 1.0))
+        for room, slope in rooms:  # NLopt holds functions below 0
+            search.add_inequality_constraint(told(room, slope, -1.0), 0.1 * SATISFIED)
+        search.set_ftol_abs(self.chosen["tolerance"])
+        search.optimize(x)
+        code = search.last_optimize_result()
+        return code > 0, f"MMA of NLopt ended with the code {code}"
 
     def _told(self, converged: bool, message: str) -> dict[str, Any]:
         good = {key: one for key, one in self.asked.items() if not one.failed}

@@ -13,7 +13,7 @@ from typing import Any, TypedDict, Unpack
 
 from mpi4py import MPI
 
-from dea_fenicsx.design.descent import Descent, Sample
+from dea_fenicsx.design.descent import METHODS, MMA, SLSQP, Descent, Sample, mma_library
 from dea_fenicsx.design.kept_designs import KeptDesigns
 from dea_fenicsx.design.variables import goals, limits, one_of, ranges
 from dea_fenicsx.design.variations import Build, Variation, variation
@@ -79,6 +79,9 @@ class ImproveOptions(TypedDict, total=False):
         Most designs that are solved.
     tolerance
         The search ends where the objective changes by less than this share of its first size.
+    method
+        ``"SLSQP"`` of SciPy, a sequence of quadratic problems, or ``"MMA"``, the method of moving
+        asymptotes of NLopt (``pip install nlopt``), for some hundred variables and more.
     comm
         The ranks that share each run.
     quiet
@@ -87,6 +90,7 @@ class ImproveOptions(TypedDict, total=False):
 
     most: int
     tolerance: float
+    method: str
     comm: Any
     quiet: bool
 
@@ -158,8 +162,8 @@ def improve(
     resume
         Take from `out` what a search that was killed has solved, and go on from there.
     options
-        ``most`` (50), ``tolerance`` (1e-9), ``comm`` (all ranks) and ``quiet`` (False); see
-        `ImproveOptions`.
+        ``most`` (50), ``tolerance`` (1e-9), ``method`` (``"SLSQP"``), ``comm`` (all ranks) and
+        ``quiet`` (False); see `ImproveOptions`.
 
     Returns
     -------
@@ -171,17 +175,13 @@ def improve(
     InputError
         For wrong input, a quantity without a derivative, and if the start cannot be solved.
     """
-    chosen = keywords("improve", options, ImproveOptions, {
-        "most": 50, "tolerance": 1e-9, "comm": MPI.COMM_WORLD, "quiet": False,
-    })  # fmt: skip
-    whole(chosen["most"], "most", 1)
-    positive(chosen["tolerance"], "The tolerance of improve", "a number > 0")
+    chosen = checked_options("improve", options)
     if not callable(build):
         raise InputError(f"build is {shown(build)}, but must be a function that returns a scene.")
     free, fixed, start = _given(variables)
     runs = [analyses] if isinstance(analyses, Analysis) else list(analyses)
     wanted, bounds = goals(objective), limits(constraints or {})
-    _check_quantities(runs, wanted, bounds)
+    check_quantities(runs, wanted, bounds)
     if resume and out is None:
         raise InputError("A search can be resumed from a folder only; give out=.")
     facts = {
@@ -199,6 +199,24 @@ def improve(
     finally:
         kept.close()
     return Improved(**found)
+
+
+def checked_options(what: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of a search by gradients with their defaults.
+
+    Raises
+    ------
+    InputError
+        For a wrong one, and for MMA without NLopt.
+    """
+    chosen = keywords(what, options, ImproveOptions, {
+        "most": 50, "tolerance": 1e-9, "method": SLSQP, "comm": MPI.COMM_WORLD, "quiet": False,
+    })  # fmt: skip
+    whole(chosen["most"], "most", 1)
+    positive(chosen["tolerance"], f"The tolerance of {what}", "a number > 0")
+    if one_of(chosen["method"], METHODS, "method") == MMA:
+        mma_library()
+    return dict(chosen)
 
 
 def _given(
@@ -224,16 +242,17 @@ def _given(
     return free, fixed, start
 
 
-def _check_quantities(
-    runs: Sequence[Analysis], wanted: Mapping[str, str], bounds: Mapping[str, Any]
-) -> None:
+def check_quantities(
+    runs: Sequence[Analysis], wanted: Mapping[str, str], bounds: Mapping[str, Any],
+    others: Sequence[str] = (),
+) -> None:  # fmt: skip
     """Raise InputError for a quantity that no analysis gives, or that two give."""
     if len(wanted) != 1:
         raise InputError(
             f"There are {len(wanted)} objectives, but gradients lead to one optimum; name one "
             "objective and bound the others, or take dea.design.optimise for a front."
         )
-    names = [name for run in runs for name in run.names]
+    names = [*others, *(name for run in runs for name in run.names)]
     if twice := [name for name in names if names.count(name) > 1]:
         raise InputError(f"Two analyses give {twice[0]!r}; give one of them another name.")
     for name in (*wanted, *bounds):

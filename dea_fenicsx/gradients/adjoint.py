@@ -29,7 +29,7 @@ from dea_fenicsx.gradients.variables import (
     Coefficients,
     Load,
     Shape,
-    ShapeChange,
+    Told,
     Variable,
     larger,
     variables,
@@ -83,6 +83,8 @@ class Gradients:
     ----------
     problem
         The problem.
+    lent
+        A solver of the problem that a run needs no more, whose factor serves again; or None.
 
     Attributes
     ----------
@@ -92,23 +94,28 @@ class Gradients:
         What goes over the steps of a march again, by the row to which it goes.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, lent: NewtonSolver | None = None) -> None:
+        self.problem, self._lent = problem, lent
+        self._is_plane = problem.mesh.topology.dim < 3
+        self._at: State | None = None
         self.kept = KeptForms(problem)
         self._directions: dict[int, Any] = {}
         self._functionals: dict[tuple[int, frozenset[str]], tuple[Any, Functional | None]] = {}
-        self.walks: dict[tuple[str | ShapeChange, ...], Any] = {}
+        self.walks: dict[tuple[Told, ...], Any] = {}
         self.replays: dict[int, Any] = {}
 
     @cached_property
     def solver(self) -> NewtonSolver:
-        """A solver of its own, so that the run's keeps its factor and its counts."""
+        """What solves: the lent solver in space, and a new one in the plane."""
         # A factor in single precision costs as much in the plane, and many more Krylov iterations.
-        plane = self.problem.mesh.topology.dim < 3
-        return NewtonSolver(self.problem, NewtonOptions(factor="whole" if plane else "auto"))
+        # In space a factor costs as much as six Newton iterations, and so the last one is used on.
+        if self._lent and not self._is_plane:
+            return self._lent
+        options = NewtonOptions(factor="whole") if self._is_plane else NewtonOptions()
+        return NewtonSolver(self.problem, options)
 
     def of_observable(
-        self, state: State, name: str, observable: Any, to: Iterable[str | ShapeChange]
+        self, state: State, name: str, observable: Any, to: Iterable[Told]
     ) -> Gradient:
         """The derivatives of an observable at an equilibrium.  Collective.
 
@@ -127,6 +134,10 @@ class Gradients:
             measure = bind_alike(problem, name, observable)
             value = measure()
             self.linearise()
+            if self._is_plane and state is not self._at:
+                # a new one costs less than the Krylov iterations with one of another state
+                self.solver.forget_factor()
+            self._at = state
             if functional is None:
                 slopes, residual = self._direct(state, measure, found)
                 return Gradient(name, value, slopes, "direct", residual)

@@ -18,7 +18,7 @@ import numpy as np
 from dea_fenicsx.gradients.adjoint import Gradients, check_static
 from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.paired import Paired
-from dea_fenicsx.gradients.variables import Load, ShapeChange, variables
+from dea_fenicsx.gradients.variables import Load, Told, variables
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.arclength import Branch, Point
 from dea_fenicsx.path.load_course import LoadCourse
@@ -58,7 +58,7 @@ def limit_row(history: Sequence[Mapping[str, Any]], step: int) -> int:
 
 
 def critical_load(
-    gradients: Gradients, state: State, row: Mapping[str, Any], to: Iterable[str | ShapeChange]
+    gradients: Gradients, state: State, row: Mapping[str, Any], to: Iterable[Told]
 ) -> Gradient:
     """The derivatives of the load of a limit point.  Collective.
 

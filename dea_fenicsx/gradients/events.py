@@ -30,7 +30,7 @@ from dea_fenicsx.gradients.paired import Paired
 from dea_fenicsx.gradients.variables import (
     Coefficients,
     Load,
-    ShapeChange,
+    Told,
     Variable,
     variables,
 )
@@ -79,7 +79,7 @@ class Asked:
     """What is asked for: the name of the event, the variables, and the failures of the run."""
 
     name: str
-    to: Iterable[str | ShapeChange]
+    to: Iterable[Told]
     failures: Sequence[FailureMode]
 
 
@@ -144,7 +144,7 @@ def event_load(
             f"The event lies where the ramps {ramp} move together, so that its load is not one "
             "number; derive it on a path whose last item moves one of them."
         )
-    told = [asked.to] if isinstance(asked.to, str | ShapeChange) else list(asked.to)
+    told = [asked.to] if isinstance(asked.to, Told) else list(asked.to)
     strength, rest = _strengths(gradients, told)
     found = variables(problem, rest) if rest or not strength else []
     if any(isinstance(one, Load) and one.ramp == ramp for one in found):
@@ -165,8 +165,8 @@ def event_load(
 
 
 def _strengths(
-    gradients: Gradients, told: Sequence[str | ShapeChange]
-) -> tuple[dict[str, str], list[str | ShapeChange]]:
+    gradients: Gradients, told: Sequence[Told]
+) -> tuple[dict[str, str], list[Told]]:
     """Regions whose breakdown field is a variable, by its name, and the other variables."""
     laws = {
         f"{name}.electric.breakdown": name

@@ -35,7 +35,7 @@ from dea_fenicsx.gradients.variables import (
     Coefficients,
     Load,
     Shape,
-    ShapeChange,
+    Told,
     Variable,
     larger,
     variables,
@@ -53,7 +53,7 @@ Direction = list[tuple[Variable, float]]
 
 def hessian_product(
     gradients: Gradients, state: State, measured: tuple[str, Any],
-    to: Iterable[str | ShapeChange], along: Mapping[str, float],
+    to: Iterable[Told], along: Mapping[str, float],
 ) -> Gradient:  # fmt: skip
     """The derivatives of the slope of an observable along a direction.  Collective.
 

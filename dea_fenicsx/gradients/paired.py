@@ -51,11 +51,7 @@ class Paired:
             forces = self._tangent.by_load(one.ramp)
             return kept.total(self.vector @ forces) / one.unit
         if isinstance(one, Coefficients):
-            owned = problem.scene.device.owned_cells()
-            return kept.total(sum(
-                rate * float(self._cells(coefficient)[cells[cells < owned]].sum())
-                for coefficient, cells, rate in one.changes
-            ))  # fmt: skip
+            return kept.total(sum(float(part.sum()) for part in self._parts(one)))
         gradient = self.by_nodes()
         values = nodal_values(kept.nodes, one.velocity)[: len(gradient)]
         slope = kept.total(gradient @ values)
@@ -67,19 +63,24 @@ class Paired:
 
     def size(self, one: Variable) -> float:
         """The sum of the sizes of all parts of which `slope` is the sum.  Collective."""
-        problem, kept = self._problem, self._kept
+        kept = self._kept
         if isinstance(one, Load):
             parts = self.vector * self._tangent.by_load(one.ramp) / one.unit
         elif isinstance(one, Coefficients):
-            owned = problem.scene.device.owned_cells()
-            parts = np.concatenate([
-                rate * self._cells(coefficient)[cells[cells < owned]]
-                for coefficient, cells, rate in one.changes
-            ])  # fmt: skip
+            parts = np.concatenate(self._parts(one))
         else:
             gradient = self.by_nodes()
             parts = gradient * nodal_values(kept.nodes, one.velocity)[: len(gradient)]
         return kept.total(float(np.abs(parts).sum()))
+
+    def _parts(self, one: Coefficients) -> list[np.ndarray]:
+        """The derivatives by the value in each owned cell, times its change.  Collective."""
+        owned, found = self._problem.scene.device.owned_cells(), []
+        for coefficient, cells, rate in one.changes:
+            mine = cells < owned
+            rates = np.broadcast_to(rate, cells.shape)[mine]
+            found.append(rates * self._cells(coefficient)[cells[mine]])
+        return found
 
     def _cells(self, coefficient: Any) -> np.ndarray:
         """The derivative by a cell-wise coefficient in each local cell.  Collective."""

@@ -12,12 +12,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from dea_fenicsx.gradients.changes import Recorded
 from dea_fenicsx.gradients.differences import OBSERVABLE_STEP
 from dea_fenicsx.gradients.motion_changes import driven
 from dea_fenicsx.gradients.shapes import distortion, most
-from dea_fenicsx.gradients.variables import Load, Shape, ShapeChange, Variable, larger
+from dea_fenicsx.gradients.variables import Load, Shape, Told, Variable, larger
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.items import Item, March, Ramp
@@ -59,6 +60,14 @@ class Scaled(Ramp):
         return {n: goal * self.shares.get(n, 1.0) for n, goal in super().goals(scene).items()}
 
 
+class Taken(NamedTuple):
+    """A recorded step: its item of the path, when that began, and the time at its end, in s."""
+
+    item: Item
+    began: float
+    time: float
+
+
 class Replay:
     """Goes over the steps of a run again, with a variable a little larger or smaller.
 
@@ -81,28 +90,29 @@ class Replay:
         self, problem: Problem, recorded: Callable[[int], Recorded], row: int
     ) -> None:
         self.problem = problem
-        steps = [recorded(k) for k in range(row + 1)]
-        if steps[-1].event:
+        first, self.last = recorded(0), recorded(row).state
+        if event := recorded(row).event:
             raise InputError(
-                f"The step of the event {steps[-1].event!r} in a march has no derivative here; "
+                f"The step of the event {event!r} in a march has no derivative here; "
                 "ask for the accepted step before or after it."
             )
-        self.steps = [one for one in steps if not one.event]
-        off = most(problem, steps[0].state.values - problem.rest.values)
-        if off > SAME_STATE or any(steps[0].state.factors.values()):
+        told = (recorded(k) for k in range(row + 1))  # one at a time, for they may lie on disk
+        self.steps = [Taken(s.item, s.began, s.state.time) for s in told if not s.event]
+        off = most(problem, first.state.values - problem.rest.values)
+        if off > SAME_STATE or any(first.state.factors.values()):
             raise InputError(
                 "A march that begins in a state of another run has no derivative here; compare "
                 "two runs instead."
             )
         self._solver: NewtonSolver | None = None
-        self._reached: dict[tuple[str | ShapeChange, int], State] = {}
+        self._reached: dict[tuple[Told, int], State] = {}
         self.residual = self._checked()
 
     def _checked(self) -> float:
         """How far the recorded state is missed by the same march.  Collective."""
         with self.problem.at(self.problem.state):
             found = self._walked(None, 0.0)
-        due = self.steps[-1].state
+        due = self.last
         size = most(self.problem, due.values)
         off = most(self.problem, found.values - due.values) / max(size, SAME_STATE)
         if off > SAME_STATE:
@@ -113,7 +123,7 @@ class Replay:
         return off
 
     def slope(
-        self, told: str | ShapeChange, one: Variable, measure: Callable[[], float],
+        self, told: Told, one: Variable, measure: Callable[[], float],
         anew: Callable[[], float] | None,
     ) -> float:  # fmt: skip
         """The derivative of an observable by a variable.  Collective.
@@ -170,14 +180,20 @@ class Replay:
             return
         kept = constants[one.name]
         try:
-            constants[one.name] = kept + step
+            self._put(one.name, kept + step)
             yield
         finally:
-            constants[one.name] = kept
+            self._put(one.name, kept)
+
+    def _put(self, name: str, value: float) -> None:
+        """Give a constant a value; the stiffness of contacts follows."""
+        self.problem.parameters[name] = value
+        for contact in self.problem.forms.contacts:
+            contact.take(self.problem.parameters.materials)
 
     def _walked(self, one: Variable | None, step: float) -> State:
         """The state in which the march ends under a load that is larger by a step.  Collective."""
-        problem, last = self.problem, self.steps[-1].state
+        problem, last = self.problem, self.last
         if self._solver is None:
             self._solver = NewtonSolver(problem, NewtonOptions(tolerance=REPLAY_TOLERANCE))
         self._solver.renew()
@@ -209,7 +225,7 @@ class Replay:
         """An item that takes the recorded steps, under a load that is larger by a step."""
         item, began = told
         if isinstance(item, March):
-            times = [s.state.time - began for s in self.steps if (s.item, s.began) == told]
+            times = [s.time - began for s in self.steps if (s.item, s.began) == told]
             at = tuple(sorted({t for t in times if t > 0}))
             item = driven(replace(item, at=at, steps=1), one, step) if one else replace(
                 item, at=at, steps=1

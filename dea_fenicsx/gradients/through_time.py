@@ -34,7 +34,7 @@ from dea_fenicsx.gradients.shapes import fixed_change
 from dea_fenicsx.gradients.variables import (
     Load,
     Shape,
-    ShapeChange,
+    Told,
     Variable,
     larger,
     variables,
@@ -335,7 +335,7 @@ def _rules(past: ViscousHistory, order: int, seconds: float, moves: bool) -> lis
 
 
 def at_step(
-    gradients: Gradients, name: str, observable: Any, to: Iterable[str | ShapeChange],
+    gradients: Gradients, name: str, observable: Any, to: Iterable[Told],
     row: int, recorded: Callable[[int], Recorded],
 ) -> Gradient:  # fmt: skip
     """The derivatives of an observable at a step with a past.  Collective.
@@ -352,7 +352,7 @@ def at_step(
         If a linear solve fails, or if earlier steps are not known.
     """
     problem = gradients.problem
-    told = [to] if isinstance(to, str | ShapeChange) else list(to)
+    told = [to] if isinstance(to, Told) else list(to)
     carried, state = is_carried(problem, recorded(row)), recorded(row).state
     found = variables(problem, told, replayed=not carried)
     with problem.at(state):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from dea_fenicsx.gradients.shapes import (
     THICKNESS,
@@ -16,6 +17,7 @@ from dea_fenicsx.gradients.shapes import (
     moved_nodes,
     thickness,
 )
+from dea_fenicsx.mesh.cell_middles import at_middles
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.scene.prescribed import PreStretch
 from dea_fenicsx.support.agreement import together
@@ -46,6 +48,27 @@ class ShapeChange:
 
 
 @dataclass(frozen=True)
+class ConstantChange:
+    """A change of constants of materials that varies with the place.
+
+    Parameters
+    ----------
+    name
+        What the derivative is called.
+    rates
+        For each constant, such as ``"film.elastic.mu"``, its change for p = 1: from the positions
+        of the cells' middles in m, shape (n, 3), to n numbers in the unit of the constant.
+    """
+
+    name: str
+    rates: Mapping[str, Callable[[np.ndarray], np.ndarray]]
+
+
+Told = str | ShapeChange | ConstantChange
+"""How a user names a variable."""
+
+
+@dataclass(frozen=True)
 class Coefficients:
     """A variable that the forms hold in cell-wise coefficients.
 
@@ -55,13 +78,13 @@ class Coefficients:
         Its name.
     changes
         For each coefficient the local cells where it changes, and its change for a unit of the
-        variable.
+        variable: a number, or one for each of these cells.
     value
         Its present value, in SI units.
     """
 
     name: str
-    changes: tuple[tuple[Any, np.ndarray, float], ...]
+    changes: tuple[tuple[Any, np.ndarray, Any], ...]
     value: float
 
 
@@ -125,7 +148,7 @@ def larger(problem: Problem, one: Variable, step: float) -> Iterator[None]:
 
 
 def variables(
-    problem: Problem, to: Iterable[str | ShapeChange], replayed: bool = False
+    problem: Problem, to: Iterable[Told], replayed: bool = False
 ) -> list[Variable]:
     """The variables of some names.  Collective.
 
@@ -136,7 +159,7 @@ def variables(
     InputError
         For a name that there is not, and for a variable without a derivative in this scene.
     """
-    if isinstance(to, str | ShapeChange):
+    if isinstance(to, Told):
         to = [to]
     found = [_variable(problem, one, replayed) for one in to]
     names = [one.name for one in found]
@@ -157,11 +180,14 @@ def names_of(problem: Problem) -> list[str]:
     ]
 
 
-def _variable(problem: Problem, told: str | ShapeChange, replayed: bool) -> Variable:
+def _variable(problem: Problem, told: Told, replayed: bool) -> Variable:
     if isinstance(told, ShapeChange):
         check_declared(told)
         check_shape(problem, told.name)
         return Shape(told.name, _in_units(problem, told))
+    if isinstance(told, ConstantChange):
+        check_declared(told)
+        return _varying(problem, told)
     if not isinstance(told, str):
         raise InputError(
             f"to= holds {shown(told)}, but must hold names of variables, such as 'voltage'."
@@ -185,7 +211,38 @@ def _variable(problem: Problem, told: str | ShapeChange, replayed: bool) -> Vari
             f"{told!r} has no derivative here, because the branch is solved for at each quadrature "
             "point; only Maxwell branches have their constants in the forms."
         )
-    return Coefficients(told, (coefficient,), problem.parameters[told])
+    changes = (coefficient, *_of_contacts(problem, told))
+    return Coefficients(told, changes, problem.parameters[told])
+
+
+def _of_contacts(problem: Problem, name: str) -> list[tuple[Any, np.ndarray, Any]]:
+    """How the stiffness of contacts, which follows the shear modulus, changes with a constant."""
+    contacts = list(problem.forms.contacts)
+    rate = problem.parameters.modulus_rate(name) if contacts else 0.0
+    if not rate:
+        return []
+    each = [contact.by_modulus(name.split(".")[0]) for contact in contacts]
+    return [(r, cells, rate * slopes) for r, cells, slopes in each]
+
+
+def _varying(problem: Problem, told: ConstantChange) -> Coefficients:
+    """A change of constants that varies with the place.  Collective."""
+    device, changes, least = problem.scene.device, [], np.inf
+    for name, rate in told.rates.items():
+        known(name, problem.parameters, "constant", "the problem")
+        found = problem.parameters.coefficient(name)
+        if found is None:
+            raise InputError(f"{name!r} has no derivative by {told.name!r}; only Maxwell branches "
+                             "have their constants in the forms.")  # fmt: skip
+        coefficient, cells, _ = found
+        what = f"The rate of {name!r} in the change {told.name!r}"
+        rates = problem.parameters.unit(name) * at_middles(device, cells, rate, what)
+        moved = rates != 0
+        changes.append((coefficient, cells[moved], rates[moved]))
+        sizes = np.abs(coefficient.x.array[cells[moved]] / rates[moved])
+        least = min(least, float(sizes.min(initial=np.inf)))
+    least = problem.comm.allreduce(least, op=MPI.MIN)
+    return Coefficients(told.name, tuple(changes), least if np.isfinite(least) else 1.0)
 
 
 def _in_units(problem: Problem, told: ShapeChange) -> Velocity:

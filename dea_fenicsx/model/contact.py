@@ -189,6 +189,12 @@ class Contact:
             self._r.x.array[cells] = self._yielding[cells] * stiff
         self._r.x.scatter_forward()
 
+    def by_modulus(self, region: str) -> tuple[Any, np.ndarray, np.ndarray]:
+        """The coefficient r, the local cells of a region where it is used, and dr/dmu in 1/Pa."""
+        cells = np.intersect1d(self._scene.device.cells_of(region), self.facets[:, 0])
+        by = MODULI_AT_TOLERANCE / self._tolerances[cells] / self._scales.stress
+        return self._r, cells, self._yielding[cells] * by
+
     @property
     def fields(self) -> list[str]:
         """Names of its fields: the pressure, and with friction the tangential traction."""

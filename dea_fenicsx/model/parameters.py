@@ -22,6 +22,9 @@ from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import finite, known
 
+RATE_STEP = 1e-5
+"""Relative step of a constant for the derivative of the shear modulus, mostly linear in it."""
+
 
 @dataclass(frozen=True)
 class _Handle:
@@ -160,6 +163,21 @@ class Parameters(MutableMapping[str, float]):
         self._device, self._scales = scene.device, scales
         self._kernels = {name: kernel for kernel in kernels for name in kernel.regions}
         self._handles = dict(self._all())
+        self._factors: dict[str, np.ndarray] = {}
+        for graded in scene.declared.graded:
+            self._grade(f"{graded.region}.{graded.constant}", graded.factor)
+
+    def _grade(self, name: str, factor: np.ndarray) -> None:
+        """Let a constant vary with the place: its factor in each local cell."""
+        handle = self._handle(name)
+        material = self.materials[handle.region]
+        if handle.part not in ("elastic", "electric") or is_compressible(material.elastic):
+            raise InputError(
+                f"The constant {name!r} cannot vary with the place; those of the dielectric can, "
+                "and those of the elastic model, unless it is one of a foam."
+            )
+        self._factors[name] = self._factors.get(name, 1.0) * factor
+        self._store(name, material)
 
     def _all(self) -> Iterator[tuple[str, _Handle]]:
         for region, material in self.materials.items():
@@ -184,7 +202,7 @@ class Parameters(MutableMapping[str, float]):
         if faults := material.faults():
             model = type(material.elastic).__name__
             raise InputError(f"Region {handle.region!r}, {model}: {faults[0]}.")
-        self._store(handle, material)
+        self._store(name, material)
         self.materials[handle.region] = material
 
     def __delitem__(self, name: str) -> None:
@@ -201,8 +219,8 @@ class Parameters(MutableMapping[str, float]):
 
         They are set together, as some of them make sense only together.
         """
-        for handle in self._handles.values():
-            self._store(handle, materials[handle.region])
+        for name, handle in self._handles.items():
+            self._store(name, materials[handle.region])
         self.materials = dict(materials)
 
     def values_in(self, materials: Mapping[str, Material]) -> dict[str, float]:
@@ -220,10 +238,11 @@ class Parameters(MutableMapping[str, float]):
         known(name, self._handles, "constant", "the problem")
         return self._handles[name]
 
-    def coefficient(self, name: str) -> tuple[Any, np.ndarray, float] | None:
+    def coefficient(self, name: str) -> tuple[Any, np.ndarray, Any] | None:
         """The coefficient of the forms that holds a constant, its cells, and its unit.
 
-        In these local cells the coefficient is the constant, in SI units, times the unit.  None for
+        In these local cells the coefficient is the constant, in SI units, times the unit, which
+        differs between cells where the constant varies with the place.  None for
         a constant of a branch that is solved for at each quadrature point.
         """
         handle = self._handle(name)
@@ -231,15 +250,21 @@ class Parameters(MutableMapping[str, float]):
         cells = self._device.cells_of(handle.region)
         if handle.part != "viscous":
             coefficient, _ = self._held(handle, material)
-            unit = {"": 1 / self._scales.stress}.get(handle.part, 1.0)
-            if handle.part == "electric":
-                kind = material.dielectric.constants[handle.name]
-                unit = self._scales.of_dielectric(1.0, kind)
-            return coefficient, cells, unit
+            return coefficient, cells, self.unit(name) * self._factors.get(name, 1.0)
         for branch in kernel.branches:
             if branch.place == handle.parts[1]:
                 return getattr(branch, handle.name), cells, 1.0
         return None
+
+    def modulus_rate(self, name: str) -> float:
+        """The derivative of the region's shear modulus by a constant; 0 if it is no elastic one."""
+        handle = self._handle(name)
+        if handle.part != "elastic":
+            return 0.0
+        material, value = self.materials[handle.region], self[name]
+        step = RATE_STEP * (abs(value) or 1.0)
+        ends = [handle.changed(material, value + s).elastic.shear_modulus() for s in (step, -step)]
+        return float(ends[0] - ends[1]) / (2 * step)
 
     def _held(self, handle: _Handle, material: Material) -> tuple[Any, float]:
         """The coefficient that holds a constant, and what it is to hold, dimensionless.
@@ -258,15 +283,24 @@ class Parameters(MutableMapping[str, float]):
             coefficient = coefficient[handle.place]
         return coefficient, handle.read(material)
 
-    def _store(self, handle: _Handle, material: Material) -> None:
+    def unit(self, name: str) -> float:
+        """What a constant in SI units is multiplied by in the coefficient of the forms."""
+        handle = self._handle(name)
+        if handle.part == "electric":
+            kind = self.materials[handle.region].dielectric.constants[handle.name]
+            return float(self._scales.of_dielectric(1.0, kind))
+        return 1.0 if handle.part else 1 / self._scales.stress
+
+    def _store(self, name: str, material: Material) -> None:
         """Put a constant into the coefficient that holds it, in the cells of its region."""
+        handle = self._handles[name]
         if handle.part == "viscous":
             self._store_viscous(handle, material)
             return
         coefficient, value = self._held(handle, material)
         cells: np.ndarray = self._device.cells_of(handle.region)
         assert coefficient is not None
-        coefficient.x.array[cells] = value
+        coefficient.x.array[cells] = value * self._factors.get(name, 1.0)
 
     def _store_viscous(self, handle: _Handle, material: Material) -> None:
         """Put a constant of a viscous branch where it is needed.

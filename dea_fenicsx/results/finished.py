@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from dea_fenicsx.gradients.adjoint import Gradients
 from dea_fenicsx.gradients.changes import Recorded
@@ -18,7 +19,7 @@ from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.hessian import hessian_product
 from dea_fenicsx.gradients.past_checks import has_past
 from dea_fenicsx.gradients.through_time import at_step
-from dea_fenicsx.gradients.variables import ShapeChange
+from dea_fenicsx.gradients.variables import Told
 from dea_fenicsx.measure.failures import FailureMode
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.columns import check_added
@@ -26,6 +27,7 @@ from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
 from dea_fenicsx.results.kept_states import KeptStates
 from dea_fenicsx.results.tables import run_html
+from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import known
 
@@ -41,6 +43,8 @@ class Run:
         What summary.json holds.
     folder
         The results folder's writer, or None.
+    lent
+        The solver of the run, until another run begins; its factor serves for derivatives.
     """
 
     def __init__(
@@ -57,6 +61,7 @@ class Run:
         self._problem, self._recorded = problem, dict(recorded or {})
         self._failures = tuple(failures)
         self._states = KeptStates() if states is None else states
+        self.lent: NewtonSolver | None = None
 
     @property
     def problem(self) -> Problem:
@@ -116,9 +121,11 @@ class Run:
 
     @cached_property
     def _gradients(self) -> Gradients:
-        return Gradients(self._problem)
+        # A rank that has solved something alone since then has let its part of the solver go.
+        everywhere = self._problem.comm.allreduce(self.lent is not None, op=MPI.LAND)
+        return Gradients(self._problem, self.lent if everywhere else None)
 
-    def sensitivity(self, name: str, to: Iterable[str | ShapeChange], step: int = -1) -> Gradient:
+    def sensitivity(self, name: str, to: Iterable[Told], step: int = -1) -> Gradient:
         """The derivatives of what was recorded at a step, or of a critical load.  Collective.
 
         Parameters
@@ -143,6 +150,8 @@ class Run:
                 layer is thinnest; ``"thickness:film:x"`` names another one.
             a `ShapeChange`
                 Any other change of the undeformed shape, by the velocity of its points.
+            a `ConstantChange`
+                A change of constants that varies with the place.
         step
             The row of the history; the last one by default.  At a step of a march the lengths of
             all steps are held, and a load is derived by its value at factor 1, so that the whole
@@ -183,7 +192,7 @@ class Run:
         return self._gradients.of_observable(state, name, self._recorded[name], to)
 
     def hessian_product(
-        self, name: str, to: Iterable[str | ShapeChange], along: Mapping[str, float],
+        self, name: str, to: Iterable[Told], along: Mapping[str, float],
         step: int = -1,
     ) -> Gradient:  # fmt: skip
         """The second derivatives of what was recorded, along a direction.  Collective.

@@ -1,7 +1,15 @@
-"""The accepted states of a run that stay in memory, so that one can go back to a step."""
+"""The accepted states of a run, so that one can go back to a step.
+
+The latest ones stay in memory.  The derivative at a step of a march needs all states before it, and
+so those that memory has no room for go to a temporary file, which ends with the run.
+"""
 
 from __future__ import annotations
 
+import os
+import pickle
+import tempfile
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,7 +23,7 @@ MOST_BYTES = 200_000_000
 """Memory of the states that are kept, on each rank.  The last one is always kept."""
 
 MOST_BYTES_OF_MARCH = 2_000_000_000
-"""The same where states have a past, for the derivative of each needs all before it."""
+"""The same where states have a past; what is more goes to disk."""
 
 
 class KeptStates:
@@ -24,7 +32,8 @@ class KeptStates:
     Parameters
     ----------
     most_bytes, most_bytes_of_march
-        Memory that they may take without and with a past; the earliest are let go.
+        Memory that they may take without and with a past.  The earliest are let go, and those with
+        a past are written to the folder for temporary files (``TMPDIR``), as far as it has room.
     """
 
     def __init__(
@@ -33,6 +42,7 @@ class KeptStates:
         self._most, self._most_of_march = most_bytes, most_bytes_of_march
         self._states = dict[int, State]()
         self._items = dict[int, tuple[Any, float]]()
+        self._on_disk = OnDisk()
 
     def put(self, row: int, state: State, item: Any = None, began: float = 0.0) -> None:
         """Keep the state of a row, and let go of the earliest ones that are too many.
@@ -43,7 +53,9 @@ class KeptStates:
         most = self._most_of_march if state.history else self._most
         room = max(1, most // max(1, _bytes_of(state)))
         for old in sorted(self._states)[:-room]:
-            del self._states[old]
+            let_go = self._states.pop(old)
+            if state.history:  # also what a march began from
+                self._on_disk.put(old, let_go)
 
     def item_of(self, row: int) -> tuple[Any, float]:
         """The item of the path in which a row lies, and the time in s at which that began."""
@@ -63,6 +75,8 @@ class KeptStates:
                 f"step={step} is no row of the history, which has {rows}; give one of 0 to "
                 f"{rows - 1}, or -1 for the last."
             )
+        if row not in self._states and (found := self._on_disk.of(row)) is not None:
+            return found
         if row not in self._states:
             kept = ", ".join(map(str, sorted(self._states)[:3]))
             raise InputError(
@@ -70,6 +84,51 @@ class KeptStates:
                 f"run are not kept; the first that are kept are {kept}."
             )
         return self._states[row]
+
+
+class OnDisk:
+    """States in a temporary file of this rank, by their numbers.
+
+    A state that cannot be written is not kept.
+    """
+
+    def __init__(self) -> None:
+        self._file: Any = None
+        self._places = dict[int, int]()
+
+    def put(self, row: int, state: State) -> None:
+        """Write the state of a row."""
+        try:
+            if self._file is None:
+                self._file = tempfile.TemporaryFile(prefix="dea_fenicsx_")  # noqa: SIM115
+            place = self._file.seek(0, os.SEEK_END)
+            _Pickler(self._file, pickle.HIGHEST_PROTOCOL).dump(state)
+            self._file.flush()
+        # a full disk, or a history of one's own
+        except (OSError, TypeError, AttributeError, pickle.PicklingError):
+            return
+        self._places[row] = place
+
+    def of(self, row: int) -> State | None:
+        """The state of a row, or None if it is not there."""
+        if row not in self._places:
+            return None
+        self._file.seek(self._places[row])
+        found: State = pickle.load(self._file)
+        return found
+
+
+def _fixed(values: dict[str, Any]) -> MappingProxyType:
+    return MappingProxyType(values)
+
+
+class _Pickler(pickle.Pickler):
+    """Writes mappings that cannot be changed, too."""
+
+    def reducer_override(self, thing: Any) -> Any:
+        if type(thing) is MappingProxyType:
+            return _fixed, (dict(thing),)
+        return NotImplemented
 
 
 def _bytes_of(state: State) -> int:

@@ -22,6 +22,7 @@ from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.solvers.linear import MOST_UNKNOWNS_LENT
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.options import NewtonOptions
 
@@ -52,6 +53,25 @@ class _Kept:
 _kept: list[_Kept] = []
 _runs: weakref.WeakKeyDictionary[Device, int] = weakref.WeakKeyDictionary()
 """Number of runs of each device.  A rank may have solved other devices alone."""
+
+
+_lent: weakref.ref[Run] | None = None
+"""The last run that still has its solver."""
+
+
+def lend(run: Run, solver: NewtonSolver) -> None:
+    """Leave a run its solver, if that is not too large, until the next run begins."""
+    global _lent
+    if solver.problem.unknowns <= MOST_UNKNOWNS_LENT and solver.options.keep_factor:
+        run.lent, _lent = solver, weakref.ref(run)
+
+
+def take_back() -> None:
+    """Let the memory of the last run's solver go, unless it has served for derivatives."""
+    global _lent
+    if _lent and (run := _lent()):
+        run.lent = None
+    _lent = None
 
 
 def clear() -> None:
@@ -89,6 +109,7 @@ def solver_for(
     With `released` a free body is held by its inertia alone.  Collective.
     """
     chosen = options or NewtonOptions()
+    take_back()
     _kept[:] = [kept for kept in _kept if not kept.solver.problem.handed_out]
     usable = {
         kept.number: kept for kept in _kept

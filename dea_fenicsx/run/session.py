@@ -35,7 +35,7 @@ from dea_fenicsx.run.enclosed_volume import check_volume
 from dea_fenicsx.run.journal import Journal
 from dea_fenicsx.run.pushing_out import pushed_out
 from dea_fenicsx.run.resuming import carry_on
-from dea_fenicsx.run.reuse import keep, solver_for
+from dea_fenicsx.run.reuse import keep, lend, solver_for
 from dea_fenicsx.run.starting import Beginning, balanced, beginning
 from dea_fenicsx.scene.electrode_checks import without_field
 from dea_fenicsx.scene.scene import Scene
@@ -178,6 +178,7 @@ class _Session:
             closing.note_crash(error)
             raise
         closing.finish(*ending(self.scene, journal.history, self.path))
+        lend(result, journal.solver)
         keep(result, journal.solver, [*self.record.values(), *self.failures])
         return result
 

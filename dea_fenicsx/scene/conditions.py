@@ -10,6 +10,7 @@ from dea_fenicsx.scene.cavity import Cavity
 from dea_fenicsx.scene.condition import Condition, Load, Prescribed, Support
 from dea_fenicsx.scene.electrodes import ChargedElectrode, Electrode, Ground, ThinFilm
 from dea_fenicsx.scene.elements import Discretisation
+from dea_fenicsx.scene.graded import Graded
 from dea_fenicsx.scene.loads import AxialForce, DeadLoad, DeadPressure, FollowerPressure, Torque
 from dea_fenicsx.scene.membrane_pressure import MembranePressure
 from dea_fenicsx.scene.obstacles import Obstacle
@@ -26,7 +27,8 @@ from dea_fenicsx.scene.torsion import TorsionSpring
 __all__ = [
     "AxialForce", "AxialStretch", "BodyForce", "Cavity", "Centrifugal", "ChargedElectrode", "Clamp",
     "Condition", "DeadLoad", "DeadPressure", "Discretisation", "Displacement", "ElasticFoundation",
-    "Electrode", "Fix", "FollowerPressure", "Force", "FreeBody", "Gravity", "Ground", "Load",
+    "Electrode", "Fix", "FollowerPressure", "Force", "FreeBody", "Graded", "Gravity", "Ground",
+    "Load",
     "MeanStrain", "MembranePressure", "Moment", "Obstacle", "Periodic", "PreStretch",
     "Prescribed", "Rigid", "Source", "Spring", "Stretch", "Support", "Taper", "Temperature",
     "ThinFilm", "Torque", "TorsionSpring", "Turn", "Twist",

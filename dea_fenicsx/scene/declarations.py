@@ -17,6 +17,7 @@ these declarations; the model reads them and knows no condition:
 `FixedPotential`       potential of an electrode
 `SheetResistance`      resistance along an electrode
 `FloatingPotential`    one unknown potential for an electrode of given charge or with a `Feed`
+`GradedConstant`       a constant of a material that varies with the place, see `scene.graded`
 `AddedPhysics`         fields and terms beyond those that every problem has
 =====================  =========================================================================
 

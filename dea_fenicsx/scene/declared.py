@@ -27,6 +27,7 @@ from dea_fenicsx.scene.declarations import (
     SurfaceWork,
 )
 from dea_fenicsx.scene.electrodes import Conducting
+from dea_fenicsx.scene.graded import GradedConstant
 from dea_fenicsx.scene.part_declarations import (
     RigidAngle,
     RigidForce,
@@ -77,6 +78,8 @@ class Declared:
         Electrodes with a resistance along their surface, each with its declaration.
     contacts
         Surfaces that may touch an obstacle, each with its condition.
+    graded
+        Constants of materials that vary with the place.
     """
 
     told: Told
@@ -102,6 +105,7 @@ class Declared:
     fillings: list[Filling]
     sheets: list[tuple[Conducting, SheetResistance]]
     contacts: list[tuple[Condition, UnilateralContact]]
+    graded: list[GradedConstant]
 
 
 def gathered(scene: Setting) -> Declared:
@@ -137,6 +141,7 @@ def gathered(scene: Setting) -> Declared:
         fillings=of(Filling),
         sheets=[(e, one) for e, one in electric if isinstance(one, SheetResistance)],
         contacts=of_kind(told, UnilateralContact),
+        graded=of(GradedConstant),
     )
 
 

@@ -37,6 +37,9 @@ The count needs a factor of the tangent at the accepted state.  The next step th
 as its preconditioner.
 """
 
+MOST_UNKNOWNS_LENT = 200_000
+"""Unknowns up to which a factor stays in memory after a run, to be used for derivatives."""
+
 ASSEMBLY_IN_KRYLOV = {1: 15, 2: 15, 3: 30}
 """Cost of assembling the tangent, in Krylov iterations of a small problem, by dimension."""
 
@@ -250,12 +253,12 @@ class LinearSolver:
         Parameters
         ----------
         last
-            True if no solve follows: then the kept factor is deleted first to save memory.
+            True if no solve follows: then a large kept factor is deleted first to save memory.
         """
         if not self.problem.forms.is_symmetric:
             self.inertia = Inertia()
             return
-        if last:
+        if last and self.problem.unknowns > MOST_UNKNOWNS_LENT:
             self._factor.make_room()
             self._corotation.factor = None
             self._stale = True

@@ -33,7 +33,7 @@ from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.studies.claims import Claims
 from dea_fenicsx.studies.samples import Over, points
-from dea_fenicsx.studies.table import draw, write_table
+from dea_fenicsx.studies.table import draw, write_parquet, write_table
 from dea_fenicsx.support.agreement import together
 from dea_fenicsx.support.errors import (
     DeaError,
@@ -118,7 +118,7 @@ class Study:
         return np.array([np.nan if value is None else float(value) for value in values])
 
     def to_pandas(self) -> Any:
-        """The table as a pandas DataFrame, which writes Parquet and other formats.
+        """The table as a pandas DataFrame.
 
         Raises
         ------
@@ -133,6 +133,28 @@ class Study:
                 "read table.csv."
             ) from error
         return pandas.DataFrame(self.rows)
+
+    def to_parquet(self, path: str | os.PathLike | None = None) -> Path:
+        """Write the table as Parquet, a file of columns that most data tools read.
+
+        Parameters
+        ----------
+        path
+            The file; ``table.parquet`` in the study's folder by default.
+
+        Returns
+        -------
+        Path
+            The file.  Under mpirun call it on one rank.
+
+        Raises
+        ------
+        InputError
+            If pyarrow is not installed.
+        """
+        place = self.out / "table.parquet" if path is None else Path(path)
+        write_parquet(place, self.rows)
+        return place
 
 
 def study(

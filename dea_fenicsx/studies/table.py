@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dea_fenicsx.pictures.curves import STYLE, axis_label, write_whole
+from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import replace_file
 
 MOST_LINES = 12
@@ -25,6 +26,36 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
             writer.writerows(rows)
 
     replace_file(path, write)
+
+
+def write_parquet(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write rows as Parquet, with all columns that any row has.
+
+    A column of numbers and texts becomes one of texts.
+
+    Raises
+    ------
+    InputError
+        If pyarrow is not installed.
+    """
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError as error:
+        raise InputError(
+            "The table as Parquet needs pyarrow; install it with pip install pyarrow, or read "
+            "table.csv."
+        ) from error
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    table = pyarrow.table({name: _alike([row.get(name) for row in rows]) for name in names})
+    replace_file(path, lambda target: parquet.write_table(table, target))
+
+
+def _alike(values: list[Any]) -> list[Any]:
+    """Values of a column, as texts if some of them are texts."""
+    if not any(isinstance(value, str) for value in values):
+        return values
+    return [None if value is None else str(value) for value in values]
 
 
 def draw(
