@@ -1,0 +1,230 @@
+"""The choice of mesh and degree with which an observable is as exact as it was asked to be.
+
+From the estimate by cells and directions follows what is made finer: first the degree, as long as
+that takes the error down quickly; then those sheets of cells that hold most of the error are
+halved, so that the mesh becomes graded towards corners and edges of electrodes.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from dea_fenicsx.geometry.bisected import Bisected
+from dea_fenicsx.gradients.discretisation import DiscretisationError, ErrorEstimates
+from dea_fenicsx.mesh.sheets import over_sheets
+from dea_fenicsx.results.columns import column_of
+from dea_fenicsx.results.finished import Run
+from dea_fenicsx.scene.elements import Discretisation
+from dea_fenicsx.scene.scene import Scene
+
+HIGHEST_DEGREE = 3
+"""Degree up to which mesh families go.  Beyond, singular corners need smaller cells instead."""
+
+QUICK = 8.0
+"""Factor by which one degree more must reduce the error for the next one to be tried."""
+
+SHARE = 0.9
+"""Share of the error that those sheets hold together which are halved."""
+
+MOST_LEVELS = 14
+"""Number of discretisations that are tried."""
+
+MOST_UNKNOWNS = 400_000
+"""Unknowns beyond which nothing is made finer."""
+
+STRONGEST = 3.0
+"""Power of the degree with which errors fall at the strongest corners of rubber.
+
+An observable's error at a corner with displacements of r^a falls as degree^(-4 a) [Babuska and Suri
+1987]; a is 0.75 or so where a clamped edge meets a free one.
+"""
+
+
+def not_seen(degree: int) -> float:
+    """Largest error over the part of it that one degree more sees, at the strongest corners."""
+    return 1 / (1 - (degree / (degree + 1)) ** STRONGEST)
+
+
+@dataclass(frozen=True)
+class Level:
+    """One discretisation that was tried, and what came of it.
+
+    Attributes
+    ----------
+    degree, cells, unknowns : of the discretisation
+    value : the observable, in SI units
+    estimate : estimated exact value minus `value`
+    error : largest relative error that is expected
+    wall_s : wall time of solution and estimate
+    """
+
+    degree: int
+    cells: int
+    unknowns: int
+    value: float
+    estimate: float
+    error: float
+    wall_s: float
+
+
+class Search:
+    """The search for a discretisation.
+
+    Parameters
+    ----------
+    name, observable
+        What is to be exact.
+    asked
+        The largest relative error.
+    solved
+        Solves a scene along the path, and keeps nothing on disk.
+    say
+        Tells a line.
+    """
+
+    def __init__(
+        self, name: str, observable: Any, asked: float, solved: Callable[[Scene], Run],
+        say: Callable[[str], object],
+    ) -> None:  # fmt: skip
+        self.name, self.observable, self.asked = name, observable, asked
+        self.solved, self.say = solved, say
+        self.levels: list[Level] = []
+        self._quick = True
+
+    @property
+    def reached(self) -> bool:
+        """Whether the last level is as exact as asked."""
+        return bool(self.levels) and self.levels[-1].error <= self.asked
+
+    def find(self, scene: Scene) -> Scene:
+        """The scene with the discretisation that is chosen.  Collective."""
+        while True:
+            found = self._try(scene)
+            if self.reached or len(self.levels) >= MOST_LEVELS:
+                return scene
+            if self.levels[-1].unknowns > MOST_UNKNOWNS or not found.value:
+                return scene
+            finer = self._finer(scene, found)
+            if finer is None:
+                return scene
+            scene = finer
+
+    def _try(self, scene: Scene) -> DiscretisationError:
+        """Solve a scene, and estimate its error.  Collective."""
+        begun = time.perf_counter()
+        run = self.solved(scene)
+        problem = run.problem
+        of = {self.name: self.observable}
+        found = ErrorEstimates(problem).of(problem.state, of, by_cells=True)[self.name]
+        comm, mesh = problem.comm, problem.mesh
+        cells = mesh.topology.index_map(mesh.topology.dim).size_global
+        wall = comm.allreduce(time.perf_counter() - begun, op=MPI.MAX)
+        degree = scene.elements.degree
+        level = Level(
+            degree, cells, found.unknowns, found.value, found.estimate,
+            self._largest(found, degree), wall,
+        )  # fmt: skip
+        self.levels.append(level)
+        self.say(
+            f"Degree {degree}, {cells} cells: {column_of(self.name, self.observable)} = "
+            f"{found.value:.7g}, error at most {level.error:.1e} of it, {wall:.2g} s."
+        )
+        return found
+
+    def _largest(self, found: DiscretisationError, degree: int) -> float:
+        """The largest relative error that is expected."""
+        return found.relative * not_seen(degree)
+
+    def _finer(self, scene: Scene, found: DiscretisationError) -> Scene | None:
+        """The scene with a finer discretisation, or None if there is none."""
+        degree, device = scene.elements.degree, scene.device
+        graded = device.rebuilt is not None and found.cells is not None
+        if len(self.levels) > 1 and self.levels[-2].degree < degree:
+            before = abs(self.levels[-2].estimate)
+            self._quick = before > QUICK * abs(found.estimate)
+        highest = HIGHEST_DEGREE if graded else Discretisation.DEGREES[-1]
+        if degree < highest and (self._quick or not graded):
+            return replace(scene, elements=of_degree(scene.elements, degree + 1))
+        if not graded:
+            return None
+        return self._halved(scene, found)
+
+    def _halved(self, scene: Scene, found: DiscretisationError) -> Scene:
+        """The scene on a mesh with those sheets halved that hold most of the error."""
+        device, family = scene.device, scene.device.family
+        assert device.rebuilt is not None and family is not None and found.cells is not None
+        base = family if isinstance(family, Bisected) else Bisected(family)
+        sizes = np.abs(over_sheets(device, base.mesh(), found.cells))
+        order = np.argsort(-sizes, kind="stable")
+        held = np.cumsum(sizes[order])
+        count = int(np.searchsorted(held, SHARE * held[-1])) + 1
+        finer = device.rebuilt(base.halved(np.sort(order[:count])))
+        return replace(scene, device=replace(finer, source=device.source))
+
+    def told(self) -> dict[str, Any]:
+        """What the summary says of the search."""
+        last = self.levels[-1]
+        return {
+            "observable": column_of(self.name, self.observable), "asked": self.asked,
+            "reached": self.reached, "error": last.error if np.isfinite(last.error) else None,
+            "degree": last.degree, "cells": last.cells, "unknowns": last.unknowns,
+            "levels": [vars(level) for level in self.levels],
+        }  # fmt: skip
+
+    def sentence(self) -> str:
+        """How exact the observable is, in a sentence."""
+        last, column = self.levels[-1], column_of(self.name, self.observable)
+        if self.reached:
+            return (
+                f"{column} is exact to {last.error:.1e} of its value by estimate, as asked "
+                f"({self.asked:g})."
+            )
+        return (
+            f"{column} is exact to {last.error:.1e} of its value by estimate, {last.error / self.asked:.3g} "
+            f"times the {self.asked:g} that was asked for; {self._hint(last)}."
+        )
+
+    def _hint(self, last: Level) -> str:
+        if not last.value:
+            return "its value is 0, so that no relative error is known"
+        share = (self.asked / last.error) ** (1 / (last.degree + 1))
+        return f"cells of about {share:.2g} times the size would reach it where it is smooth"
+
+
+def of_degree(elements: Discretisation, degree: int) -> Discretisation:
+    """The elements with another degree of all fields."""
+    more = degree - elements.degree
+    return replace(
+        elements, degree=degree, potential_degree=elements.potential_degree + more,
+        quadrature_degree=elements.quadrature_degree + 2 * more,
+    )  # fmt: skip
+
+
+def accurate(
+    scene: Scene,
+    wanted: tuple[str, Any, float],
+    solved: Callable[[Scene], Run],
+    say: Callable[[str], object],
+) -> tuple[Scene, Search]:
+    """The scene with the discretisation that an accuracy needs, and how it was found.  Collective.
+
+    Parameters
+    ----------
+    scene
+        The scene, with the coarsest discretisation.
+    wanted
+        Name of an observable, the observable, and its largest relative error.
+    solved
+        Solves a scene along the path.
+    say
+        Tells a line.
+    """
+    search = Search(*wanted, solved, say)
+    return search.find(scene), search
+
