@@ -14,6 +14,7 @@ import numpy as np
 
 from ._structured import Floats, Ints, StructuredMesh
 from .base import Geometry
+from .quartic import lagrange, of_order, quartic
 
 
 def sheets(mesh: StructuredMesh) -> Ints:
@@ -34,7 +35,7 @@ def bisected(mesh: StructuredMesh, chosen: Ints) -> StructuredMesh:
     Parameters
     ----------
     mesh
-        Of order 1 or 2.
+        The mesh.
     chosen
         Numbers of sheets, as in `sheets`.
     """
@@ -78,11 +79,16 @@ class Bisected(Geometry):
         return self.base.dimension
 
     @cached_property
-    def _mesh(self) -> StructuredMesh:
-        mesh = self.base.mesh()
+    def fine(self) -> StructuredMesh:
+        """The mesh with cells of fourth order, which are halved along their own shape."""
+        mesh = quartic(self.base)
         for chosen in self.levels:
             mesh = bisected(mesh, np.array(chosen, dtype=np.int64))
         return mesh
+
+    @cached_property
+    def _mesh(self) -> StructuredMesh:
+        return of_order(self.fine, self.base.mesh().order)
 
     def mesh(self) -> StructuredMesh:
         """Nodes, cells and named parts as plain arrays."""
@@ -133,7 +139,8 @@ class _Halves:
         pairs, first, which = np.unique(
             np.sort(lines[:, k : k + 2], axis=1), axis=0, return_index=True, return_inverse=True
         )
-        weights = _weights(lines.shape[1], k)
+        order = lines.shape[1] - 1
+        weights = lagrange(order, np.array([(k + 0.5) / order]))[0]
         places = np.einsum("q,nqx->nx", weights, self.points[lines[first]])
         found = np.empty(len(pairs), dtype=np.int64)
         fresh = []
@@ -155,14 +162,6 @@ def _has(edges: Ints, known: Ints) -> np.ndarray:
     numbers = known[:, 0] * base + known[:, 1]
     found: np.ndarray = np.isin(edges[..., 0] * base + edges[..., 1], numbers).any(axis=1)
     return found
-
-
-def _weights(q: int, k: int) -> Floats:
-    """Values of the q Lagrange polynomials of equal steps at the middle of the step k."""
-    nodes, x = np.arange(q, dtype=float), k + 0.5
-    return np.array([
-        np.prod([(x - b) / (a - b) for b in nodes if b != a]) for a in nodes
-    ])  # fmt: skip
 
 
 def _edges(blocks: Ints, axis: int) -> Ints:

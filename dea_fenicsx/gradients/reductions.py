@@ -46,11 +46,21 @@ def added_parts(base: Unknowns, richer: Unknowns, cell: str, dim: int) -> list[n
     return [_diagonal(blocks) for blocks in found]
 
 
+def raising(base: Unknowns, richer: Unknowns) -> np.ndarray:
+    """The matrix from the local values of all unknowns of a cell to those of one degree more."""
+    blocks = []
+    for old, new in zip(base.fields, richer.fields, strict=True):
+        lower, upper = _scalar(old.element), _scalar(new.element)
+        up = np.eye(upper.dim)
+        if lower != upper:
+            up = basix.compute_interpolation_operator(lower, upper)
+        blocks.append(np.kron(up, np.eye(new.element.block_size)))
+    return _diagonal(blocks)
+
+
 def _scalar(element: Any) -> Any:
     """The basix element of one component."""
-    return getattr(element, "sub_elements", [element])[0].basix_element if (
-        element.block_size > 1
-    ) else element.basix_element
+    return (element.sub_elements[0] if element.block_size > 1 else element).basix_element
 
 
 def _added(lower: Any, upper: Any, axis: int | None) -> np.ndarray:
@@ -98,9 +108,9 @@ def _modes_along(upper: Any, axis: int) -> np.ndarray:
 
 def _diagonal(blocks: list[np.ndarray]) -> np.ndarray:
     """A matrix with these blocks along its diagonal."""
-    size = sum(len(block) for block in blocks)
-    found, at = np.zeros((size, size)), 0
+    rows, columns = (sum(block.shape[k] for block in blocks) for k in (0, 1))
+    found, row, column = np.zeros((rows, columns)), 0, 0
     for block in blocks:
-        found[at : at + len(block), at : at + len(block)] = block
-        at += len(block)
+        found[row : row + block.shape[0], column : column + block.shape[1]] = block
+        row, column = row + block.shape[0], column + block.shape[1]
     return found
