@@ -12,6 +12,8 @@ Then, to first order in the error of u_h and up to what the richer elements cann
 with the interpolant i_h z in elements of degree k, whose part is 0 up to quadrature and the
 tolerance of Newton's method [Becker & Rannacher 2001, Acta Numerica 10, section 2].  In elements of
 degree k the whole would be 0.  The residual is known cell by cell, and so is the estimate.
+What the first order leaves out is found by Newton's method in the richer elements.  It begins in
+u_h and keeps the factor of the dual solution.
 """
 
 from __future__ import annotations
@@ -46,6 +48,19 @@ LARGEST_RESIDUAL = 1e-3
 """Residual of the dual solution with which the estimate is given; it is hardly ever that large."""
 
 
+CORNER = 3.0
+"""Power of the degree with which an observable's error falls at the strongest corners of rubber.
+
+At a corner where displacements are like r^a it is 4 a [Babuska & Suri 1987, Mathematical Modelling
+and Numerical Analysis 21, 199-238], and a is about 0.75 where a clamped face meets a free one.
+"""
+
+
+def not_seen(degree: int) -> float:
+    """The error over the part of it that one degree more removes, at the strongest corners."""
+    return 1 / (1 - (degree / (degree + 1)) ** CORNER)
+
+
 @dataclass(frozen=True)
 class DiscretisationError:
     """The estimated discretisation error of an observable in a state.
@@ -57,10 +72,14 @@ class DiscretisationError:
     value
         Its value in the state, in SI units.
     estimate
-        Estimated exact value minus `value`, in SI units.  It holds the error of elements, not that
-        of the shape of curved cells.
+        The value in elements of one degree more, minus `value`, in SI units.  It holds the error of
+        the shape of curved cells only if they are those of a mesh family.
+    linear
+        The same to first order, the dual weighted residual, of which `cells` has the parts.
     unknowns
         Number of unknowns of the state.
+    degree
+        Degree of its displacement.
     cells
         The parts of the estimate by cells, in SI units, shape (owned cells, parts): along each axis
         of a cell, and the whole last; on simplices the whole alone.  None for an observable that
@@ -70,18 +89,33 @@ class DiscretisationError:
     name: str
     value: float
     estimate: float
+    linear: float
     unknowns: int
+    degree: int
     cells: np.ndarray | None = field(default=None, repr=False, compare=False)
 
     @property
+    def error(self) -> float:
+        """The estimated size of the error, in SI units.
+
+        That of `estimate`, larger by the share which one degree more does not remove at a sharp
+        corner.  Where the solution is smooth it is therefore too large by up to 1.4 at degree 2 and
+        1.7 at degree 3.
+        """
+        return abs(self.estimate) * not_seen(self.degree)
+
+    @property
     def relative(self) -> float:
-        """Size of the estimate relative to the value; infinite where the value is 0."""
-        return abs(self.estimate / self.value) if self.value else float("inf")
+        """`error` relative to the value; infinite where the value is 0."""
+        return self.error / abs(self.value) if self.value else float("inf")
 
     def told(self) -> dict[str, float | None]:
         """What the summary of a run says of it."""
         finite = self.relative if self.value else None
-        return {"value": self.value, "estimate": self.estimate, "relative": finite}
+        return {
+            "value": self.value, "estimate": self.estimate, "error": self.error,
+            "relative": finite,
+        }  # fmt: skip
 
 
 class ErrorEstimates:
@@ -127,21 +161,37 @@ class ErrorEstimates:
             )
         found = {}
         richer = self.enriched.problem
+        lifted = self.enriched.state(state)
+        balanced = self._balanced(lifted)
         for name, observable in observables.items():
             with self.base.at(state):
                 value = float(bind_alike(self.base, name, observable)())
-            lifted = self.enriched.state(state)
             with richer.at(lifted):
                 self._gradients.linearise()
-                estimate, cells = self._estimate(lifted, name, observable, by_cells)
-            unknowns = self.base.unknowns
-            found[name] = DiscretisationError(name, value, estimate - value, unknowns, cells)
+                exact, cells = self._linear(lifted, name, observable, by_cells)
+            linear = exact - value
+            if balanced is not None:
+                with richer.at(balanced):
+                    exact = float(bind_alike(richer, name, observable)())
+            found[name] = DiscretisationError(
+                name, value, exact - value, linear, self.base.unknowns,
+                self.base.scene.elements.degree, cells,
+            )  # fmt: skip
         return found
 
-    def _estimate(
+    def _balanced(self, lifted: State) -> State | None:
+        """The equilibrium of one degree more that lies beside a state, or None.  Collective.
+
+        Newton's method takes few iterations with the factor of the dual solution.  At sharp corners
+        strains are so large that the first-order estimate alone can be ten times too large.
+        """
+        attempt = self._gradients.solver.solve(lifted, patient=True)
+        return attempt.state if attempt.converged else None
+
+    def _linear(
         self, lifted: State, name: str, observable: Any, by_cells: bool
     ) -> tuple[float, np.ndarray | None]:
-        """The estimated exact value of an observable, and the parts of its change."""
+        """The exact value by the dual weighted residual, and the parts of its difference."""
         richer, gradients = self.enriched.problem, self._gradients
         measure = bind_alike(richer, name, observable)
         base, residual = float(measure()), richer.restrict(richer.residual())

@@ -22,6 +22,7 @@ from dea_fenicsx.results.columns import column_of
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.scene.elements import Discretisation
 from dea_fenicsx.scene.scene import Scene
+from dea_fenicsx.support.errors import SolverError
 
 HIGHEST_DEGREE = 3
 """Degree up to which mesh families go.  Beyond, singular corners need smaller cells instead."""
@@ -38,19 +39,6 @@ MOST_LEVELS = 14
 MOST_UNKNOWNS = 400_000
 """Unknowns beyond which nothing is made finer."""
 
-STRONGEST = 3.0
-"""Power of the degree with which errors fall at the strongest corners of rubber.
-
-An observable's error at a corner with displacements of r^a falls as degree^(-4 a) [Babuska and Suri
-1987]; a is 0.75 or so where a clamped edge meets a free one.
-"""
-
-
-def not_seen(degree: int) -> float:
-    """Largest error over the part of it that one degree more sees, at the strongest corners."""
-    return 1 / (1 - (degree / (degree + 1)) ** STRONGEST)
-
-
 @dataclass(frozen=True)
 class Level:
     """One discretisation that was tried, and what came of it.
@@ -60,7 +48,7 @@ class Level:
     degree, cells, unknowns : of the discretisation
     value : the observable, in SI units
     estimate : estimated exact value minus `value`
-    error : largest relative error that is expected
+    error : the estimated error relative to the value
     wall_s : wall time of solution and estimate
     """
 
@@ -104,14 +92,19 @@ class Search:
 
     def find(self, scene: Scene) -> Scene:
         """The scene with the discretisation that is chosen.  Collective."""
+        found = self._try(scene)
         while True:
-            found = self._try(scene)
             if self.reached or len(self.levels) >= MOST_LEVELS:
                 return scene
             if self.levels[-1].unknowns > MOST_UNKNOWNS or not found.value:
                 return scene
             finer = self._finer(scene, found)
             if finer is None:
+                return scene
+            try:
+                found = self._try(finer)
+            except SolverError as error:  # cells may have become too thin for Newton's tolerance
+                self.say(f"Nothing finer could be solved: {error}")
                 return scene
             scene = finer
 
@@ -128,18 +121,14 @@ class Search:
         degree = scene.elements.degree
         level = Level(
             degree, cells, found.unknowns, found.value, found.estimate,
-            self._largest(found, degree), wall,
+            found.relative, wall,
         )  # fmt: skip
         self.levels.append(level)
         self.say(
             f"Degree {degree}, {cells} cells: {column_of(self.name, self.observable)} = "
-            f"{found.value:.7g}, error at most {level.error:.1e} of it, {wall:.2g} s."
+            f"{found.value:.7g}, estimated error {level.error:.1e} of it, {wall:.2g} s."
         )
         return found
-
-    def _largest(self, found: DiscretisationError, degree: int) -> float:
-        """The largest relative error that is expected."""
-        return found.relative * not_seen(degree)
 
     def _finer(self, scene: Scene, found: DiscretisationError) -> Scene | None:
         """The scene with a finer discretisation, or None if there is none."""
