@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from dea_fenicsx.geometry.base import Geometry
 from dea_fenicsx.geometry.bisected import Bisected
 from dea_fenicsx.gradients.discretisation import DiscretisationError, ErrorEstimates
 from dea_fenicsx.mesh.sheets import over_sheets
@@ -32,6 +33,12 @@ QUICK = 8.0
 
 SHARE = 0.9
 """Share of the error that those sheets hold together which are halved."""
+
+DOUBT = 0.5
+"""Share of the parts of sheets, without their signs, that an error has at least.
+
+Where parts of both signs nearly cancel, what the richer elements do not see need not cancel.
+"""
 
 MOST_LEVELS = 14
 """Number of discretisations that are tried."""
@@ -84,6 +91,7 @@ class Search:
         self.solved, self.say = solved, say
         self.levels: list[Level] = []
         self._quick = True
+        self._parts: np.ndarray | None = None
 
     @property
     def reached(self) -> bool:
@@ -98,7 +106,7 @@ class Search:
                 return scene
             if self.levels[-1].unknowns > MOST_UNKNOWNS or not found.value:
                 return scene
-            finer = self._finer(scene, found)
+            finer = self._finer(scene)
             if finer is None:
                 return scene
             try:
@@ -121,7 +129,7 @@ class Search:
         degree = scene.elements.degree
         level = Level(
             degree, cells, found.unknowns, found.value, found.estimate,
-            found.relative, wall,
+            self._error(scene, found), wall,
         )  # fmt: skip
         self.levels.append(level)
         self.say(
@@ -130,30 +138,36 @@ class Search:
         )
         return found
 
-    def _finer(self, scene: Scene, found: DiscretisationError) -> Scene | None:
+    def _error(self, scene: Scene, found: DiscretisationError) -> float:
+        """The estimated relative error, with a doubt where its parts cancel.  Collective."""
+        device, self._parts = scene.device, None
+        if device.family is None or found.cells is None or not found.value:
+            return found.relative
+        mesh = _graded(device.family).mesh()
+        self._parts = np.abs(over_sheets(device, mesh, found.cells))
+        return max(found.relative, DOUBT * float(self._parts.sum()) / abs(found.value))
+
+    def _finer(self, scene: Scene) -> Scene | None:
         """The scene with a finer discretisation, or None if there is none."""
-        degree, device = scene.elements.degree, scene.device
-        graded = device.rebuilt is not None and found.cells is not None
+        degree, graded = scene.elements.degree, self._parts is not None
         if len(self.levels) > 1 and self.levels[-2].degree < degree:
-            before = abs(self.levels[-2].estimate)
-            self._quick = before > QUICK * abs(found.estimate)
+            before, now = (abs(level.estimate) for level in self.levels[-2:])
+            self._quick = before > QUICK * now
         highest = HIGHEST_DEGREE if graded else Discretisation.DEGREES[-1]
         if degree < highest and (self._quick or not graded):
             return replace(scene, elements=of_degree(scene.elements, degree + 1))
         if not graded:
             return None
-        return self._halved(scene, found)
+        return self._halved(scene)
 
-    def _halved(self, scene: Scene, found: DiscretisationError) -> Scene:
+    def _halved(self, scene: Scene) -> Scene:
         """The scene on a mesh with those sheets halved that hold most of the error."""
-        device, family = scene.device, scene.device.family
-        assert device.rebuilt is not None and family is not None and found.cells is not None
-        base = family if isinstance(family, Bisected) else Bisected(family)
-        sizes = np.abs(over_sheets(device, base.mesh(), found.cells))
+        device, family, sizes = scene.device, scene.device.family, self._parts
+        assert device.rebuilt is not None and family is not None and sizes is not None
         order = np.argsort(-sizes, kind="stable")
         held = np.cumsum(sizes[order])
-        count = int(np.searchsorted(held, SHARE * held[-1])) + 1
-        finer = device.rebuilt(base.halved(np.sort(order[:count])))
+        count = min(int(np.searchsorted(held, SHARE * held[-1])) + 1, len(order))
+        finer = device.rebuilt(_graded(family).halved(np.sort(order[:count])))
         return replace(scene, device=replace(finer, source=device.source))
 
     def told(self) -> dict[str, Any]:
@@ -195,25 +209,6 @@ def of_degree(elements: Discretisation, degree: int) -> Discretisation:
     )  # fmt: skip
 
 
-def accurate(
-    scene: Scene,
-    wanted: tuple[str, Any, float],
-    solved: Callable[[Scene], Run],
-    say: Callable[[str], object],
-) -> tuple[Scene, Search]:
-    """The scene with the discretisation that an accuracy needs, and how it was found.  Collective.
-
-    Parameters
-    ----------
-    scene
-        The scene, with the coarsest discretisation.
-    wanted
-        Name of an observable, the observable, and its largest relative error.
-    solved
-        Solves a scene along the path.
-    say
-        Tells a line.
-    """
-    search = Search(*wanted, solved, say)
-    return search.find(scene), search
-
+def _graded(family: Geometry) -> Bisected:
+    """A family as one whose sheets have been halved, perhaps none of them."""
+    return family if isinstance(family, Bisected) else Bisected(family)
