@@ -143,7 +143,7 @@ class _Halves:
         weights = lagrange(order, np.array([(k + 0.5) / order]))[0]
         places = np.einsum("q,nqx->nx", weights, self.points[lines[first]])
         found = np.empty(len(pairs), dtype=np.int64)
-        fresh = []
+        fresh: list[int] = []
         for j, (a, b) in enumerate(pairs.tolist()):
             if (a, b) not in self._new:
                 self._new[a, b] = len(self.points) + len(fresh)

@@ -1,4 +1,4 @@
-"""The structured mesh of a family with cells of fourth order, which lie closer to curved surfaces."""
+"""The structured mesh of a family with cells of fourth order, closer to curved surfaces."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,15 @@ from test_convergence import EPS_R, MU, VOLTS, A, B, solve_tube
 import dea_fenicsx as dea
 from dea_fenicsx.exact import RoundBalloon
 from dea_fenicsx.geometry import (
-    HDEA, Balloon, BoxStack, DiskStack, HelicalCell, HollowSphere, Layer, Meridian, _gmsh,
+    HDEA,
+    Balloon,
+    BoxStack,
+    DiskStack,
+    HelicalCell,
+    HollowSphere,
+    Layer,
+    Meridian,
+    _gmsh,
 )  # fmt: skip
 from dea_fenicsx.geometry.bisected import Bisected, sheets
 from dea_fenicsx.mesh.sheets import over_sheets, with_exact_shape
@@ -172,6 +181,24 @@ def test_what_has_no_derivative_has_no_estimate():
         dea.solve(tube(), dea.Ramp(steps=1), most, quiet=True, accuracy=("most_m", 1e-3))
 
 
+class Wider:
+    """An observable of a script, of which no integrals are known."""
+
+    unit = "m"
+
+    def bind(self, problem):
+        return WIDER["wider"].bind(problem)
+
+
+def test_an_observable_of_a_script():
+    """Without a dual solution the change of the state itself gives the same."""
+    both = WIDER | {"own": Wider()}
+    run = dea.solve(tube(), dea.Ramp(steps=4), both, quiet=True)
+    own, known = (run.discretisation_error(name) for name in ("own", "wider"))
+    assert own.estimate == pytest.approx(known.estimate, rel=1e-6)
+    assert own.linear == pytest.approx(known.linear, rel=1e-5) and own.cells is None
+
+
 def test_an_accuracy_that_is_not_reached_is_told(monkeypatch):
     monkeypatch.setattr("dea_fenicsx.run.accuracy.MOST_LEVELS", 1)
     run = dea.solve(
@@ -183,15 +210,18 @@ def test_an_accuracy_that_is_not_reached_is_told(monkeypatch):
 
 def searched(comm):
     """What the search tries with the clamped tube, on some ranks."""
-    def solved(scene):
-        return dea.solve(scene, dea.Ramp(steps=2), WIDER, quiet=True, stability="never")
 
-    search = Search("wider", WIDER["wider"], 2e-3, solved, lambda line: None)
-    search.find(tube(comm, clamped=True))
+    def solved(scene):
+        return dea.solve(scene, dea.Ramp(steps=1), WIDER, quiet=True, stability="never")
+
+    scene = replace(tube(comm, clamped=True), elements=dea.Discretisation(degree=3))
+    search = Search("wider", WIDER["wider"], 2e-2, solved, lambda line: None)
+    search.find(scene)
     return [[one.cells, one.value, one.estimate] for one in search.levels]
 
 
 @pytest.mark.mpi
+@pytest.mark.slow
 def test_three_ranks_choose_alike(on_ranks):
     alone, three = searched(MPI.COMM_SELF), on_ranks("test_accuracy", "searched", 3)
     assert [one[0] for one in alone] == [one[0] for one in three]

@@ -36,6 +36,7 @@ from dea_fenicsx.gradients.shapes import most
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
+from dea_fenicsx.solvers.refinement import solve_to
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import bind_alike
 from dea_fenicsx.support.compat import dolfinx
@@ -210,9 +211,11 @@ class ErrorEstimates:
         solver, total = self._gradients.solver, self._gradients.kept.total
         if total(rhs @ rhs) == 0:
             return np.zeros(len(rhs))
-        found = (
-            solver.solve_transposed(rhs, TOLERANCE) if transposed else solver.linear_solve(rhs)
-        )
+        if transposed:
+            found = solver.solve_transposed(rhs, TOLERANCE)
+        else:
+            times, comm = solver.tangent.times, self.enriched.problem.comm
+            found = solve_to(rhs, TOLERANCE, solver.linear_solve, times, comm)
         if found is None or not found.residual < LARGEST_RESIDUAL:
             raise SolverError(
                 "The discretisation error was not found: the linear system is singular or nearly "

@@ -1,8 +1,8 @@
 """What elements of one degree more add to functions on a cell, as a whole and along each axis.
 
-With local values z of a field on a cell the part that the lower degree cannot hold is z - P z, where
-P interpolates.  In quadrilaterals and hexahedra the same is done along one axis of the cell alone;
-the parts along all axes tell in which directions a cell is too long.
+With local values z of a field on a cell the part that the lower degree cannot hold is z - P z,
+where P interpolates.  In quadrilaterals and hexahedra the same is done along one axis of the cell
+alone; the parts along all axes tell in which directions a cell is too long.
 """
 
 from __future__ import annotations

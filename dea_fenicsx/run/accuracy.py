@@ -46,6 +46,7 @@ MOST_LEVELS = 14
 MOST_UNKNOWNS = 400_000
 """Unknowns beyond which nothing is made finer."""
 
+
 @dataclass(frozen=True)
 class Level:
     """One discretisation that was tried, and what came of it.
@@ -189,8 +190,9 @@ class Search:
                 f"({self.asked:g})."
             )
         return (
-            f"{column} is exact to {last.error:.1e} of its value by estimate, {last.error / self.asked:.3g} "
-            f"times the {self.asked:g} that was asked for; {self._hint(last)}."
+            f"{column} is exact to {last.error:.1e} of its value by estimate, "
+            f"{last.error / self.asked:.3g} times the {self.asked:g} that was asked for; "
+            f"{self._hint(last)}."
         )
 
     def _hint(self, last: Level) -> str:
