@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import gmsh
 import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from test_convergence import EPS_R, MU, VOLTS, A, B, solve_tube
+from test_convergence import EPS_R, MU, VOLTS, A, B, TriangleStrip, solve_tube
 
 import dea_fenicsx as dea
 from dea_fenicsx.exact import RoundBalloon
@@ -197,6 +198,40 @@ def test_an_observable_of_a_script():
     own, known = (run.discretisation_error(name) for name in ("own", "wider"))
     assert own.estimate == pytest.approx(known.estimate, rel=1e-6)
     assert own.linear == pytest.approx(known.linear, rel=1e-5) and own.cells is None
+
+
+class Sized(TriangleStrip):
+    """The triangles of the tube, with sizes from a file."""
+
+    def __init__(self, cells, sizes=None):
+        super().__init__(cells)
+        self.sizes = sizes
+
+    def build(self):
+        model = super().build()
+        if self.sizes is not None:
+            model.mesh.clear()
+            gmsh.merge(str(self.sizes))
+            field = model.mesh.field.add("PostView")
+            model.mesh.field.setAsBackgroundMesh(field)
+            model.mesh.generate(2)
+        return model
+
+
+def test_sizes_for_a_mesh_from_elsewhere(tmp_path, monkeypatch):
+    """Cells of the sizes that a run asks for take the error down, most of all at the corner."""
+    monkeypatch.setattr("dea_fenicsx.run.accuracy.MOST_LEVELS", 1)
+
+    def error(sizes, out):
+        scene = replace(tube(clamped=True), device=dea.device(Sized(2, sizes), MPI.COMM_SELF))
+        run = dea.solve(
+            scene, dea.Ramp(steps=4), WIDER, out, quiet=True, accuracy=("wider", 1e-4)
+        )  # fmt: skip
+        return run.summary["accuracy"]["error"], run.summary["accuracy"]["cells"]
+
+    coarse, cells = error(None, tmp_path / "coarse")
+    finer, more = error(tmp_path / "coarse" / "sizes.pos", tmp_path / "finer")
+    assert more > cells and finer < coarse / 4
 
 
 def test_an_accuracy_that_is_not_reached_is_told(monkeypatch):

@@ -91,6 +91,7 @@ class Search:
         self.name, self.observable, self.asked = name, observable, asked
         self.solved, self.say = solved, say
         self.levels: list[Level] = []
+        self.found: DiscretisationError | None = None
         self._quick = True
         self._parts: np.ndarray | None = None
 
@@ -99,19 +100,25 @@ class Search:
         """Whether the last level is as exact as asked."""
         return bool(self.levels) and self.levels[-1].error <= self.asked
 
+    @property
+    def wants_sizes(self) -> bool:
+        """Whether a mesh of other cells is needed, and it is known which ones."""
+        known = self.found is not None and self.found.cells is not None
+        return not self.reached and known and self._parts is None
+
     def find(self, scene: Scene) -> Scene:
         """The scene with the discretisation that is chosen.  Collective."""
-        found = self._try(scene)
+        self.found = self._try(scene)
         while True:
             if self.reached or len(self.levels) >= MOST_LEVELS:
                 return scene
-            if self.levels[-1].unknowns > MOST_UNKNOWNS or not found.value:
+            if self.levels[-1].unknowns > MOST_UNKNOWNS or not self.found.value:
                 return scene
             finer = self._finer(scene)
             if finer is None:
                 return scene
             try:
-                found = self._try(finer)
+                self.found = self._try(finer)
             except SolverError as error:  # cells may have become too thin for Newton's tolerance
                 self.say(f"Nothing finer could be solved: {error}")
                 return scene
@@ -198,8 +205,9 @@ class Search:
     def _hint(self, last: Level) -> str:
         if not last.value:
             return "its value is 0, so that no relative error is known"
-        share = (self.asked / last.error) ** (1 / (last.degree + 1))
-        return f"cells of about {share:.2g} times the size would reach it where it is smooth"
+        if self.wants_sizes:
+            return "sizes.pos in its folder has the sizes of cells to mesh it with"
+        return "it cannot be made finer"
 
 
 def of_degree(elements: Discretisation, degree: int) -> Discretisation:

@@ -72,7 +72,9 @@ class SolveOptions(TypedDict, total=False):
         to its value: ``("tip_m", 1e-3)``.  Mesh and degree of the elements are then chosen so that
         the estimated error is below that, beginning with those of the scene; a mesh that is no
         family of `dea_fenicsx.geometry` stays, and the degree is chosen.  The answer is the run
-        with the last choice; ``summary["accuracy"]`` tells its error and what was tried.
+        with the last choice; ``summary["accuracy"]`` tells its error and what was tried.  If a mesh
+        from elsewhere is too coarse, ``sizes.pos`` in `out` has the sizes in m that its cells need,
+        as a view that gmsh takes as a background field.
     """
 
     resume: bool

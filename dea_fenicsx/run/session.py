@@ -37,6 +37,7 @@ from dea_fenicsx.run.journal import Journal
 from dea_fenicsx.run.pushing_out import pushed_out
 from dea_fenicsx.run.resuming import carry_on
 from dea_fenicsx.run.reuse import keep, solver_for
+from dea_fenicsx.run.size_field import SIZES, write_sizes
 from dea_fenicsx.run.starting import Beginning, balanced, beginning
 from dea_fenicsx.scene.electrode_checks import without_field
 from dea_fenicsx.scene.scene import Scene
@@ -128,16 +129,19 @@ def _solved_to(given: Arguments, accuracy: tuple[str, float]) -> Run:
     name = recorded_name(accuracy[0], given.record, "The observable of accuracy=")
     observable = given.record[name]
     progress = Progress(given.scene.device.comm.rank == 0, given.quiet, given.verbose)
+    counts = "every" if given.stability == "every" else "never"  # a path may need it
     coarse = replace(
-        given, record={name: observable}, out=None, quiet=True, stability="never", failures=(),
-        keep_states=False, estimate=False,
-    )  # fmt: skip
+        given, out=None, quiet=True, stability=counts, keep_states=False, estimate=False
+    )
     search = Search(
         name, observable, float(accuracy[1]),
         lambda scene: _solved(replace(coarse, scene=scene)), progress.say,
     )  # fmt: skip
     scene = search.find(given.scene)
     run = _solved(replace(given, scene=scene))
+    if search.wants_sizes and run.out is not None:
+        assert search.found
+        write_sizes(run.out / SIZES, scene.device, search.found, search.asked)
     run.tell({"accuracy": search.told()})
     progress.say(search.sentence())
     return run

@@ -82,7 +82,7 @@ class Discretisation:
         values = {field.name: getattr(self, field.name) for field in fields(Discretisation)}
         values["degree"] += 1
         values["potential_degree"] += 1
-        values["quadrature_degree"] += 2
+        values["quadrature_degree"] = min(values["quadrature_degree"] + 2, 12)
         return _Richer(**values)
 
     def check(self, cell: str) -> None:
