@@ -250,7 +250,7 @@ def searched(comm):
         return dea.solve(scene, dea.Ramp(steps=1), WIDER, quiet=True, stability="never")
 
     scene = replace(tube(comm, clamped=True), elements=dea.Discretisation(degree=3))
-    search = Search("wider", WIDER["wider"], 2e-2, solved, lambda line: None)
+    search = Search("wider", WIDER["wider"], 2.5e-2, solved, lambda line: None)
     search.find(scene)
     return [[one.cells, one.value, one.estimate] for one in search.levels]
 

@@ -40,6 +40,9 @@ DOUBT = 0.5
 Where parts of both signs nearly cancel, what the richer elements do not see need not cancel.
 """
 
+MARGIN = 0.6
+"""Share of the asked error at which the search ends: estimates on coarse meshes can be as wrong."""
+
 MOST_LEVELS = 14
 """Number of discretisations that are tried."""
 
@@ -57,6 +60,7 @@ class Level:
     value : the observable, in SI units
     estimate : estimated exact value minus `value`
     error : the estimated error relative to the value
+    largest : the same with a doubt where its parts cancel; what is compared with the asked one
     wall_s : wall time of solution and estimate
     """
 
@@ -66,7 +70,13 @@ class Level:
     value: float
     estimate: float
     error: float
+    largest: float
     wall_s: float
+
+    def told(self) -> dict[str, Any]:
+        """The same for the summary; relative errors of a value of 0 are None."""
+        known = {} if self.value else {"error": None, "largest": None}
+        return vars(self) | known
 
 
 class Search:
@@ -98,7 +108,7 @@ class Search:
     @property
     def reached(self) -> bool:
         """Whether the last level is as exact as asked."""
-        return bool(self.levels) and self.levels[-1].error <= self.asked
+        return bool(self.levels) and self.levels[-1].largest <= self.asked
 
     @property
     def wants_sizes(self) -> bool:
@@ -110,7 +120,7 @@ class Search:
         """The scene with the discretisation that is chosen.  Collective."""
         self.found = self._try(scene)
         while True:
-            if self.reached or len(self.levels) >= MOST_LEVELS:
+            if self.levels[-1].largest <= MARGIN * self.asked or len(self.levels) >= MOST_LEVELS:
                 return scene
             if self.levels[-1].unknowns > MOST_UNKNOWNS or not self.found.value:
                 return scene
@@ -137,16 +147,16 @@ class Search:
         degree = scene.elements.degree
         level = Level(
             degree, cells, found.unknowns, found.value, found.estimate,
-            self._error(scene, found), wall,
+            found.relative, self._largest(scene, found), wall,
         )  # fmt: skip
         self.levels.append(level)
         self.say(
             f"Degree {degree}, {cells} cells: {column_of(self.name, self.observable)} = "
-            f"{found.value:.7g}, estimated error {level.error:.1e} of it, {wall:.2g} s."
+            f"{found.value:.7g}, estimated error {level.largest:.1e} of it, {wall:.2g} s."
         )
         return found
 
-    def _error(self, scene: Scene, found: DiscretisationError) -> float:
+    def _largest(self, scene: Scene, found: DiscretisationError) -> float:
         """The estimated relative error, with a doubt where its parts cancel.  Collective."""
         device, self._parts = scene.device, None
         if device.family is None or found.cells is None or not found.value:
@@ -183,9 +193,10 @@ class Search:
         last = self.levels[-1]
         return {
             "observable": column_of(self.name, self.observable), "asked": self.asked,
-            "reached": self.reached, "error": last.error if np.isfinite(last.error) else None,
+            "reached": self.reached, "error": last.error if last.value else None,
+            "largest": last.largest if last.value else None,
             "degree": last.degree, "cells": last.cells, "unknowns": last.unknowns,
-            "levels": [vars(level) for level in self.levels],
+            "levels": [level.told() for level in self.levels],
         }  # fmt: skip
 
     def sentence(self) -> str:
@@ -193,12 +204,12 @@ class Search:
         last, column = self.levels[-1], column_of(self.name, self.observable)
         if self.reached:
             return (
-                f"{column} is exact to {last.error:.1e} of its value by estimate, as asked "
+                f"{column} is exact to {last.largest:.1e} of its value by estimate, as asked "
                 f"({self.asked:g})."
             )
         return (
-            f"{column} is exact to {last.error:.1e} of its value by estimate, "
-            f"{last.error / self.asked:.3g} times the {self.asked:g} that was asked for; "
+            f"{column} is exact to {last.largest:.1e} of its value by estimate, "
+            f"{last.largest / self.asked:.3g} times the {self.asked:g} that was asked for; "
             f"{self._hint(last)}."
         )
 
