@@ -136,7 +136,7 @@ def test_corners_get_small_cells():
     )  # fmt: skip
     told = found.summary["accuracy"]
     assert told["reached"] and abs(found["wider_m"] / CLAMPED_M - 1) < 1e-3
-    # At the corner of clamp and electrode parts of both signs cancel, and the error of one mesh comes
+    # At the corner of clamp and electrode parts of both signs cancel: the error of one mesh comes
     # out as a sixth of the true one; the largest error is what is compared with the asked one.
     for level in told["levels"]:
         assert level["largest"] * level["value"] > 0.5 * abs(CLAMPED_M - level["value"])
