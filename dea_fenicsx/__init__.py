@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         Table,
         Triangle,
     )
+    from dea_fenicsx.gradients.discretisation import DiscretisationError
     from dea_fenicsx.gradients.gradient import Gradient
     from dea_fenicsx.gradients.variables import ConstantChange, ShapeChange
     from dea_fenicsx.materials import (
@@ -228,6 +229,7 @@ _HOME = {
         "DeaError", "EquilibriumLost", "InputError", "Interrupted", "MachineError", "NotReached",
         "SolverError", "StabilityLost",
     ),
+    "gradients.discretisation": ("DiscretisationError",),
     "gradients.gradient": ("Gradient",),
     "gradients.variables": ("ConstantChange", "ShapeChange"),
     "measure.failures": ("ElectricalBreakdown", "LossOfTension", "StretchLimit"),

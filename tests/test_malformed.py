@@ -65,7 +65,7 @@ def test_no_class_is_left_out():
     given = {c for c in classes if is_dataclass(c) and inspect.signature(c).parameters}
     # made by this package alone
     made = {dea.Device, dea.Run, dea.Modes, dea.FrequencyResponse, dea.Gradient, dea.Study,
-            dea.Diagram, dea.Equilibrium, dea.KnockDown, dea.LawCheck,
+            dea.Diagram, dea.Equilibrium, dea.KnockDown, dea.LawCheck, dea.DiscretisationError,
             dea.Plan}
     assert given - set(FIELDS) <= made
 

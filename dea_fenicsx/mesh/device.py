@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +14,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.geometry._gmsh import quality
+from dea_fenicsx.geometry.base import Geometry
 from dea_fenicsx.mesh.cad import Names, lengths, name_the_body, open_file, read_names
 from dea_fenicsx.mesh.facets_by_tags import FacetsByTags
 from dea_fenicsx.mesh.foreign.model import checked
@@ -52,6 +53,9 @@ class Device:
     checked_cells
         For each degree of quadrature at which the cells have been found valid, a digest of the
         coordinates of the nodes; see `cell_quality.check_cells`.
+    family, rebuilt
+        The family of `dea_fenicsx.geometry` of which this is the mesh, and a function that makes
+        the device of another one in the same way; None for other meshes.
     """
 
     mesh: Any
@@ -64,6 +68,8 @@ class Device:
     quality: dict[str, float] = field(default_factory=dict)
     further: dict[str, tuple[int, ...]] = field(default_factory=dict)
     checked_cells: dict[int, str] = field(default_factory=dict, repr=False)
+    family: Geometry | None = field(default=None, repr=False)
+    rebuilt: Callable[[Geometry], Device] | None = field(default=None, repr=False)
 
     @property
     def comm(self) -> MPI.Comm:
@@ -248,7 +254,14 @@ def device(
         source=told.source,
         quality=told.quality,
         **named._asdict(),
+        **_of_family(source, lambda other: device(other, comm, dim=dim, unit=unit, **options)),
     )
+
+
+def _of_family(source: Any, rebuilt: Callable[[Geometry], Device]) -> dict[str, Any]:
+    """What a device knows of the family that made it; nothing if it comes from elsewhere."""
+    made = is_family(source) and isinstance(source, Geometry)
+    return {"family": source, "rebuilt": rebuilt} if made else {}
 
 
 def read_gmsh(

@@ -63,4 +63,5 @@ def moved(device: Device, shape: Shape, size: float) -> Device:
         device, mesh=mesh, cells=tags_alike(mesh, device.cells, dim),
         facets=None if facets is None else tags_alike(mesh, facets, dim - 1),
         source=f"{device.source or 'device'} with an imperfection", checked_cells={},
+        family=None, rebuilt=None,
     )  # fmt: skip

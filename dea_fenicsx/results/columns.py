@@ -31,7 +31,7 @@ SUMMARY = (
     "status", "message", "stable", "events", "failures", "count_changes", "start", "steps",
     "unknowns", "unknowns_by_field", "cells", "mesh_quality", "volume_m3", "ranks",
     "peak_memory_GB", "assembly_s", "factor_s", "krylov_s", "settings", "versions", "origin",
-    "command",
+    "command", "discretisation_error", "accuracy",
 )  # fmt: skip
 """Entries of summary.json that are not the last values of columns."""
 

@@ -14,6 +14,7 @@ from mpi4py import MPI
 from dea_fenicsx.gradients.adjoint import Gradients
 from dea_fenicsx.gradients.changes import Recorded
 from dea_fenicsx.gradients.critical import critical_load, limit_row
+from dea_fenicsx.gradients.discretisation import DiscretisationError, ErrorEstimates
 from dea_fenicsx.gradients.events import EVENTS, Asked, event_load, event_row
 from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.hessian import hessian_product
@@ -22,7 +23,7 @@ from dea_fenicsx.gradients.through_time import at_step
 from dea_fenicsx.gradients.variables import Told
 from dea_fenicsx.measure.failures import FailureMode
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.results.columns import check_added
+from dea_fenicsx.results.columns import check_added, column_of
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
 from dea_fenicsx.results.kept_states import KeptStates
@@ -190,6 +191,47 @@ class Run:
                 self._gradients, name, self._recorded[name], to, row, self._recorded_step
             )
         return self._gradients.of_observable(state, name, self._recorded[name], to)
+
+    @cached_property
+    def _errors(self) -> ErrorEstimates:
+        return ErrorEstimates(self._problem)
+
+    def discretisation_error(self, name: str, step: int = -1) -> DiscretisationError:
+        """The estimated discretisation error of what was recorded at a step.  Collective.
+
+        The estimate is a dual weighted residual; see docs/theory.md, "The discretisation error".
+        It takes one linear solve in elements of one degree more, and no second run.  That of the
+        last step is added to the summary.
+
+        Parameters
+        ----------
+        name
+            A name in ``record=``.
+        step
+            The row of the history; the last one by default.
+
+        Raises
+        ------
+        InputError
+            For a name that there is not, an observable without a derivative, and a step of a march.
+        SolverError
+            If the linear system is singular, as at a limit point.
+        """
+        known(name, self._recorded, "recorded observable", "the run")
+        rows = len(self.history)
+        state = self._states.of(step, rows)
+        found = self._errors.of(state, {name: self._recorded[name]})[name]
+        if step in (-1, rows - 1):
+            column = column_of(name, self._recorded[name])
+            told = self.summary.get("discretisation_error", {})
+            self.tell({"discretisation_error": {**told, column: found.told()}})
+        return found
+
+    def tell(self, values: Mapping[str, Any]) -> None:
+        """Put what the package itself has found into the summary.  Collective."""
+        self.summary |= values
+        if folder := self.folder:
+            folder.write(lambda: folder.add_to_summary(self.summary))
 
     def hessian_product(
         self, name: str, to: Iterable[Told], along: Mapping[str, float],

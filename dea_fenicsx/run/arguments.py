@@ -16,6 +16,7 @@ from dea_fenicsx.path.items import Close, Item, March, Open, Ramp, Trace
 from dea_fenicsx.path.path_checks import check_path
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.results.stored_state import StoredStep
+from dea_fenicsx.run.estimating import check_estimated
 from dea_fenicsx.run.starting import Start
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.options import NewtonOptions
@@ -63,6 +64,17 @@ class SolveOptions(TypedDict, total=False):
     keep_states
         Keep the states of all steps in the folder ``states`` of `out`, from which other runs can
         start (`StoredStep`).  Else the last one is kept.
+    estimate
+        Names in `record` whose discretisation errors at the end of the path are estimated and told
+        in the summary, or True for all.  See `Run.discretisation_error`.
+    accuracy
+        A name in `record` and the largest error that it may have at the end of the path, relative
+        to its value: ``("tip_m", 1e-3)``.  Mesh and degree of the elements are then chosen so that
+        the estimated error is below that, beginning with those of the scene; a mesh that is no
+        family of `dea_fenicsx.geometry` stays, and the degree is chosen.  The answer is the run
+        with the last choice; ``summary["accuracy"]`` tells its error and what was tried.  If a mesh
+        from elsewhere is too coarse, ``sizes.pos`` in `out` has the sizes in m that its cells need,
+        as a view that gmsh takes as a background field.
     """
 
     resume: bool
@@ -74,11 +86,14 @@ class SolveOptions(TypedDict, total=False):
     options: NewtonOptions | None
     settings: Mapping[str, Any] | None
     keep_states: bool
+    estimate: Sequence[str] | bool
+    accuracy: tuple[str, float] | None
 
 
 DEFAULTS: SolveOptions = {
     "resume": False, "start": None, "quiet": False, "verbose": None, "stability": "last",
     "failures": None, "options": None, "settings": None, "keep_states": False,
+    "estimate": False, "accuracy": None,
 }  # fmt: skip
 """What holds for the keywords that are left out."""
 
@@ -100,6 +115,8 @@ class Arguments:
     options: NewtonOptions | None
     settings: Mapping[str, Any] | None
     keep_states: bool
+    estimate: Sequence[str] | bool = False
+    accuracy: tuple[str, float] | None = None
 
     @property
     def items(self) -> list[Item]:
@@ -115,6 +132,7 @@ class Arguments:
             "path": self.items, "record": self.record, "out": self.out, "resume": self.resume,
             "start": start, "stability": self.stability, "failures": self.failures,
             "options": self.options, "keep_states": self.keep_states,
+            "estimate": self.estimate, "accuracy": self.accuracy,
         }  # fmt: skip
 
 
@@ -134,6 +152,8 @@ def check_arguments(given: Arguments) -> None:
         (given.options, NewtonOptions | None, "NewtonOptions(...)"),
         (given.settings, Mapping | None, "a dictionary"),
         (given.keep_states, bool | np.bool_, "keep_states=True or False"),
+        (given.estimate, bool | np.bool_ | list | tuple, "estimate= a list of recorded names"),
+        (given.accuracy, list | tuple | None, "accuracy= a recorded name and an error"),
     ):  # fmt: skip
         if not isinstance(value, kind):
             raise InputError(f"solve is given {shown(value)}, but needs {what}.")
@@ -162,6 +182,7 @@ def check_arguments(given: Arguments) -> None:
     _check_contacts(given)
     _check_watched(given)
     _check_recorded(given.record or {})
+    check_estimated(given)
 
 
 def _check_contacts(given: Arguments) -> None:

@@ -65,6 +65,8 @@ class Closing:
             "steps": len(history) - 1 if history else 0,
             **work(solver, history),
             "wall_s": journal.seconds,
+            "discretisation_error": result.summary.get("discretisation_error", {}),
+            "accuracy": result.summary.get("accuracy"),
             "settings": self._inputs | {"script": dict(self.settings)},
             "versions": versions(),
             "origin": journal.folder.origin if journal.folder else {},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -29,13 +29,16 @@ from dea_fenicsx.results.summary import (
     unstable_from,
 )  # fmt: skip
 from dea_fenicsx.results.surface_blocks import Blocks, electrode_surfaces
+from dea_fenicsx.run.accuracy import Search
 from dea_fenicsx.run.arguments import DEFAULTS, Arguments, SolveOptions, check_arguments
 from dea_fenicsx.run.closing import Closing
 from dea_fenicsx.run.enclosed_volume import check_volume
+from dea_fenicsx.run.estimating import estimate, names_to_estimate, recorded_name
 from dea_fenicsx.run.journal import Journal
 from dea_fenicsx.run.pushing_out import pushed_out
 from dea_fenicsx.run.resuming import carry_on
 from dea_fenicsx.run.reuse import keep, lend, solver_for
+from dea_fenicsx.run.size_field import SIZES, write_sizes
 from dea_fenicsx.run.starting import Beginning, balanced, beginning
 from dea_fenicsx.scene.electrode_checks import without_field
 from dea_fenicsx.scene.scene import Scene
@@ -75,8 +78,8 @@ def solve(
         Results folder; None writes nothing.  An earlier run's files in it move to ``previous/``,
         ``previous_2/`` and so on; none is ever deleted.
     options
-        ``resume``, ``start``, ``quiet``, ``verbose``, ``stability``, ``failures``, ``options`` and
-        ``settings``: see `SolveOptions`.
+        ``resume``, ``start``, ``quiet``, ``verbose``, ``stability``, ``failures``, ``options``,
+        ``settings``, ``keep_states``, ``estimate`` and ``accuracy``: see `SolveOptions`.
 
     Returns
     -------
@@ -106,10 +109,43 @@ def solve(
     )
     check_arguments(given)
     check_same(scene.device.comm, given.compared())
+    if given.accuracy is None:
+        return _solved(given)
+    return _solved_to(given, given.accuracy)
+
+
+def _solved(given: Arguments) -> Run:
+    """Solve a scene in the discretisation that it has, and estimate the errors asked for."""
+    scene, record = given.scene, dict(given.record or {})
     failures = given.failures
     watched = default_failures(scene) if failures is None else tuple(failures)
-    columns.check_names(scene, record or {}, watched)
-    return _Session(given, scene, given.items, dict(record or {}), watched).run()
+    columns.check_names(scene, record, watched)
+    run = _Session(given, scene, given.items, record, watched).run()
+    estimate(run, names_to_estimate(given.estimate, record))
+    return run
+
+
+def _solved_to(given: Arguments, accuracy: tuple[str, float]) -> Run:
+    """Solve a scene in the discretisation with which an observable is as exact as asked."""
+    name = recorded_name(accuracy[0], given.record, "The observable of accuracy=")
+    observable = given.record[name]
+    progress = Progress(given.scene.device.comm.rank == 0, given.quiet, given.verbose)
+    counts = "every" if given.stability == "every" else "never"  # a path may need it
+    coarse = replace(
+        given, out=None, quiet=True, stability=counts, keep_states=False, estimate=False
+    )
+    search = Search(
+        name, observable, float(accuracy[1]),
+        lambda scene: _solved(replace(coarse, scene=scene)), progress.say,
+    )  # fmt: skip
+    scene = search.find(given.scene)
+    run = _solved(replace(given, scene=scene))
+    if search.wants_sizes and run.out is not None:
+        assert search.found
+        write_sizes(run.out / SIZES, scene.device, search.found, search.asked)
+    run.tell({"accuracy": search.told()})
+    progress.say(search.sentence())
+    return run
 
 
 @dataclass

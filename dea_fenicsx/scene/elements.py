@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import ClassVar, Literal, get_args
 
 from dea_fenicsx.support.cell_types import SIMPLICES
@@ -77,6 +77,14 @@ class Discretisation:
             return self.pressure
         return "continuous" if cell in SIMPLICES else "discontinuous"
 
+    def richer(self) -> Discretisation:
+        """Elements of one degree more in each field, in which errors of these are estimated."""
+        values = {field.name: getattr(self, field.name) for field in fields(Discretisation)}
+        values["degree"] += 1
+        values["potential_degree"] += 1
+        values["quadrature_degree"] = min(values["quadrature_degree"] + 2, 12)
+        return _Richer(**values)
+
     def check(self, cell: str) -> None:
         """Raise InputError unless the elements exist and are stable on a type of cell."""
         if self.degree not in self.DEGREES:
@@ -104,3 +112,10 @@ class Discretisation:
                 f"The quadrature degree is {self.quadrature_degree!r}, but must lie between 2 and "
                 "12."
             )
+
+
+@dataclass(frozen=True)
+class _Richer(Discretisation):
+    """Elements in which errors are estimated: of one degree more than a scene may have."""
+
+    DEGREES: ClassVar[tuple[int, ...]] = (*Discretisation.DEGREES, Discretisation.DEGREES[-1] + 1)

@@ -1,0 +1,126 @@
+"""The cells of a device among those of the structured mesh of its family."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dea_fenicsx.geometry._structured import StructuredMesh
+from dea_fenicsx.geometry.bisected import Bisected, sheets
+from dea_fenicsx.geometry.quartic import ORDER, is_curved, lagrange, of_order
+from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.mesh.from_dolfinx import tags_alike
+from dea_fenicsx.support import compat
+
+
+@dataclass(frozen=True)
+class Matching:
+    """Which cell of a structured mesh each local cell of a device is, and how it lies there.
+
+    Attributes
+    ----------
+    cell : number of the structured cell, shape (cells,)
+    axis : axis of the structured cell along each axis of DOLFINx's, shape (cells, dim)
+    turned : whether it runs the other way
+    """
+
+    cell: np.ndarray
+    axis: np.ndarray
+    turned: np.ndarray
+
+
+def matching(device: Device, mesh: StructuredMesh) -> Matching:
+    """The cells of a device, ghosts included, among those of the mesh of its family."""
+    nodes = compat.geometry_dofmap(device.mesh)[:, : 2**device.dim]
+    places = device.length * device.mesh.geometry.x[nodes]
+    cells = mesh.points[mesh.corners(mesh.cells)]
+    _, own = cKDTree(cells.mean(axis=1)).query(places.mean(axis=1))
+    theirs, mine = _axes(places, first_fastest=True), _axes(cells, first_fastest=False)[own]
+    cosine = np.einsum("nax,nbx->nab", theirs, mine)
+    axis = np.argmax(np.abs(cosine), axis=2)
+    turned = np.take_along_axis(cosine, axis[:, :, None], axis=2)[:, :, 0] < 0
+    return Matching(own, axis, turned)
+
+
+def over_sheets(device: Device, mesh: StructuredMesh, parts: np.ndarray) -> np.ndarray:
+    """Sums over the cells of each sheet, the same on all ranks.  Collective.
+
+    Parameters
+    ----------
+    device
+        The device whose cells are those of `mesh`.
+    mesh
+        The structured mesh of its family.
+    parts
+        A number for each owned cell and each of its axes, as DOLFINx orders both.
+
+    Returns
+    -------
+    ndarray, shape (sheets,)
+        By their numbers as in `geometry.bisected.sheets`.
+    """
+    found, owned = matching(device, mesh), device.owned_cells()
+    mine = (found.cell[:owned], found.axis[:owned], parts[:, : device.dim])
+    everyone = device.comm.allgather(mine)
+    cell, axis, all_parts = (np.concatenate(k) for k in zip(*everyone, strict=True))
+    order = np.argsort(cell, kind="stable")  # so that sums do not depend on the ranks
+    number = sheets(mesh)
+    which = np.take_along_axis(number[cell], axis, axis=1)[order]
+    sums = np.bincount(which.ravel(), all_parts[order].ravel(), minlength=int(number.max()) + 1)
+    return np.asarray(sums)
+
+
+def with_exact_shape(device: Device) -> Device:
+    """The device with curved cells of fourth order, if its family makes curved ones.  Collective.
+
+    Cells, their order and their ranks stay the same.  A device with straight cells, or one that is
+    no family, is given back as it is.
+    """
+    family = device.family
+    if family is None:
+        return device
+    fine = (family if isinstance(family, Bisected) else Bisected(family)).fine
+    coarse = family.mesh()
+    if coarse.order == 1 or not is_curved(of_order(fine, 2)):
+        return device
+    found = matching(device, coarse)
+
+    def places(points: np.ndarray) -> np.ndarray:
+        return _places(fine, found, points)[..., : device.mesh.geometry.dim] / device.length
+
+    mesh = compat.mesh_of_degree(device.mesh, ORDER, places)
+    for dim in (device.dim - 1, device.dim):
+        mesh.topology.create_connectivity(dim, device.dim)
+    mesh.topology.create_connectivity(device.dim, device.dim - 1)
+    facets: Any = device.facets
+    return replace(
+        device, mesh=mesh, cells=tags_alike(mesh, device.cells, device.dim),
+        facets=None if facets is None else tags_alike(mesh, facets, device.dim - 1),
+        checked_cells={}, family=None, rebuilt=None,
+    )  # fmt: skip
+
+
+def _places(mesh: StructuredMesh, found: Matching, points: np.ndarray) -> np.ndarray:
+    """Positions in m of points of the reference cell in each local cell, shape (cells, n, 3)."""
+    cells, dim = len(found.cell), points.shape[1]
+    local = np.where(found.turned[:, None, :], 1 - points, points)
+    along = np.empty((cells, len(points), dim))
+    np.put_along_axis(along, np.broadcast_to(found.axis[:, None, :], along.shape), local, axis=2)
+    values = [lagrange(ORDER, along[..., a]) for a in range(dim)]
+    letters = "abc"[:dim]
+    terms = ",".join(f"np{letter}" for letter in letters)
+    nodes = mesh.points[mesh.cells[found.cell]]
+    return np.asarray(np.einsum(f"{terms},n{letters}x->npx", *values, nodes, optimize=True))
+
+
+def _axes(corners: np.ndarray, first_fastest: bool) -> np.ndarray:
+    """Unit vectors between the middles of opposite sides, shape (cells, axes, 3)."""
+    dim = int(np.log2(corners.shape[1]))
+    bits = np.array([[k >> a & 1 for a in range(dim)] for k in range(2**dim)])
+    if not first_fastest:
+        bits = bits[:, ::-1]
+    found = np.einsum("ka,nkx->nax", 2.0 * bits - 1, corners)
+    return np.asarray(found / np.linalg.norm(found, axis=2, keepdims=True))

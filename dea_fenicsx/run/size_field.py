@@ -1,0 +1,65 @@
+"""The sizes that cells would need for an accuracy, as a background field of gmsh."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from dea_fenicsx.gradients.discretisation import DiscretisationError, not_seen
+from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.support import compat
+from dea_fenicsx.support.cell_types import HEX, QUAD, TET, TRIANGLE
+
+SIZES = "sizes.pos"
+"""Name of the file in a results folder."""
+
+LEAST_SHARE = 1 / 16
+"""Least new size of a cell over its present one; a search for sizes goes in steps."""
+
+IN_GMSH: dict[str, tuple[str, tuple[int, ...]]] = {
+    TRIANGLE: ("ST", (0, 1, 2)), QUAD: ("SQ", (0, 1, 3, 2)), TET: ("SS", (0, 1, 2, 3)),
+    HEX: ("SH", (0, 1, 3, 2, 4, 5, 7, 6)),
+}  # fmt: skip
+"""Gmsh's letters of a cell with a value at each corner, and its order of the corners."""
+
+
+def wanted_sizes(device: Device, found: DiscretisationError, asked: float) -> np.ndarray:
+    """Size in m that each owned cell should have, so that all hold the same share.  Collective.
+
+    A part of an error that falls as size^(k + 1) is assumed, in elements of degree k.
+
+    Parameters
+    ----------
+    device
+        The device.
+    found
+        The error with its parts by cells.
+    asked
+        The relative error that is wanted.
+    """
+    assert found.cells is not None
+    owned, mesh = device.owned_cells(), device.mesh
+    count = mesh.topology.index_map(device.dim).size_global
+    share = asked * abs(found.value) / not_seen(found.degree) / count
+    parts = np.maximum(np.abs(found.cells[:, -1]), 1e-300)
+    factor = np.clip((share / parts) ** (1 / (found.degree + 1)), LEAST_SHARE, 1.0)
+    sizes = device.length * mesh.h(device.dim, np.arange(owned, dtype=np.int32))
+    return np.asarray(factor * sizes)
+
+
+def write_sizes(path: Path, device: Device, found: DiscretisationError, asked: float) -> None:
+    """Write the sizes as a view of gmsh, in m.  Collective; rank 0 writes."""
+    letters, order = IN_GMSH[device.mesh.topology.cell_name()]
+    owned = device.owned_cells()
+    nodes = compat.geometry_dofmap(device.mesh)[:owned][:, list(order)]
+    mine = device.length * device.mesh.geometry.x[nodes], wanted_sizes(device, found, asked)
+    everyone = device.comm.gather(mine, root=0)
+    if everyone is None:
+        return
+    lines = ['View "sizes in m" {']
+    for places, sizes in everyone:
+        for place, size in zip(places.reshape(len(sizes), -1), sizes, strict=True):
+            corners = ",".join(f"{x:.9g}" for x in place)
+            lines.append(f"{letters}({corners}){{{','.join([f'{size:.4g}'] * len(order))}}};")
+    path.write_text("\n".join([*lines, "};", ""]), "utf-8")
