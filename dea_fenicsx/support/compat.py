@@ -41,7 +41,7 @@ from dea_fenicsx.support.form_cache import cache_dir, compiling
 
 __all__ = ["PETSc", "add_assembled", "collapse", "compile_form", "compile_together",
            "coordinate_element", "copied_mesh", "create_vector", "dolfinx", "expression",
-           "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
+           "geometry_dofmap", "interpolation_matrix", "jit_options", "model_to_mesh"]  # fmt: skip
 
 _objects = DolfinxObjects(dolfinx)
 VERSION = _objects.version
@@ -320,6 +320,17 @@ def create_vector(form: Any) -> Any:
     if VERSION >= (0, 10):
         return dolfinx.fem.petsc.create_vector(form.function_spaces[0])
     return dolfinx.fem.petsc.create_vector(form)
+
+
+def interpolation_matrix(coarse: Any, fine: Any) -> Any:
+    """The PETSc matrix that interpolates from one space onto another one of the same mesh."""
+    if hasattr(dolfinx.fem.petsc, "interpolation_matrix"):
+        made = dolfinx.fem.petsc.interpolation_matrix(coarse, fine)
+    else:
+        make = dolfinx.cpp.fem.petsc.interpolation_matrix
+        made = make(coarse._cpp_object, fine._cpp_object)
+    made.assemble()
+    return made
 
 
 def set_precision(pc: Any, single: bool) -> None:
