@@ -103,6 +103,17 @@ def split_factor(comm):
     }  # fmt: skip
 
 
+def multigrid(comm):
+    """Levels of multigrid, of which a rank may have no cell."""
+    device = dea.read_gmsh(BoxStack(L, L, [Layer("film", L)], (2, 1)), comm)
+    scene = dea.Scene(
+        device, {"film": FILM}, [dea.Electrode("top", 3e3), dea.Ground("bottom")],
+        [dea.Clamp("x_min")],
+    )  # fmt: skip
+    record = {"up": dea.MeanDisplacement("top", "z")}
+    return scene, dea.Ramp(steps=1), record, {"options": dea.NewtonOptions(factor="multigrid")}
+
+
 def tetrahedra(comm, geometry=TETRAHEDRA):
     """Slanted faces; one electrode alone, so that there is a potential and no field."""
     scene = dea.Scene(
@@ -227,7 +238,7 @@ ON_TWO = [
 ]
 """Of one cell, but for the triangles."""
 
-ON_THREE = [split_factor, tetrahedra, charge]
+ON_THREE = [split_factor, multigrid, tetrahedra, charge]
 """Of two cells.  Three ranks take long where there are two processors: so these are few."""
 
 

@@ -179,10 +179,27 @@ def check_arguments(given: Arguments) -> None:
         )
     if given.options is not None:
         given.options.check()
+        _check_multigrid(given)
     _check_contacts(given)
     _check_watched(given)
     _check_recorded(given.record or {})
     check_estimated(given)
+
+
+def _check_multigrid(given: Arguments) -> None:
+    """Raise InputError for what multigrid cannot tell or solve."""
+    if given.options is None or given.options.factor != "multigrid":
+        return
+    if given.stability == "every":
+        raise InputError(
+            'stability="every" needs counts of negative eigenvalues, and '
+            'NewtonOptions(factor="multigrid") makes none; take stability="never" or factor="auto".'
+        )
+    if any(getattr(item, "moving", None) is not None for item in given.items):
+        raise InputError(
+            'NewtonOptions(factor="multigrid") cannot solve for a motion with inertia; take '
+            'factor="auto".'
+        )
 
 
 def _check_contacts(given: Arguments) -> None:

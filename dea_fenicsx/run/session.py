@@ -56,6 +56,10 @@ from dea_fenicsx.support.interruption import Interruption
 from dea_fenicsx.support.progress import Progress
 from dea_fenicsx.support.validation import keywords
 
+UNCOUNTED = (
+    "Negative eigenvalues are not counted with multigrid, so nothing is told about stability."
+)
+
 
 def solve(
     scene: Scene,
@@ -213,10 +217,17 @@ class _Session:
         except BaseException as error:
             closing.note_crash(error)
             raise
-        closing.finish(*ending(self.scene, journal.history, self.path))
+        status, message = ending(self.scene, journal.history, self.path)
+        if self._uncounted(journal):
+            message = f"{message} {UNCOUNTED}".strip()
+        closing.finish(status, message)
         lend(result, journal.solver)
         keep(result, journal.solver, [*self.record.values(), *self.failures])
         return result
+
+    def _uncounted(self, journal: Journal) -> bool:
+        """Whether a count is wanted that the solver cannot make."""
+        return self.given.stability != "never" and journal.solver.options.factor == "multigrid"
 
     def _prepare(self, folder: Folder | None) -> Journal:
         """Build the discrete problem, and all that measures and writes its states.  Collective."""
@@ -280,6 +291,8 @@ class _Session:
                 f"The tangent of {', '.join(names)} is not symmetric, so that it is factorised as "
                 "L U and its negative eigenvalues are not counted."
             )
+        if self._uncounted(journal):
+            self.progress.say(UNCOUNTED)
         if begin:
             self.progress.say(f"The path begins in {begin.place}.")
         if not self.scene.kinematics.is_membrane and without_field(self.scene.electrodes):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -156,6 +156,9 @@ class WholeFactor:
     single
         Single precision, if this PETSc can.
     """
+
+    needs_matrix: ClassVar[bool] = True
+    """Whether `make` takes the tangent as an assembled matrix."""
 
     def __init__(self, problem: Problem, single: bool = False) -> None:
         self.problem = problem

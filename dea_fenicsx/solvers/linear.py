@@ -18,6 +18,7 @@ import numpy as np
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.corotation import Corotation
 from dea_fenicsx.solvers.factors import WholeFactor
+from dea_fenicsx.solvers.multigrid import Multigrid
 from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.solvers.outcome import Counters, Inertia, Outcome
 from dea_fenicsx.solvers.refinement import Solution, solve_to
@@ -43,8 +44,18 @@ MOST_UNKNOWNS_LENT = 200_000
 ASSEMBLY_IN_KRYLOV = {1: 15, 2: 15, 3: 30}
 """Cost of assembling the tangent, in Krylov iterations of a small problem, by dimension."""
 
+MULTIGRID_PATIENCE = 2
+"""Multigrid may take this many times the Krylov iterations of a factor, before it is renewed."""
+
+MOST_UNKNOWNS_RESCUED = 60_000
+"""Largest number of unknowns for which the whole tangent is factorised if multigrid fails."""
+
 KRYLOV_PER_DIGIT_FRESH = 1.0
 """Krylov iterations per decimal digit that we accept even from a fresh factorisation."""
+
+
+type Kept = WholeFactor | SplitFactor | Multigrid
+"""What is kept from solve to solve."""
 
 
 def silent(stage: str) -> None:
@@ -99,6 +110,9 @@ class LinearSolver:
         self._whole = WholeFactor(problem)
         self._corotation = Corotation(problem)
         self._petsc = PetscObjects(problem.comm)
+        multigrid = self.options.factor == "multigrid"
+        self._multigrid = Multigrid(problem, self.tangent.times) if multigrid else None
+        self._patience = self.options.krylov_limit * (MULTIGRID_PATIENCE if multigrid else 1)
         self._ksp = self._petsc.keep("ksp", self._gmres())
         self._begin()
 
@@ -116,7 +130,7 @@ class LinearSolver:
         self.notify: Callable[[str], None] = silent
         precise = self.options.factor == "precise"
         self._split = SplitFactor(self.problem, precise) if self._splits() else None
-        self._preferred = self._split or self._whole_or_single()
+        self._preferred = self._multigrid or self._split or self._whole_or_single()
         self._factor = self._preferred
         self._stale, self._wasted, self._best_rate = True, 0.0, np.inf
 
@@ -157,7 +171,7 @@ class LinearSolver:
         large = problem.scene.kinematics.dim == 3 and problem.unknowns >= UNKNOWNS_FOR_CHEAP_FACTOR
         return choice == "split" or (choice in ("auto", "precise") and possible and large)
 
-    def _whole_or_single(self) -> WholeFactor | SplitFactor:
+    def _whole_or_single(self) -> WholeFactor:
         choice = self.options.factor
         large = choice == "auto" and self.problem.unknowns >= UNKNOWNS_FOR_CHEAP_FACTOR
         return WholeFactor(self.problem, True) if choice == "single" or large else self._whole
@@ -181,6 +195,8 @@ class LinearSolver:
                 self._judge_factor(iterations, rtol)
                 return solution
             if fresh and self._factor is self._whole:
+                break
+            if fresh and self._multigrid and self.problem.unknowns > MOST_UNKNOWNS_RESCUED:
                 break
             if fresh:
                 # A split factor neglects part of the coupling between the fields, and a factor in
@@ -206,16 +222,16 @@ class LinearSolver:
         self._best_rate = min(self._best_rate, rate)
         self._wasted += (rate - self._best_rate) * digits
         self._stale = (
-            iterations > self.options.krylov_limit
+            iterations > self._patience
             or self._wasted
             > ASSEMBLY_IN_KRYLOV[self.problem.mesh.topology.dim] + self._factor.worth
         )
 
-    def _factorise(self, factor: WholeFactor | SplitFactor, counting: bool = False) -> bool:
+    def _factorise(self, factor: Kept, counting: bool = False) -> bool:
         """Make a new factor of the tangent; False if MUMPS fails however much room it gets."""
         self._factor.make_room()
         self._corotation.factor = None
-        matrix = self._assemble(counting)
+        matrix = self._assemble(counting) if factor.needs_matrix else None
         self.notify("factorising")
         start = time.perf_counter()
         self.counters.factorisations += 1
@@ -228,6 +244,8 @@ class LinearSolver:
             self.inertia = self._counted(self._whole.excess)
         elif factor is self._split and self._split.precise:
             self.inertia = self._counted(0) if self._split.proves_stable else Inertia()
+        elif factor is self._multigrid:
+            self.inertia = Inertia()
         self._stale, self._wasted, self._best_rate = not ok, 0.0, np.inf
         self.counters.factor_s += time.perf_counter() - start
         return ok
@@ -247,15 +265,15 @@ class LinearSolver:
     def refresh_inertia(self, last: bool = False) -> None:
         """Factorise the tangent at the problem's present state, to know its inertia.
 
-        A tangent that is not symmetric has none, and is not factorised.  If the kept factor is a
-        split one, we first try a cheaper count, which may prove that the state is stable.
+        A tangent that is not symmetric has none, and multigrid counts none.  If the kept factor is
+        a split one, we first try a cheaper count, which may prove that the state is stable.
 
         Parameters
         ----------
         last
             True if no solve follows: then a large kept factor is deleted first to save memory.
         """
-        if not self.problem.forms.is_symmetric:
+        if not self.problem.forms.is_symmetric or self._multigrid:
             self.inertia = Inertia()
             return
         if last and self.problem.unknowns > MOST_UNKNOWNS_LENT:
@@ -313,7 +331,7 @@ class LinearSolver:
         start = time.perf_counter()
         self._corotation.update()
         ksp = self._ksp
-        ksp.setTolerances(rtol=rtol, atol=0.0, max_it=2 * self.options.krylov_limit)
+        ksp.setTolerances(rtol=rtol, atol=0.0, max_it=2 * self._patience)
         x, b = self.tangent.operator.createVecs()
         weights = self.tangent.weights
         if transposed:

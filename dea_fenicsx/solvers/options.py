@@ -9,7 +9,7 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared, plain_numbers
 from dea_fenicsx.support.validation import one_of, whole
 
-Factorisation = Literal["auto", "whole", "single", "split", "precise"]
+Factorisation = Literal["auto", "whole", "single", "split", "precise", "multigrid"]
 FACTORS: tuple[Factorisation, ...] = get_args(Factorisation)
 
 
@@ -36,6 +36,9 @@ class NewtonOptions:
         ``"precise"`` takes two or three Krylov iterations for any number of digits, as is best for
         very many solves at one state: ``"split"`` in double precision with a pressure that is
         nearly exact for large problems in space, or ``"whole"``.
+        ``"multigrid"`` makes no factor: its memory grows in proportion to the unknowns, for very
+        large problems in space in which nothing is tied.  It takes more Krylov iterations, and
+        negative eigenvalues are not counted.
     """
 
     tolerance: float = 1e-10

@@ -18,7 +18,7 @@ Internal fields belong to the block of u.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import ufl
@@ -78,6 +78,9 @@ class SplitFactor:
         Whether a factor in double precision and a nearly exact pressure are worth twice the memory,
         because very many solves follow.
     """
+
+    needs_matrix: ClassVar[bool] = True
+    """Whether `make` takes the tangent as an assembled matrix."""
 
     def __init__(self, problem: Problem, precise: bool = False) -> None:
         self.problem, self.precise = problem, precise

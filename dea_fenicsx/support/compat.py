@@ -41,7 +41,7 @@ from dea_fenicsx.support.form_cache import cache_dir, compiling
 
 __all__ = ["PETSc", "add_assembled", "collapse", "compile_form", "compile_together",
            "coordinate_element", "copied_mesh", "create_vector", "dolfinx", "expression",
-           "geometry_dofmap", "jit_options", "model_to_mesh"]  # fmt: skip
+           "geometry_dofmap", "interpolation_matrix", "jit_options", "model_to_mesh"]  # fmt: skip
 
 _objects = DolfinxObjects(dolfinx)
 VERSION = _objects.version
@@ -359,6 +359,17 @@ def create_vector(form: Any) -> Any:
 def keeps_single() -> bool:
     """Whether this PETSc (3.24 or later) can keep a factor of MUMPS in single precision."""
     return bool(PETSc.Sys.getVersion() >= (3, 24))
+
+
+def interpolation_matrix(coarse: Any, fine: Any) -> Any:
+    """The PETSc matrix that interpolates from one space onto another one of the same mesh."""
+    if hasattr(dolfinx.fem.petsc, "interpolation_matrix"):
+        made = dolfinx.fem.petsc.interpolation_matrix(coarse, fine)
+    else:
+        make = dolfinx.cpp.fem.petsc.interpolation_matrix
+        made = make(coarse._cpp_object, fine._cpp_object)
+    made.assemble()
+    return made
 
 
 def set_precision(pc: Any, single: bool) -> None:

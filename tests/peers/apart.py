@@ -17,10 +17,11 @@ from tests.peers.scenes import Case
 MARK = "found "
 
 
-def tell(solve: Callable[[Case], dict[str, Any]], case: Case) -> None:
+def tell(solve: Callable[[Case], dict[str, Any]], case: Case, memory: Any = None) -> None:
     """In the child: solve a case and print what it took; on several ranks, the one that took most.
 
-    Forms are compiled beforehand, by a run on a few cells that is not counted.
+    Forms are compiled beforehand, by a run on a few cells that is not counted.  `memory` is how
+    MPI unites the memory of the ranks; without it that of the largest is told.
     """
     from mpi4py import MPI  # not in the parent, which may start mpirun
 
@@ -32,7 +33,8 @@ def tell(solve: Callable[[Case], dict[str, Any]], case: Case) -> None:
         "wall_s": time.perf_counter() - start, "cpu_s": time.process_time() - busy,
         "memory_GB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9,
     }  # fmt: skip
-    found |= {name: comm.allreduce(value, op=MPI.MAX) for name, value in spent.items()}
+    unite = dict.fromkeys(spent, MPI.MAX) | ({"memory_GB": memory} if memory else {})
+    found |= {name: comm.allreduce(value, op=unite[name]) for name, value in spent.items()}
     if comm.rank == 0:
         print(MARK + json.dumps(found), flush=True)
 

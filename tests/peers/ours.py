@@ -18,8 +18,11 @@ def material(rubber: Rubber) -> Any:
     return dea.Material(elastic, electric)
 
 
-def solve(case: Case, own_elements: bool = False) -> dict[str, Any]:
-    """Solve a case; `own_elements` takes the package's default elements instead of the peers'."""
+def solve(case: Case, own_elements: bool = False, options: Any = None) -> dict[str, Any]:
+    """Solve a case; `own_elements` takes the package's default elements instead of the peers'.
+
+    `options` are those of Newton's method.
+    """
     device = dea.read_gmsh(case.geometry, MPI.COMM_WORLD)
     kinematics: Any = dea.PlaneStrain() if case.flat else dea.ThreeD()
     if case.axisymmetric:
@@ -41,7 +44,7 @@ def solve(case: Case, own_elements: bool = False) -> dict[str, Any]:
         path = dea.Trace("voltage", at=(1.0,), until=("seen_m", case.reach))
     run = dea.solve(
         scene, path, {"seen": dea.MeanDisplacement(case.seen, along)},
-        quiet=True, stability="never",
+        quiet=True, stability="never", options=options,
     )  # fmt: skip
     last = run.history[-1]
     if case.reach is not None:
