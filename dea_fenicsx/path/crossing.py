@@ -53,7 +53,7 @@ MOST_STEPS_OVER_TURN = 16
 MOST_POINTS_BACK = 4
 """The chord that tells the branch's own direction goes back by at most so many points."""
 
-MOST_LANDING = 0.1
+MOST_LANDING = 5e-3
 """Largest correction without the guiding forces, as a share of a step with them."""
 
 
@@ -110,6 +110,7 @@ class Crossings:
         if self.watch is not None:
             self.watch.forget()
         self.trail: list[Point] = []
+        self._held: Point | None = None
 
     def advance(
         self, here: Point, arc: float, before: Point | None
@@ -158,6 +159,24 @@ class Crossings:
                     return Passage(attempt, anchor, there, arc, done)
         return self._guided_passage(here)
 
+    def held_passage(self, here: Point, arc: float) -> Passage | None:
+        """A step from a point with the soft shapes held, if the watch has seen a motion aside.
+
+        None if the state is stable: a device goes that way.  None if no equilibrium is near.
+        """
+        branch = self.branch
+        if self.watch is None or not self.watch.is_aside or self._held is here:
+            return None
+        self._held = here
+        if not branch.problem.forms.is_symmetric:
+            return None
+        with branch.problem.at(here.state):
+            branch.solver.refresh_inertia()
+        if not branch.solver.inertia.excess:
+            return None
+        back = self.trail[max(0, len(self.trail) - 1 - MOST_POINTS_BACK)]
+        return self._along_guides(here, back, here, arc)
+
     def straight_on(self, begin: Point, here: Point) -> Passage | None:
         """A step with soft shapes held from before a turn to behind a later point, if there is one.
 
@@ -171,7 +190,9 @@ class Crossings:
         place = next((k for k, p in enumerate(self.trail) if p is begin), 0)
         for k in (place - n for n in POINTS_BEFORE_TURN if n < place):
             back = self.trail[max(0, k - MOST_POINTS_BACK)]
-            if found := self._along_guides(self.trail[k], back, here, MOST_STEPS_OVER_TURN):
+            if found := self._along_guides(
+                self.trail[k], back, here, self._arc, MOST_STEPS_OVER_TURN
+            ):
                 return found
         return None
 
@@ -182,12 +203,12 @@ class Crossings:
         for anchor, before in self._anchors:
             place = next((k for k, p in enumerate(self.trail) if p is anchor), 0)
             back = self.trail[max(0, place - MOST_POINTS_BACK)] if place else before
-            if found := self._along_guides(anchor, back, here):
+            if found := self._along_guides(anchor, back, here, self._arc):
                 return found
         return None
 
     def _along_guides(
-        self, anchor: Point, back: Point, here: Point, most: int = MOST_GUIDED_STEPS
+        self, anchor: Point, back: Point, here: Point, step: float, most: int = MOST_GUIDED_STEPS
     ) -> Passage | None:
         """Steps with held shapes from an anchor, until an equilibrium lies nearby."""
         branch = self.branch
@@ -196,22 +217,22 @@ class Crossings:
             guide = Guide.across(branch, back, point, SOFT_SHAPES)
             if guide is None:
                 return None
-            attempt = branch.step(guide.start, self._arc, None, guide)
+            attempt = branch.step(guide.start, step, None, guide)
             if not attempt.converged:
                 return None
             reached = branch.point(attempt.found, guide.start, guide=guide)
             if reached is None:
                 return None
             point = reached
-            if branch.advanced(anchor, point) > done + AHEAD[0] * self._arc:
-                attempt, there = self._landed(point)
+            if branch.advanced(anchor, point) > done + AHEAD[0] * step:
+                attempt, there = self._landed(point, step)
                 if there is not None:
                     arc = branch.advanced(anchor, there)
                     if branch.is_smooth(anchor, there, arc, guide):
                         return Passage(attempt, anchor, there, arc, done, guide)
         return None
 
-    def _landed(self, point: Point) -> tuple[Attempt, Point | None]:
+    def _landed(self, point: Point, step: float) -> tuple[Attempt, Point | None]:
         """The equilibrium near a point with guiding forces, or None if none is near."""
         branch = self.branch
         attempt = branch.corrected(point, point.state, point.factor)
@@ -222,6 +243,6 @@ class Crossings:
         change = there.factor - point.factor
         way = np.sqrt(branch.dot(moved, change, moved, change))
         turn = branch.dot(point.direction, point.slope, there.direction, there.slope)
-        if way > MOST_LANDING * self._arc or turn < STRAIGHT:
+        if way > MOST_LANDING * step or turn < STRAIGHT:
             return attempt, None
         return attempt, there

@@ -91,7 +91,7 @@ class Tracer:
         self.rates, now = {item.what: 1.0}, self.problem.factors[item.what]
         self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
         self.branch.precise = sentinel.stability
-        watch = SoftWatch(self.branch) if item.at_turn else None
+        watch = SoftWatch(self.branch)
         self.crossings = Crossings(self.branch, item.longest, watch)
         self.turns = Turns(self.branch, self.crossings, item.at_turn)
         self._cut = 1.0
@@ -178,6 +178,8 @@ class Tracer:
             if over is not None:
                 return self._passed(over, retries)
             attempt, there = self.crossings.advance(here, arc, before)
+            if (over := self.crossings.held_passage(here, arc)) is not None:
+                return self._passed(over, retries)
             outcome = attempt.outcome
             if there is not None:
                 count = self.sentinel.count(there.state)
