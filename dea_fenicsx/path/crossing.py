@@ -53,8 +53,11 @@ MOST_STEPS_OVER_TURN = 16
 MOST_POINTS_BACK = 4
 """The chord that tells the branch's own direction goes back by at most so many points."""
 
-MOST_LANDING = 5e-3
+MOST_LANDING = 0.1
 """Largest correction without the guiding forces, as a share of a step with them."""
+
+MOST_HELD_STEPS, MOST_HELD_LANDING = 2, 1e-2
+"""The same two where the watch has seen a motion aside: there the branches are not far apart."""
 
 
 @dataclass
@@ -175,7 +178,7 @@ class Crossings:
         if not branch.solver.inertia.excess:
             return None
         back = self.trail[max(0, len(self.trail) - 1 - MOST_POINTS_BACK)]
-        return self._along_guides(here, back, here, arc)
+        return self._along_guides(here, back, here, arc, MOST_HELD_STEPS, MOST_HELD_LANDING)
 
     def straight_on(self, begin: Point, here: Point) -> Passage | None:
         """A step with soft shapes held from before a turn to behind a later point, if there is one.
@@ -208,7 +211,8 @@ class Crossings:
         return None
 
     def _along_guides(
-        self, anchor: Point, back: Point, here: Point, step: float, most: int = MOST_GUIDED_STEPS
+        self, anchor: Point, back: Point, here: Point, step: float, most: int = MOST_GUIDED_STEPS,
+        near: float = MOST_LANDING,
     ) -> Passage | None:
         """Steps with held shapes from an anchor, until an equilibrium lies nearby."""
         branch = self.branch
@@ -225,14 +229,14 @@ class Crossings:
                 return None
             point = reached
             if branch.advanced(anchor, point) > done + AHEAD[0] * step:
-                attempt, there = self._landed(point, step)
+                attempt, there = self._landed(point, near * step)
                 if there is not None:
                     arc = branch.advanced(anchor, there)
                     if branch.is_smooth(anchor, there, arc, guide):
                         return Passage(attempt, anchor, there, arc, done, guide)
         return None
 
-    def _landed(self, point: Point, step: float) -> tuple[Attempt, Point | None]:
+    def _landed(self, point: Point, most: float) -> tuple[Attempt, Point | None]:
         """The equilibrium near a point with guiding forces, or None if none is near."""
         branch = self.branch
         attempt = branch.corrected(point, point.state, point.factor)
@@ -243,6 +247,6 @@ class Crossings:
         change = there.factor - point.factor
         way = np.sqrt(branch.dot(moved, change, moved, change))
         turn = branch.dot(point.direction, point.slope, there.direction, there.slope)
-        if way > MOST_LANDING * step or turn < STRAIGHT:
+        if way > most or turn < STRAIGHT:
             return attempt, None
         return attempt, there
