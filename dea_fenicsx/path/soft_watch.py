@@ -120,12 +120,7 @@ class SoftWatch:
         share_of_missed, share_of_arc = MOST_ERROR_WITHIN
         most = min(share_of_missed * missed, share_of_arc * arc)
         for share in SHARES_WITHIN:
-            guess, factor = cubic.guess(share * arc)
-            # A soft shape hardly changes the residual: so at least one iteration.
-            attempt = branch.corrected(here, guess, factor, 1)
-            if not attempt.converged:
-                return False
-            moved = (attempt.found.values - guess.values)[branch.problem.free]
-            if size(branch, moved) > most:
+            away = branch.correction(here, cubic.guess(share * arc)[0])
+            if away is None or size(branch, away) > most:
                 return False
         return True
