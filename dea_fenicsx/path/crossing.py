@@ -53,10 +53,13 @@ MOST_STEPS_OVER_TURN = 16
 MOST_POINTS_BACK = 4
 """The chord that tells the branch's own direction goes back by at most so many points."""
 
+POINTS_OF_ONE_TURN = 12
+"""Number of points after a turn that is followed, at which no other one is told."""
+
 MOST_LANDING = 0.1
 """Largest correction without the guiding forces, as a share of a step with them."""
 
-MOST_HELD_STEPS, MOST_HELD_LANDING = 2, 1e-2
+MOST_HELD_STEPS, MOST_HELD_LANDING = 4, 1e-2
 """The same two where the watch has seen a motion aside: there the branches are not far apart."""
 
 
@@ -100,6 +103,8 @@ class Crossings:
     ----------
     trail
         The last accepted points, the latest one at the end.
+    turns_aside
+        Whether the last step turns aside, and no way leads straight on.
     """
 
     def __init__(self, branch: Branch, longest: float, watch: SoftWatch | None) -> None:
@@ -114,6 +119,8 @@ class Crossings:
             self.watch.forget()
         self.trail: list[Point] = []
         self._held: Point | None = None
+        self._open = self.turns_aside = False
+        self._quiet = 0
 
     def advance(
         self, here: Point, arc: float, before: Point | None
@@ -125,6 +132,7 @@ class Crossings:
         """Take note of an accepted point, of the one before it, and of the arc between the two."""
         arc = min(arc, self.longest)  # a step over a crossing may have been longer
         self._short += 1
+        self._quiet = max(0, self._quiet - 1)
         # A step over a crossing begins at an earlier point: those after it are on the turn.
         last = next((k for k, p in enumerate(self.trail) if p is before), len(self.trail) - 1)
         kept = self.trail[: last + 1]
@@ -135,6 +143,13 @@ class Crossings:
             self._anchors = [(point, before), *self._anchors[: MOST_ANCHORS - 1]]
             self._arc = max(arc, self._arc)
             self._short, self._next = 0, self._arc / SHRINKAGE
+
+    def is_told(self) -> bool:
+        """Whether the last step turns aside and that is to be told, which is done once a turn."""
+        if not self.turns_aside or self._quiet:
+            return False
+        self._quiet = POINTS_OF_ONE_TURN
+        return True
 
     def announced(self, arc: float) -> bool:
         """Whether a step has become so short that a crossing is to be expected; asked once each."""
@@ -165,20 +180,32 @@ class Crossings:
     def held_passage(self, here: Point, arc: float) -> Passage | None:
         """A step from a point with the soft shapes held, if the watch has seen a motion aside.
 
-        None if the state is stable: a device goes that way.  None if no equilibrium is near.
+        None if the state is stable: a device goes that way.  None if no equilibrium is near; then
+        `turns_aside` is set.
         """
-        branch = self.branch
-        if self.watch is None or not self.watch.is_aside or self._held is here:
+        self.turns_aside = False
+        if self.watch is None or not self.watch.is_aside:
             return None
-        self._held = here
-        if not branch.problem.forms.is_symmetric:
-            return None
-        with branch.problem.at(here.state):
-            branch.solver.refresh_inertia()
-        if not branch.solver.inertia.excess:
-            return None
-        back = self.trail[max(0, len(self.trail) - 1 - MOST_POINTS_BACK)]
-        return self._along_guides(here, back, here, arc, MOST_HELD_STEPS, MOST_HELD_LANDING)
+        if self._held is not here:
+            self._held, self._open = here, self._is_unstable(here)
+            back = self.trail[max(0, len(self.trail) - 1 - MOST_POINTS_BACK)]
+            if self._open and (
+                found := self._along_guides(
+                    here, back, here, arc, MOST_HELD_STEPS, MOST_HELD_LANDING
+                )
+            ):
+                return found
+        self.turns_aside = self._open
+        return None
+
+    def _is_unstable(self, point: Point) -> bool:
+        """Whether a state is unstable, in a problem whose soft shapes can be held.  Collective."""
+        problem, solver = self.branch.problem, self.branch.solver
+        if not problem.forms.is_symmetric or not self.trail:
+            return False
+        with problem.at(point.state):
+            solver.refresh_inertia()
+        return bool(solver.inertia.excess)
 
     def straight_on(self, begin: Point, here: Point) -> Passage | None:
         """A step with soft shapes held from before a turn to behind a later point, if there is one.

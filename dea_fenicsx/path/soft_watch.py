@@ -43,8 +43,11 @@ SHARES_WITHIN = (0.5, 0.7)
 MOST_ERROR_WITHIN = 0.07, 2e-3
 """Largest error e_t of a step that is accepted, as a share of e and of the arc."""
 
-MOST_DRIVEN = 0.1
-"""Largest work of the load on a motion aside, over that on the branch's own direction."""
+MOST_DRIVEN = 0.5
+"""Largest work of the load on a motion aside, over that on the branch's own direction.
+
+Both motions are of the same length, and the part along this direction is left out.
+"""
 
 
 class SoftWatch:
@@ -98,9 +101,12 @@ class SoftWatch:
         branch, problem = self.branch, self.branch.problem
         with problem.at(point.state):
             load = branch.course.derivative()
-        works = np.array([motion @ load, point.direction @ load])
+        along = point.direction
+        ahead = size(branch, along)
+        across = motion - branch.dot(motion, 0.0, along, 0.0) / ahead**2 * along
+        works = np.array([across @ load, along @ load])
         works = np.abs(problem.comm.allreduce(works, op=MPI.SUM))
-        ways = size(branch, motion), size(branch, point.direction)
+        ways = size(branch, across), ahead
         return bool(works[0] * ways[1] > MOST_DRIVEN * works[1] * ways[0])
 
     def stays(self, here: Point, there: Point, arc: float, before: Point) -> bool:

@@ -146,6 +146,7 @@ class Tracer:
             if switched:
                 continue
             turn = self.turns.reached(there, start, arc)
+            told = turn is not None or (item.at_turn is None and self.crossings.is_told())
             iterations = step.attempt.iterations
             grown = 1.5 if iterations <= 3 else 1.0 if iterations <= 6 else 0.7
             beyond = _just_beyond(arc, left, self._left(there.state))
@@ -153,11 +154,12 @@ class Tracer:
             arc = min(usual, beyond)
             self._cut = arc / usual  # a step that is short because the end is near tells nothing
             before, here = start, there
+            if told:
+                self.log(f"{item.what}: the branch turns aside; another one almost crosses it")
+            name = TURN_ASIDE if told else ""
+            yield Traced(there.state, arc, float(np.sign(there.slope)), retries, name)
             if turn is None:
-                yield Traced(there.state, arc, float(np.sign(there.slope)), retries)
                 continue
-            self.log(f"{item.what}: the branch turns aside; another one almost crosses it")
-            yield Traced(there.state, arc, float(np.sign(there.slope)), retries, TURN_ASIDE)
             if item.at_turn == "pass":
                 self._over = self.crossings.straight_on(turn, there)
             if item.at_turn != "follow" and self._over is None:
