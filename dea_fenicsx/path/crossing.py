@@ -9,6 +9,10 @@ try to pass the crossing in one step from there.
 Where many branches cross within such a step, as near the minimum of the voltage of a balloon, no
 equilibrium lies near the branch for a while.  There we go on with the soft shapes held (see
 `guiding`), until an equilibrium is found close to the state without the guiding forces.
+
+Steps that are not shorter than usual can leave too (see `soft_watch`).  Where an unstable branch
+does so, the same step is made with the soft shapes held.  A stable one is followed: a real device
+with an imperfection turns off there.
 """
 
 from __future__ import annotations
@@ -238,7 +242,12 @@ class Crossings:
         return None
 
     def _along_guides(
-        self, anchor: Point, back: Point, here: Point, step: float, most: int = MOST_GUIDED_STEPS,
+        self,
+        anchor: Point,
+        back: Point,
+        here: Point,
+        step: float,
+        most: int = MOST_GUIDED_STEPS,
         near: float = MOST_LANDING,
     ) -> Passage | None:
         """Steps with held shapes from an anchor, until an equilibrium lies nearby."""
