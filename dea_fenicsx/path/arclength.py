@@ -273,7 +273,9 @@ class Branch:
             attempt = self.step(here, arc)
         return self.judged(attempt, here, arc)
 
-    def judged(self, attempt: Attempt, here: Point, arc: float) -> tuple[Attempt, Point | None]:
+    def judged(
+        self, attempt: Attempt, here: Point, arc: float
+    ) -> tuple[Attempt, Point | None]:
         """How a step from a point ended, and its point if it has not left the branch."""
         if not attempt.converged:
             return attempt, None
@@ -304,11 +306,15 @@ class Branch:
         moved = (end.state.values - start.state.values)[self.problem.free]
         return self.dot(moved, end.factor - start.factor, start.direction, start.slope)
 
-    def place(self, start: Point, end: Point, arc: float, guide: Guide | None = None) -> Place:
+    def place(
+        self, start: Point, end: Point, arc: float, guide: Guide | None = None
+    ) -> Place:
         """A function that finds the equilibrium at a share (0 to 1) of the arc between points."""
         return lambda share: self.step(start, share * arc, end, guide)
 
-    def is_smooth(self, start: Point, end: Point, arc: float, guide: Guide | None = None) -> bool:
+    def is_smooth(
+        self, start: Point, end: Point, arc: float, guide: Guide | None = None
+    ) -> bool:
         """Whether the cubic through two points and their tangents meets the branch in between.
 
         The cubic's error is of fourth order in the arc.  Between points of two different branches
@@ -353,7 +359,9 @@ class Branch:
             s = bracket.secant
         return found
 
-    def land(self, start: Point, end: Point, wanted: float, guide: Guide | None = None) -> Attempt:
+    def land(
+        self, start: Point, end: Point, wanted: float, guide: Guide | None = None
+    ) -> Attempt:
         """Find the equilibrium at a given load, which the branch passes once between two points."""
         cubic = Cubic.through(self, start, end)
         try:

@@ -78,7 +78,9 @@ class Bend:
         """The bend that fits best; None if a tangent cannot be computed.  Collective."""
         problem = solver.problem
         rates = {name: last.factors[name] - f for name, f in first.factors.items()}
-        slopes = [path_slope(solver, state, rates, SLOPE_TOLERANCE) for state in (first, last)]
+        slopes = [
+            path_slope(solver, state, rates, SLOPE_TOLERANCE) for state in (first, last)
+        ]
         if slopes[0] is None or slopes[1] is None:
             return None
         ends = problem.moved(first, slopes[0]), problem.moved(last, -slopes[1])

@@ -45,7 +45,9 @@ class Midpoint(Scheme):
         constant = -stiffness * values - 2 / seconds * motion.velocity
         return replace(motion, stiffness=stiffness, constant=constant)
 
-    def landed(self, old: np.ndarray, new: np.ndarray, motion: Motion, seconds: float) -> Motion:
+    def landed(
+        self, old: np.ndarray, new: np.ndarray, motion: Motion, seconds: float
+    ) -> Motion:
         velocity = 2 / seconds * (new - old) - motion.velocity
         middle = (velocity - motion.velocity) / seconds
         # The acceleration at the end, by a line through those of the middles of two steps.

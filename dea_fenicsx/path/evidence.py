@@ -175,7 +175,9 @@ class Evidence:
         usual = predictor.speed(known[-2], known[-1]) if len(known) > 1 else 0.0
         limit = MOST_SPEED_GROWTH_WITHOUT_PROOF * usual if usual else math.inf
         bend = Bend.between(self.solver, predictor, known[-1], found)
-        return bend is not None and (bend.is_gentle(limit) or bend.is_followed(self.solver, limit))
+        return bend is not None and (
+            bend.is_gentle(limit) or bend.is_followed(self.solver, limit)
+        )
 
     def _is_astray(self, guess: State, found: State) -> bool:
         """Whether a state lies far from its prediction, compared with the motion of the step."""
@@ -267,7 +269,9 @@ class Evidence:
         self.solver.forget_factor()  # The factor belongs to a nearly singular tangent.
         return continuous
 
-    def _change_is_continuous(self, low: State, high: State, before: int, distance: float) -> bool:
+    def _change_is_continuous(
+        self, low: State, high: State, before: int, distance: float
+    ) -> bool:
         """Whether the states on both sides of a change of the count are neighbours.
 
         The place of the change is found by bisection.

@@ -212,4 +212,6 @@ class Guide:
         return r + columns[:, : k + 1] @ found, float(found[k])
 
     def _sum(self, values: np.ndarray) -> np.ndarray:
-        return np.asarray(self.problem.comm.allreduce(np.ascontiguousarray(values), op=MPI.SUM))
+        return np.asarray(
+            self.problem.comm.allreduce(np.ascontiguousarray(values), op=MPI.SUM)
+        )

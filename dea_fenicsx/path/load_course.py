@@ -38,7 +38,9 @@ class LoadCourse:
         The present f.
     """
 
-    def __init__(self, solver: NewtonSolver, rates: Mapping[str, float], factor: float) -> None:
+    def __init__(
+        self, solver: NewtonSolver, rates: Mapping[str, float], factor: float
+    ) -> None:
         self.solver, self.problem, self.rates = solver, solver.problem, rates
         self._lead = max(rates, key=lambda name: abs(rates[name]))
         now = self.problem.factors

@@ -20,7 +20,9 @@ NEGLIGIBLE_MOMENT = 1e-6
 """Moments below this share of the sum of all forces times their arms are rounding errors."""
 
 
-def turn_to_loads(problem: Problem, rates: Mapping[str, float]) -> tuple[State, float]:
+def turn_to_loads(
+    problem: Problem, rates: Mapping[str, float]
+) -> tuple[State, float]:
     """Turn a free body as a whole to where the loads that begin to act have no moment.  Collective.
 
     There are several orientations without a moment.  We take the stable one, in which the potential

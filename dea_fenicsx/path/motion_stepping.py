@@ -86,7 +86,9 @@ class Scheme:
             constant, stiffness = constant + drag * rest, stiffness + drag * slope
         return replace(motion, stiffness=stiffness, constant=constant)
 
-    def landed(self, old: np.ndarray, new: np.ndarray, motion: Motion, seconds: float) -> Motion:
+    def landed(
+        self, old: np.ndarray, new: np.ndarray, motion: Motion, seconds: float
+    ) -> Motion:
         """The motion at the end of a step from old values to new ones."""
         h, a = seconds, self.scaled(motion, seconds)
         v, A = motion.velocity, motion.acceleration

@@ -278,7 +278,7 @@ def _check_loss(ramp: Ramp, scene: Scene) -> None:
         one_of(ramp.at_loss, LOSSES, f"at_loss of the ramp of {label}")
     if ramp.snap and ramp.at_loss not in ("end", "snap"):
         raise InputError(
-            f'The ramp of {label} has snap=True, which is at_loss="snap", and another at_loss; '
+            f"The ramp of {label} has snap=True, which is at_loss=\"snap\", and another at_loss; "
             "give one of them."
         )
     how = ramp.loss
@@ -303,7 +303,7 @@ def _check_loss(ramp: Ramp, scene: Scene) -> None:
     if scene.declared.holds_rigid_motions:
         raise InputError(
             "FreeBody holds a body at rest, but in motion it moves freely; support the body, or "
-            f'take at_loss="snap" for the ramp of {label}.'
+            f"take at_loss=\"snap\" for the ramp of {label}."
         )
 
 

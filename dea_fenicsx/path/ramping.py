@@ -114,7 +114,9 @@ class RampWalk:
 
         It is a weighted mean of both ends, so that position 1 gives the end to the last bit.
         """
-        moved = {n: (1 - position) * self.start[n] + position * self.goals[n] for n in self.names}
+        moved = {
+            n: (1 - position) * self.start[n] + position * self.goals[n] for n in self.names
+        }
         return self.problem.factors | moved
 
     def follow(self) -> Iterator[Step]:
@@ -173,7 +175,9 @@ class RampWalk:
             self.beyond, self._searched = None, False
             self._start_from(self.problem.state)
 
-    def _events(self, position: float, target: float, found: State, place: Place) -> Iterator[Step]:
+    def _events(
+        self, position: float, target: float, found: State, place: Place
+    ) -> Iterator[Step]:
         """Events between the last accepted state and this one, each as a step of its own."""
         names, count = self.names, self.evidence.count
         rates = {n: (target - position) * rate for n, rate in self.rates.items()}
@@ -183,7 +187,9 @@ class RampWalk:
             at = position + event.share * (target - position)
             self.cursor = replace(self.cursor, step=self.cursor.step + 1, position=at)
             self.log(f"{self.label}: {event.name} at {event.state.factors.told(names)}")
-            yield Step(self.cursor, self.label, event.state, event=event.name, mode=event.mode)
+            yield Step(
+                self.cursor, self.label, event.state, event=event.name, mode=event.mode
+            )
             if event.mode is not None:
                 self._check_rest(count)
         self._check_rest(count)

@@ -24,7 +24,9 @@ LONGEST_RELAXATION = 1e3
 """After so many of the longest relaxation time the rest is gone in one step."""
 
 
-def respond(solver: NewtonSolver, item: Ramp | Trace, log: Callable[[str], None]) -> None:
+def respond(
+    solver: NewtonSolver, item: Ramp | Trace, log: Callable[[str], None]
+) -> None:
     """Let the branches respond to a ramp or a trace as it says.  Collective.
 
     Before a relaxed response the body relaxes at its present load.
@@ -45,7 +47,9 @@ def respond(solver: NewtonSolver, item: Ramp | Trace, log: Callable[[str], None]
         _relax(solver)
     state = problem.state
     history = state.history.get(memory.NAME) or memory.at_rest()
-    problem.commit(replace(state, history={**state.history, memory.NAME: history.ahead(math.inf)}))
+    problem.commit(
+        replace(state, history={**state.history, memory.NAME: history.ahead(math.inf)})
+    )
 
 
 def _span(problem: Problem) -> float:

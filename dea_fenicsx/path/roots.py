@@ -11,6 +11,7 @@ from dea_fenicsx.support.later import Later
 optimize = Later("scipy.optimize")
 
 
+
 def root(function: Callable[[float], float], low: float, high: float, **options: Any) -> float:
     """Root of a function between two places, by scipy's `brentq` with its options.
 

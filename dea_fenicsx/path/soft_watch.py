@@ -130,7 +130,7 @@ class SoftWatch:
         return np.asarray((there.state.values - guess.values)[self.branch.problem.free])
 
     def _is_smooth(self, here: Point, there: Point, arc: float, missed: float) -> bool:
-        """Whether the branch within a step lies as near to its cubic as a smooth one.  Collective."""
+        """Whether the branch lies as near to the cubic of a step as a smooth one.  Collective."""
         branch = self.branch
         cubic = Cubic.through(branch, here, there)
         share_of_missed, share_of_arc = MOST_ERROR_WITHIN

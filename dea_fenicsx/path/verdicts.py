@@ -135,12 +135,8 @@ def ramp_lost(
             f"(last trial: {last}), and the state at {low} shows no limit point ahead; this is a "
             "failure of the method and no pull-in; all steps before it are kept."
         )
-    cause = (
-        "a pull-in or another limit point lies there"
-        if near_limit
-        else (
-            "the state before shows no limit point, so that an end of the material's range lies there"
-        )
+    cause = "a pull-in or another limit point lies there" if near_limit else (
+        "the state before shows no limit point, so that an end of the material's range lies there"
     )
     error = EquilibriumLost(
         f"Equilibrium was lost between {low} and {high} of the {label} ramp "

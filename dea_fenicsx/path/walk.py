@@ -83,7 +83,9 @@ class Walk:
         scene = problem.scene
         sentinel = self.sentinel or Sentinel(self.solver)
         if resume is None:
-            origin = self.origin or problem.under(problem.state, dict.fromkeys(scene.ramps, 0.0))
+            origin = self.origin or problem.under(
+                problem.state, dict.fromkeys(scene.ramps, 0.0)
+            )
             check_path(scene, self.path, origin.factors)
             cursor = Cursor(start=dict(origin.factors), began=origin.time)
             problem.commit(origin)

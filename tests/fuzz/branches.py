@@ -242,7 +242,9 @@ def follow(
     items = trial.path if isinstance(trial.path, list) else [trial.path]
     path = [replace(i, at_turn=at_turn) if isinstance(i, dea.Trace) else i for i in items]
     try:
-        run = dea.solve(trial.scene, path, trial.record, quiet=not shown, stability="never")
+        run = dea.solve(
+            trial.scene, path, trial.record, quiet=not shown, stability="never"
+        )
         rows = run.history
     except dea.Interrupted:
         raise

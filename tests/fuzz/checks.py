@@ -238,17 +238,12 @@ def _compare(sketch: Sketch, device: Any, a: Outcome, b: Outcome, verdict: Verdi
     """Two step counts end in the same way, at the same place."""
     counts = [[ramp.steps for ramp in path_of(sketch, more)] for more in (0, 2)]
     if a.status != b.status:
-        verdict.note(
-            "verdict depends on steps",
-            f"{counts[0]}: {a.status} at {a.time:.6g}; "
-            f"{counts[1]}: {b.status} at {b.time:.6g} ({a.message or b.message})",
-        )
+        verdict.note("verdict depends on steps", f"{counts[0]}: {a.status} at {a.time:.6g}; "
+                     f"{counts[1]}: {b.status} at {b.time:.6g} ({a.message or b.message})")
     elif a.status == "lost":
         if abs(a.time - b.time) > PLACE:
-            verdict.note(
-                "loss depends on steps",
-                f"{counts[0]}: lost at {a.time:.6g}; {counts[1]}: at {b.time:.6g}",
-            )
+            verdict.note("loss depends on steps",
+                         f"{counts[0]}: lost at {a.time:.6g}; {counts[1]}: at {b.time:.6g}")
     elif a.status == "completed" and apart(a, b) > END:
         gap = apart(a, b)
         tight = [solve(sketch, path_of(sketch, m), device, options=TIGHT) for m in (0, 2)]
@@ -296,11 +291,8 @@ def _check_work(sketch: Sketch, path: list[dea.Ramp], device: Any, verdict: Verd
                              f"negative eigenvalues {end.inertia} and {it.inertia}")  # fmt: skip
             return
         said.append(f"{worst:.2g}")
-    verdict.note(
-        "energy is not work",
-        f"missed by {', '.join(said)} in round after round; "
-        f"narrowest panel {min((b - a, a) for mine in panels for a, b in mine)}",
-    )
+    verdict.note("energy is not work", f"missed by {', '.join(said)} in round after round; "
+                 f"narrowest panel {min((b - a, a) for mine in panels for a, b in mine)}")
 
 
 def _split(it: Outcome, panels: list[list[tuple[float, float]]],

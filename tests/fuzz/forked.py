@@ -169,7 +169,9 @@ class _Worker:
 # ------------------------------------------------------------------------- in the forked process
 
 
-def _work(trial: Callable[[int, Path], str], numbers: list[int], scratch: Path, tell: int) -> None:
+def _work(
+    trial: Callable[[int, Path], str], numbers: list[int], scratch: Path, tell: int
+) -> None:
     """Make some trials, and tell the parent of each as it begins and ends.  Ends the process."""
     resource.setrlimit(resource.RLIMIT_FSIZE, (FILE, FILE))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

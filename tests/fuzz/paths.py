@@ -257,11 +257,8 @@ def column_with_an_imperfection(n: int) -> dea.Run:
     The value is that of a trace from rest by arc length.
     """
     scene = dea.Scene(
-        column_mesh(),
-        {"film": SOFT},
-        supports=[dea.Clamp("left"), dea.Fix("right", "y")],
-        prescribed=[dea.Displacement("right", "x", -1.2e-3)],
-        kinematics=dea.PlaneStrain(1e-3),
+        column_mesh(), {"film": SOFT}, supports=[dea.Clamp("left"), dea.Fix("right", "y")],
+        prescribed=[dea.Displacement("right", "x", -1.2e-3)], kinematics=dea.PlaneStrain(1e-3),
     )
     return solve(scene, [dea.Ramp(steps=n)], {"v": dea.MeanDisplacement("top", "y")})
 
@@ -273,8 +270,7 @@ def skin_on_a_soft_base(n: int) -> dea.Run:
         box((("base", 1e-3, 2), ("skin", 1e-4, 1)), 4e-3, None, (16,)),
         {"base": SOFT, "skin": dea.Material(dea.NeoHookean(1e6))},
         supports=[dea.Clamp("x_min"), dea.Fix("bottom", "y")],
-        prescribed=[dea.Displacement("x_max", "x", -0.4e-3)],
-        kinematics=dea.PlaneStrain(1e-3),
+        prescribed=[dea.Displacement("x_max", "x", -0.4e-3)], kinematics=dea.PlaneStrain(1e-3),
     )
     return solve(scene, [dea.Ramp(steps=n)], {"v": dea.LargestDisplacement("top", "y"),
                                               "F": dea.Reaction("x_max", "x")})  # fmt: skip

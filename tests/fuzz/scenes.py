@@ -181,10 +181,8 @@ def held(draw: Any, site: Site) -> tuple[str, list[Call], list[Call]]:
         "cantilever": [call("Clamp", where="x_max" if axis else "x_min"), *axis],
         "stood": [call("Clamp", where="bottom"), *axis],
         "bridge": [call("Clamp", where="x_min"), call("Clamp", where="x_max")],
-        "pressed": [
-            call("Clamp", where="x_min"),
-            call("Fix", where="x_max", axes=site.axes.replace(x, "")),
-        ],
+        "pressed": [call("Clamp", where="x_min"),
+                    call("Fix", where="x_max", axes=site.axes.replace(x, ""))],
         "free": [call("FreeBody")],
         "half free": [call("Fix", where="x_min", axes=x), call("FreeBody")],
     }
@@ -279,9 +277,7 @@ def wound(draw: Any, site: Site) -> tuple[list[Call], list[Call], list[Call]]:
     if choice == 1:
         prescribed.append(call("AxialStretch", stretch=1 + draw(signed(0.02, 0.3))))
     elif choice == 2:
-        loads.append(
-            call("AxialForce", newtons=float(f"{draw(signed(0.02, 0.3)) * MU * area:.3g}"))
-        )
+        loads.append(call("AxialForce", newtons=float(f"{draw(signed(.02, .3)) * MU * area:.3g}")))
     if draw(st.integers(0, 2)) == 0:
         loads.append(call("DeadPressure", where="x_max",
                           pascal=float(f"{draw(signed(5e-3, 0.2)) * MU:.3g}")))  # fmt: skip
