@@ -191,7 +191,7 @@ def write(folder, writer, times):
         history.append({"step": step, "time": time})
         nodes, cells = writer.node_fields(), writer.cell_fields()
         surfaces = writer.surface_fields(nodes, cells)
-        out.write_step(step, None, history, nodes, cells, None, surfaces)
+        out.write_step(step, None, history, nodes, cells, [], surfaces)
     return out, history
 
 

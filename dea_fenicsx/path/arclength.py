@@ -142,6 +142,13 @@ class Branch:
         length = np.copysign(length, sign)
         return Point(state, self.factor_of(state), x / length, 1.0 / length)
 
+    def behind(self, state: State, here: Point) -> Point | None:
+        """An equilibrium with its tangent, which points towards a later point of the branch."""
+        point = self.point(state, None)
+        if point is None or self.advanced(point, here) > 0:
+            return point
+        return Point(state, point.factor, -point.direction, -point.slope)
+
     def _response(self, tolerance: float) -> np.ndarray | None:
         """dx/df at the present state; None if the solve fails.
 

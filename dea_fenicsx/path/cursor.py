@@ -48,7 +48,8 @@ class Step:
     ``"snap"`` where a device has landed behind a limit point, ``"motion"`` on its way there,
     ``"bifurcation"``, ``"landed"`` on a requested load of a trace, or an alarm's name.  `mode` is
     the null vector of a critical point.  `note` is what the summary tells of the event.  `held` is
-    the scaled residual of a state with guiding forces (see `guiding`), and else 0.
+    the scaled residual of a state with guiding forces (see `guiding`), and else 0.  `earlier` has
+    the states before it from which the next step is predicted and judged, see the walk of its item.
     """
 
     cursor: Cursor
@@ -60,3 +61,4 @@ class Step:
     mode: np.ndarray | None = None
     note: Mapping[str, Any] = field(default_factory=dict)
     held: float = 0.0
+    earlier: tuple[State, ...] = ()

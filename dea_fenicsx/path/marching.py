@@ -285,7 +285,7 @@ class MarchWalk:
             self.problem.commit(state)
             self.cursor = replace(self._moved(time, self.ladder.longest), step=step.cursor.step)
             last = self._is_end(time) and not step.event and not self._due(time)
-            yield replace(step, cursor=self.cursor, state=state, last=last)
+            yield replace(step, cursor=self.cursor, state=state, last=last, earlier=())
         self.stepper.restart(self.problem.state)
         self.stepper.set_clock(time)
 
@@ -326,7 +326,7 @@ class MarchWalk:
         for step in self._ramp(goals, start):
             self.cursor = replace(here, step=step.cursor.step, size=0.0)
             last = self._is_end(self.stepper.now) and not self._due(self.stepper.now)
-            yield replace(step, cursor=self.cursor, last=last)
+            yield replace(step, cursor=self.cursor, last=last, earlier=())
         self.stepper.restart(self.problem.state, jump=True)
         self.limit, self.fresh = None, True
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -74,6 +74,9 @@ class RampWalk:
         Watches for events.
     log
         Called with a line of text for every retry.
+    earlier
+        In a resumed run, what `earlier` of its last step was: the state at the start of the ramp,
+        and those from which the next step is extrapolated.
     """
 
     def __init__(
@@ -84,6 +87,7 @@ class RampWalk:
         is_last: bool,
         sentinel: Sentinel,
         log: Callable[[str], None],
+        earlier: Sequence[State] = (),
     ) -> None:
         self.solver, self.problem = solver, solver.problem
         self.ramp, self.cursor, self.is_last = ramp, cursor, is_last
@@ -96,17 +100,18 @@ class RampWalk:
         self.first = 1.0 / ramp.steps
         self.size = cursor.size or self.first
         self.lead = max(self.names, key=lambda name: abs(self.rates[name]))
-        self.origin = self.problem.state
+        self.origin = earlier[0] if earlier else self.problem.state
         self.limit: float | None = None  # position of the limit point ahead, where it is known
         self.near_limit: bool | None = None  # whether the last failed step shows one, if asked
         self.beyond: float | None = None  # position from which on there is no equilibrium nearby
         self._searched = False
-        self._start_from(self.origin)
+        self._start_from(*earlier[1:], self.problem.state)
 
-    def _start_from(self, state: State) -> None:
-        """Forget the earlier states, so that the next step is not extrapolated from them."""
+    def _start_from(self, *states: State) -> None:
+        """Forget all earlier states but these, so that the next step is extrapolated from them."""
         self.predictor = Predictor(self.solver, self.names, self.lead)
-        self.predictor.add(state)
+        for state in states:
+            self.predictor.add(state)
         self.evidence = Evidence(self.solver, self.predictor, self.sentinel)
 
     def factors_at(self, position: float) -> Factors:
@@ -219,7 +224,8 @@ class RampWalk:
             cursor, step=cursor.step + 1, position=target, size=self.size, start=dict(self.start)
         )
         last = target == 1.0 and self.is_last
-        return Step(self.cursor, self.label, found, retries, last)
+        earlier = (self.origin, *self.predictor.known[:-1])
+        return Step(self.cursor, self.label, found, retries, last, earlier=earlier)
 
     def _tell_retry(self, target: float, attempt: Attempt) -> None:
         load = self.factors_at(target).told(self.names)
@@ -301,8 +307,9 @@ class RampWalk:
         yield from self._events(position, wanted, state, found.place(wanted))
         self.size = wanted - position
         landed = replace(landed, state=state)
-        yield self._accept(position, wanted, wanted == landing, landed, retries)
+        step = self._accept(position, wanted, wanted == landing, landed, retries)
         self._start_from(self.problem.state)
+        yield replace(step, earlier=(self.origin,))
 
     def _crush(self, target: float) -> Crush | None:
         """What the ramp presses to zero thickness, if that is how it ends.  Collective."""

@@ -28,6 +28,8 @@ class Traced:
         How often the step was halved.
     event, mode, held, last
         As of a `Step`; `last` where the trace has come to its end.
+    earlier
+        The state of the point before it, if the next step follows the cubic through both.
     """
 
     state: State
@@ -38,6 +40,7 @@ class Traced:
     mode: np.ndarray | None = None
     held: float = 0.0
     last: bool = False
+    earlier: tuple[State, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -97,7 +97,9 @@ class Tracer:
         self._cut = 1.0
         self._over: Passage | None = None
 
-    def follow(self, arc: float, sign: float, passed: int = 0) -> Iterator[Traced]:
+    def follow(
+        self, arc: float, sign: float, passed: int = 0, earlier: State | None = None
+    ) -> Iterator[Traced]:
         """Yield the accepted points, one after another.
 
         Parameters
@@ -106,6 +108,9 @@ class Tracer:
             Length of the first step, and the sign of the load's change along it.
         passed
             Number of bifurcations that it has met before.
+        earlier
+            In a resumed run, the state of the point before, if the first step follows the cubic
+            through both.
 
         Raises
         ------
@@ -118,7 +123,7 @@ class Tracer:
         here = branch.point(self.problem.state, None, sign)
         if here is None:
             raise BranchLost(self.solver.trouble)
-        before: Point | None = None
+        before = None if earlier is None else branch.behind(earlier, here)
         exits = Exits(branch, item, passed)
         while True:
             step = self._step(here, arc, before)
@@ -157,7 +162,10 @@ class Tracer:
             if told:
                 self.log(f"{item.what}: the branch turns aside; another one almost crosses it")
             name = TURN_ASIDE if told else ""
-            yield Traced(there.state, arc, float(np.sign(there.slope)), retries, name)
+            yield Traced(
+                there.state, arc, float(np.sign(there.slope)), retries, name,
+                earlier=(start.state,) if turn is None else (),
+            )  # fmt: skip
             if turn is None:
                 continue
             if item.at_turn == "pass":

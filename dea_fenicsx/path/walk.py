@@ -52,6 +52,8 @@ class Walk:
         it ends at none.
     origin
         The equilibrium in which the path begins, at any load; None for the undeformed state.
+    earlier
+        What `earlier` of the last step was, if a run is resumed.
     """
 
     solver: NewtonSolver
@@ -60,6 +62,7 @@ class Walk:
     log: Callable[[str], None] = lambda line: None
     gap: Callable[[int], float | None] = lambda item: None
     origin: State | None = None
+    earlier: Sequence[State] = ()
 
     def follow(self, resume: Cursor | None = None) -> Iterator[Step]:
         """Yield each accepted step, that in which the path begins first.
@@ -114,6 +117,7 @@ class Walk:
             for step in self._steps(item, cursor, is_last, sentinel):
                 cursor = step.cursor
                 yield step
+            self.earlier = ()
             settle(problem)
             cursor = replace(
                 cursor, ramp=cursor.ramp + 1, position=0.0, size=0.0,
@@ -134,7 +138,8 @@ class Walk:
         if isinstance(item, March):
             march = MarchWalk(self.solver, item, cursor, is_last, sentinel, self.log)
             return march.follow()
-        return RampWalk(self.solver, item, cursor, is_last, sentinel, self.log).follow()
+        ramp = RampWalk(self.solver, item, cursor, is_last, sentinel, self.log, self.earlier)
+        return ramp.follow()
 
     def _orient(self, item: Item) -> None:
         """Turn a free body to where the loads that begin to act have no moment."""
@@ -160,7 +165,8 @@ class Walk:
         tracer = Tracer(self.solver, item, sentinel, lambda: self.gap(number), self.log)
         arc = min(cursor.size or 1.0, item.longest)
         first = item.exits[0] if item.exits else 0
-        points = tracer.follow(arc, sign, max(cursor.passed, first * cursor.switched))
+        before = self.earlier[0] if self.earlier else None
+        points = tracer.follow(arc, sign, max(cursor.passed, first * cursor.switched), before)
         while True:
             try:
                 found = next(points, None)
@@ -183,7 +189,7 @@ class Walk:
             last = done >= item.steps and is_last
             yield Step(
                 cursor, item.what, found.state, found.retries, last, found.event, found.mode,
-                held=found.held,
+                held=found.held, earlier=found.earlier,
             )  # fmt: skip
             if done >= item.steps:
                 left = None if found.last else self.gap(number)

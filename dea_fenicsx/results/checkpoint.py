@@ -1,9 +1,12 @@
 """The checkpoint: a state and its position on the path.  All that it holds is checked when read.
 
     state    values of all unknowns in each cell, shape (cells, unknowns of a cell)
-    told     JSON: cursor, history, fingerprint, references, failures, seconds; for another run
-             that starts from it, what its fields and ramps are; where it started itself
-    digest   SHA-256 of both
+    earlier  the same of earlier states from which the next step is predicted and judged, if there
+             are any, shape (states, cells, unknowns of a cell)
+    told     JSON: cursor, history, fingerprint, references, failures, seconds; load and time of
+             each earlier state; for another run that starts from it, what its fields and ramps
+             are; where it started itself
+    digest   SHA-256 of all of them
 
 A file may have been damaged or made up.  So its sizes are compared with those of the file before
 anything is read, and all that it tells must agree with itself, with the run's path and columns, and
@@ -17,7 +20,7 @@ import hashlib
 import json
 import math
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -43,6 +46,9 @@ NUMBER_TOLERANCE = 1e-9
 TIME_TOLERANCE = 1e-12
 """Rounding error of the time (number of a ramp plus position in it) in a history."""
 
+MOST_EARLIER = 8
+"""Most earlier states that a checkpoint may hold."""
+
 MOST_LOADS = 10_000
 """Most loads that a checkpoint may name where its run started."""
 
@@ -54,23 +60,30 @@ class Unusable(Exception):
 # --------------------------------------------------------------------------------------- the file
 
 
-def write(target: Path, state: np.ndarray, told: Mapping[str, Any]) -> None:
-    """Write a checkpoint."""
+def write(target: Path, states: Sequence[np.ndarray], told: Mapping[str, Any]) -> None:
+    """Write a checkpoint: the last accepted state, earlier ones after it, and what is told."""
     text = json.dumps({"format": FORMAT, **told}, allow_nan=True)
-    state = np.ascontiguousarray(state, dtype=float)
+    state, *others = (np.ascontiguousarray(values, dtype=float) for values in states)
+    arrays: dict[str, Any] = {"state": state, "told": text}
+    if others:
+        arrays["earlier"] = np.stack(others)
     with open(target, "wb") as file:
-        np.savez(file, state=state, told=text, digest=digest(state, text))
+        np.savez(file, **arrays, digest=digest(state, text, arrays.get("earlier")))
 
 
-def digest(state: np.ndarray, text: str) -> str:
+def digest(state: np.ndarray, text: str, earlier: np.ndarray | None = None) -> str:
     """SHA-256 hash of a checkpoint, which shows whether it was changed after it was written."""
     found = hashlib.sha256(text.encode())
-    found.update(np.ascontiguousarray(state, dtype=float).tobytes())
+    for values in (state, earlier):
+        if values is not None:
+            found.update(np.ascontiguousarray(values, dtype=float).tobytes())
     return found.hexdigest()
 
 
-def read(file: Path) -> tuple[dict[str, Any], np.ndarray]:
-    """What a checkpoint tells, and its state of shape (cells, unknowns of a cell).
+def read(file: Path) -> tuple[dict[str, Any], list[np.ndarray]]:
+    """What a checkpoint tells, and its states, each of shape (cells, unknowns of a cell).
+
+    The last accepted state is the first of them; the earlier ones are after it.
 
     Raises
     ------
@@ -81,7 +94,8 @@ def read(file: Path) -> tuple[dict[str, Any], np.ndarray]:
         with zipfile.ZipFile(file) as archive:
             state = _array(archive, "state.npy")
             text = str(_array(archive, "told.npy"))
-            sealed = str(_array(archive, "digest.npy")) if _has_digest(archive) else ""
+            sealed = str(_array(archive, "digest.npy")) if _has(archive, "digest.npy") else ""
+            earlier = _array(archive, "earlier.npy") if _has(archive, "earlier.npy") else None
         told = json.loads(text)
     except Exception as error:  # A damaged file may cause any exception.
         raise InputError(
@@ -92,17 +106,30 @@ def read(file: Path) -> tuple[dict[str, Any], np.ndarray]:
             f"{file} is a checkpoint of another version of this package, which this one does not "
             "read; start anew without resume, or in another folder."
         )
-    if state.dtype.kind != "f" or state.ndim != 2:
-        raise InputError(f"{file} is no checkpoint of this package (its state is no table).")
+    _check_tables(file, state, earlier)
     place = told.get("cursor")
     if "factors" not in told and isinstance(place, dict):
         told["factors"] = place.pop("factors", None)  # where version 0.1.0 has written them
-    told["digest_agrees"] = sealed == digest(state, text)
-    return told, state
+    told["digest_agrees"] = sealed == digest(state, text, earlier)
+    return told, [state, *([] if earlier is None else earlier)]
 
 
-def _has_digest(archive: zipfile.ZipFile) -> bool:
-    return "digest.npy" in archive.namelist()
+def _check_tables(file: Path, state: np.ndarray, earlier: np.ndarray | None) -> None:
+    """Check that the states of a checkpoint are tables of numbers, all of the same shape."""
+    if state.dtype.kind != "f" or state.ndim != 2:
+        raise InputError(f"{file} is no checkpoint of this package (its state is no table).")
+    if earlier is None:
+        return
+    same = earlier.ndim == 3 and earlier.shape[1:] == state.shape
+    if earlier.dtype.kind != "f" or not same or len(earlier) > MOST_EARLIER:
+        raise InputError(
+            f"{file} is no checkpoint of this package (its earlier states are no tables like that "
+            "of its state)."
+        )
+
+
+def _has(archive: zipfile.ZipFile, name: str) -> bool:
+    return name in archive.namelist()
 
 
 def _array(archive: zipfile.ZipFile, name: str) -> np.ndarray:
@@ -163,15 +190,36 @@ def cursor_of(
     assert isinstance(rows, list)
     _check_start(cursor, factors, rows, scene, path[cursor.ramp])
     _check_place(cursor, factors, rows, scene, path)
-    _check_rest(told, fields)
+    _check_rest(told, fields, factors)
     return cursor
+
+
+def earlier_told(told: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """What a checkpoint tells of its earlier states.
+
+    Raises
+    ------
+    Unusable
+        If it is no list, or not as long as the states that it holds.
+    """
+    found = told.get("earlier", [])
+    if not isinstance(found, list) or not all(isinstance(one, dict) for one in found):
+        raise Unusable("what it tells of its earlier states is not usable")
+    return found
+
+
+def _are_finite(found: Any, names: Iterable[str]) -> bool:
+    """Whether something is a finite number for each of some names."""
+    return isinstance(found, dict) and set(found) == set(names) and all(
+        is_number(factor) and math.isfinite(factor) for factor in found.values()
+    )  # fmt: skip
 
 
 def _load(found: Any, scene: Scene) -> dict[str, float]:
     """A load factor for each of the scene's ramps."""
     if not isinstance(found, dict) or set(found) != set(scene.ramps):
         raise Unusable("its load factors are not those of the scene's ramps")
-    if not all(is_number(factor) and math.isfinite(factor) for factor in found.values()):
+    if not _are_finite(found, scene.ramps):
         raise Unusable("its load factors are no finite numbers")
     return found
 
@@ -294,7 +342,9 @@ def _reached(item: Trace, row: Mapping[str, Any]) -> bool:
     return found is not None and abs(found - value) <= 1e-4 * max(abs(value), abs(found))
 
 
-def _check_rest(told: Mapping[str, Any], fields: Sequence[str]) -> None:
+def _check_rest(
+    told: Mapping[str, Any], fields: Sequence[str], factors: Mapping[str, float]
+) -> None:
     sizes, failures, seconds = (told.get(k) for k in ("references", "failures", "wall_s"))
     if not isinstance(sizes, dict) or not all(
         key in fields and is_number(size) and 0 <= size < math.inf
@@ -307,6 +357,9 @@ def _check_rest(told: Mapping[str, Any], fields: Sequence[str]) -> None:
         raise Unusable("what it tells of its events is not usable")
     if moment_told(told.get("moment")) is None:
         raise Unusable("it does not say at which time its state is")
+    for one in earlier_told(told):
+        if not _are_finite(one.get("factors"), factors) or moment_told(one.get("moment")) is None:
+            raise Unusable("it does not say at which load and time its earlier states are")
     if not _is_start(told.get("start")):
         raise Unusable("it does not say where it started")
     if not is_number(seconds) or not 0 <= float(seconds or 0) < math.inf:

@@ -25,7 +25,7 @@ import csv
 import json
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -121,24 +121,24 @@ class Folder(SharedFolder):
 
     # -------------------------------------------------------------- checkpoint
 
-    def load_checkpoint(self) -> tuple[dict[str, Any], np.ndarray] | None:
-        """The last accepted step: what was told to `write_step`, and the state (rank 0).
+    def load_checkpoint(self) -> tuple[dict[str, Any], list[np.ndarray]] | None:
+        """The last accepted step: what was told to `write_step`, and the states (rank 0).
 
-        Collective; the first part is given to all ranks, the state to rank 0 only.  None if the
-        folder holds no checkpoint.
+        Collective; the first part is given to all ranks, the states to rank 0 only: the others get
+        an empty list.  None if the folder holds no checkpoint.
         """
         file = self.path / "checkpoint.npz"
-        state = None
+        states: list[np.ndarray] = []
 
         def action() -> dict[str, Any] | None:
-            nonlocal state
             if not file.exists():
                 return None
-            told, state = checkpoint.read(file)
+            told, found = checkpoint.read(file)
+            states.extend(found)
             return told
 
         told = self.together(action)
-        return None if told is None else (told, state)  # type: ignore[return-value]
+        return None if told is None else (told, states)
 
     # ------------------------------------------------------------------ writing
 
@@ -183,15 +183,15 @@ class Folder(SharedFolder):
         history: list[dict[str, Any]],
         nodes: dict[str, np.ndarray] | None,
         cells: dict[str, np.ndarray] | None,
-        state: np.ndarray | None,
+        states: Sequence[np.ndarray | None],
         surfaces: Mapping[str, tuple[Fields, Fields]] = MappingProxyType({}),
         nodal: Fields | None = None,
     ) -> None:
         """Write an accepted step: fields first, the checkpoint that vouches for them last.
 
         Without anything told there is no checkpoint, and a run is resumed from the step before.
-        `surfaces` has the fields at nodes and of cells for each surface, `nodal` those on the
-        split grid.
+        `states` has this step's state in each cell, and earlier states after it.  `surfaces` has
+        the fields at nodes and of cells for each surface, `nodal` those on the split grid.
         """
         if self.comm.rank != 0:
             return
@@ -213,8 +213,7 @@ class Folder(SharedFolder):
         if told is None:
             return
 
-        assert state is not None
-        values, facts = state, told
+        values, facts = [one for one in states if one is not None], told
         replace_file(
             self.path / "checkpoint.npz", lambda target: checkpoint.write(target, values, facts)
         )

@@ -144,12 +144,12 @@ def keep_state(folder: Path, values: np.ndarray, told: Mapping[str, Any]) -> Non
     folder
         The results folder.
     values, told
-        As of `checkpoint.write`.
+        The state in each cell, and what is told, as of `checkpoint.write`.
     """
     place = folder / "states"
     place.mkdir(exist_ok=True)
     name = state_file(int(told["cursor"]["step"]))
-    replace_file(place / name, lambda target: checkpoint.write(target, values, told))
+    replace_file(place / name, lambda target: checkpoint.write(target, [values], told))
 
 
 def of_folder(
@@ -196,7 +196,7 @@ def _read(folder: Path, step: int | None) -> StoredState:
             f"The run in {name} has no usable state of step {step} ({error}); a run with "
             "keep_states=True keeps the states of all steps."
         ) from error
-    told, values = checkpoint.read(file)
+    told, (values, *_) = checkpoint.read(file)
     why = _fault(told)
     if why:
         raise InputError(f"The run in {name} cannot be started from: its checkpoint {why}.")

@@ -21,8 +21,8 @@ from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.history import History
 from dea_fenicsx.results.kept_states import KeptStates
-from dea_fenicsx.results.moment import moment_of
 from dea_fenicsx.results.stored_state import about, keep_state
+from dea_fenicsx.results.trail import Trail
 from dea_fenicsx.run.step_checks import CheckedStep, check_step
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Inertia
@@ -102,6 +102,12 @@ class Journal:
     def fingerprint(self) -> dict[str, Any]:
         """The fingerprint of this run, by which it is recognised.  Collective at its first use."""
         return self.identity()
+
+    @cached_property
+    def trail(self) -> Trail:
+        """The states of this run that its checkpoint holds."""
+        assert self.writer
+        return Trail(self.writer)
 
     @cached_property
     def about(self) -> dict[str, Any]:
@@ -212,16 +218,17 @@ class Journal:
     ) -> None:
         """Write an accepted step.  A run can be resumed from it unless it is an event."""
         assert self.folder and self.writer
+        now, *earlier = self.trail.gathered(step.state, () if step.event else step.earlier)
         place = {
             "cursor": asdict(step.cursor),
-            "factors": dict(step.state.factors),
-            "moment": moment_of(self.solver.problem).told,
+            **now[1],
             "fingerprint": self.fingerprint,
             "about": self.about,
         }
         told = None if step.event else {
             **place,
             "history": self.history,
+            "earlier": [facts for _, facts in earlier],
             "start": self.start,
             "references": self.solver.references.sizes,
             "failures": self.found,
@@ -234,7 +241,8 @@ class Journal:
             values = self.writer.gather(mine)
             if cells is not None and values is not None:
                 cells[column] = values
-        nodes, state = self.writer.node_fields(), self.writer.gather_state()
+        nodes, state = self.writer.node_fields(), now[0]
+        states = [state, *(values for values, _ in earlier)]
         shape = self.writer.vector(step.mode) if step.mode is not None else None
         folder, grid = self.folder, self.writer.grid
         surfaces = self.writer.surface_fields(nodes, cells)
@@ -242,7 +250,7 @@ class Journal:
 
         def write() -> None:
             folder.write_step(
-                step.cursor.step, told, self.history, nodes, cells, state, surfaces, nodal
+                step.cursor.step, told, self.history, nodes, cells, states, surfaces, nodal
             )
             if shape is not None:
                 folder.write_mode(step.cursor.step, grid, nodes, shape)

@@ -13,7 +13,7 @@ from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.cursor import Cursor
-from dea_fenicsx.results.checkpoint import Unusable, cursor_of
+from dea_fenicsx.results.checkpoint import Unusable, cursor_of, earlier_told
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.identity import difference
@@ -44,7 +44,7 @@ def carry_on(
     columns: Sequence[str],
     record: Mapping[str, Any],
     measurements: Mapping[str, Measurement],
-) -> tuple[Cursor, dict[str, Any]] | None:
+) -> tuple[Cursor, dict[str, Any], list[State]] | None:
     """Restore the last accepted step of an earlier run.  Collective; nothing is written.
 
     Parameters
@@ -58,7 +58,7 @@ def carry_on(
 
     Returns
     -------
-    cursor, what the checkpoint tells; or None if there is no checkpoint
+    cursor, what the checkpoint tells, earlier states; or None if there is no checkpoint
 
     Raises
     ------
@@ -68,7 +68,7 @@ def carry_on(
     found = folder.load_checkpoint()
     if found is None:
         return None
-    told, state = found
+    told, states = found
     add_present_names(told)
     problem = solver.problem
 
@@ -82,24 +82,28 @@ def carry_on(
             )
 
     agree(difference(fingerprint, told.get("fingerprint")))
-    cursor, factors, why = Cursor(), problem.factors, None
+    cursor, before, why = Cursor(), list[dict[str, Any]](), None
     try:
         cursor = cursor_of(
             told, problem.scene, path, columns, [field.name for field in problem.space.fields]
         )
-        factors = problem.factors | told["factors"]
+        before = earlier_told(told)
+        if problem.comm.rank == 0 and len(states) != 1 + len(before):
+            raise Unusable("it does not hold the earlier states that it tells of")
     except Unusable as error:
         why = f"its checkpoint is damaged, for {error}"
     agree(why)
-    moment = moment_told(told.get("moment")) or NO_MOMENT
-    fits = writer.fits(state, moment)
-    agree(None if fits else "its checkpoint is damaged, for its state does not fit")
-    kept = writer.scattered(state, factors, moment)
-    if not _restored(solver, kept, cursor, told["references"]):
+    kept = []
+    for k, one in enumerate((told, *before)):
+        values, moment = states[k] if states else None, moment_told(one.get("moment")) or NO_MOMENT
+        fits = writer.fits(values, moment)
+        agree(None if fits else "its checkpoint is damaged, for its state does not fit")
+        kept.append(writer.scattered(values, problem.factors | one["factors"], moment))
+    if not _restored(solver, kept[0], cursor, told["references"]):
         agree("its last state is no equilibrium of this scene")
     agree(None if told["digest_agrees"] else "its checkpoint was changed after it was written")
     agree(_other_value(problem.scales, told["history"], record, measurements))
-    return cursor, told
+    return cursor, told, kept[1:]
 
 
 def add_present_names(told: dict[str, Any]) -> None:

@@ -10,6 +10,7 @@ from typing import Any, Unpack
 
 from dea_fenicsx.measure.failures import FailureMode, Gauge, default_failures
 from dea_fenicsx.measure.observables import Measurement, Observable
+from dea_fenicsx.model.state import State
 from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.path.events import Alarm, Sentinel
 from dea_fenicsx.path.items import Item, March, Trace
@@ -120,6 +121,7 @@ class _Session:
     path: list[Item]
     record: dict[str, Observable]
     failures: Sequence[FailureMode]
+    earlier: Sequence[State] = ()  # of a resumed run, see `Step`
 
     @property
     def released(self) -> bool:
@@ -274,7 +276,9 @@ class _Session:
                 origin = balanced(solver, begin) if begin else None
                 if begin is None and cursor is None:
                     origin = pushed_out(solver, self.progress.say)
-                walk = Walk(solver, self.path, sentinel, self.progress.say, self._gap, origin)
+                walk = Walk(
+                    solver, self.path, sentinel, self.progress.say, self._gap, origin, self.earlier
+                )
                 for step in walk.follow(cursor):
                     journal.accept(step)
         finally:
@@ -309,7 +313,7 @@ class _Session:
         if found is None:
             self.progress.say("There is no earlier run to resume; starting anew.")
             return None
-        cursor, told = found
+        cursor, told, self.earlier = found
         if (told.get("start") is None) != (self.given.start is None):
             begun = "in the undeformed state" if told.get("start") is None else "in another run"
             raise InputError(

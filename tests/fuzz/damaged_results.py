@@ -104,6 +104,7 @@ def in_checkpoint(folder: Path, rng: random.Random) -> None:
     file = folder / "cut" / "checkpoint.npz"
     with np.load(file) as data:
         state, told = data["state"], json.loads(str(data["told"]))
+        earlier = data.get("earlier")
     if rng.random() < 0.15:
         state = state.copy()
         state.flat[rng.randrange(state.size)] *= rng.choice((0.9, 2, -1, np.nan, np.inf))
@@ -113,10 +114,13 @@ def in_checkpoint(folder: Path, rng: random.Random) -> None:
         for _ in range(rng.choice((1, 1, 3))):
             told = other_value(told, rng)
     text = json.dumps(told)
-    more = {}
+    more = {} if earlier is None else {"earlier": earlier}
+    if more and rng.random() < 0.1:
+        earlier = rng.choice((earlier[:-1], earlier[0], earlier * np.nan, earlier.astype("c16")))
+        more["earlier"] = earlier
     if rng.random() < 0.8:
         with contextlib.suppress(TypeError, ValueError):
-            more["digest"] = digest(state, text)
+            more["digest"] = digest(state, text, earlier)
     with contextlib.suppress(UnicodeEncodeError):
         np.savez(file, state=state, told=text, **more)
     return None

@@ -1,0 +1,70 @@
+"""A run that was killed and resumed has the same steps as one that was not, whenever it was killed.
+
+A step is predicted and judged by the states before it, so that these belong to the checkpoint.
+"""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+
+import dea_fenicsx as dea
+from dea_fenicsx.geometry import BoxStack, Layer
+
+pytestmark = pytest.mark.usefixtures("quick_compile")
+
+EFFORT = {"wall_s", "factorisations", "krylov_iterations", "residual", "volume_error"}
+"""Columns of errors and of work, which may differ after a start without a factor."""
+
+RECORD = {"Q": dea.Charge("top"), "w": dea.LargestDisplacement("top", "z")}
+
+
+def scene() -> dea.Scene:
+    """An axisymmetric film under pressure and voltage."""
+    film = dea.Material(dea.NeoHookean(50e3), dea.IdealDielectric(2.86))
+    strip = BoxStack(1e-3, None, [Layer("film", 1e-4, divisions=2)], divisions=(6,))
+    return dea.Scene(
+        dea.device(strip), {"film": film}, kinematics=dea.Axisymmetric(),
+        electrodes=[dea.Electrode("top", 2500.0), dea.Ground("bottom")],
+        supports=[dea.Fix("x_min", "r"), dea.Clamp("x_max")],
+        loads=[dea.FollowerPressure("bottom", 20.0)],
+    )  # fmt: skip
+
+
+PATH = [dea.Ramp("load", steps=4), dea.Ramp("voltage", steps=6),
+        dea.Trace("load", first=0.2, steps=6)]  # fmt: skip
+
+
+def solve(out, **options) -> dea.Run:
+    return dea.solve(
+        scene(), PATH, RECORD, out=out, quiet=True, stability="every", **options
+    )
+
+
+def test_the_steps_are_the_same_wherever_a_run_was_killed(tmp_path, monkeypatch):
+    """Its ramps halve two steps, and its trace follows the cubic through the points before."""
+    from dea_fenicsx.results import folder as results
+
+    copies, write = [], results.Folder.write_step
+
+    def keep(self, step, *others):
+        write(self, step, *others)
+        copies.append(shutil.copytree(self.path, tmp_path / f"at_{step}"))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(results.Folder, "write_step", keep)
+        whole = solve(tmp_path / "whole")
+    assert sum(row["retries"] for row in whole.history) > 0
+    assert len(copies) == len(whole.history)
+    for copy in copies[:-1]:
+        resumed = solve(copy, resume=True)
+        assert len(resumed.history) == len(whole.history), copy
+        for name in whole.history[0].keys() - EFFORT:
+            mine, theirs = (np.array([r[name] for r in run.history]) for run in (resumed, whole))
+            if theirs.dtype.kind not in "fi":
+                assert list(mine) == list(theirs), (copy, name)
+                continue
+            size = np.max(np.abs(theirs), initial=0.0)
+            assert np.allclose(mine, theirs, rtol=0, atol=1e-8 * size, equal_nan=True), (copy, name)
