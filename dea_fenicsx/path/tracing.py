@@ -322,7 +322,7 @@ class Tracer:
         beyond = self._left(there.state)
         if left is None or beyond is None or left == 0 or left * beyond > 0:
             return None
-        s, state = arc, there.state
+        s, state, held = arc, there.state, 0.0
         bracket = Bracket((0.0, left), (arc, beyond))
         close = END_TOLERANCE * max(abs(left), abs(beyond))
         for _ in range(20):
@@ -330,14 +330,16 @@ class Tracer:
                 break
             s = bracket.secant
             attempt = self.branch.step(here, s, there, step.guide)
-            now = self._left(attempt.found) if attempt.converged else None
+            now = None
+            if attempt.converged:  # What is asked for is the value of the settled state.
+                settled = self._settled(step, attempt.found)
+                now = self._left(settled[0])
             if now is None:  # The end of the step is an equilibrium, a little beyond the value.
                 self.log("no equilibrium was found at the very end of the trace; it ends behind")
-                s, state = arc, there.state
+                s, state, held = arc, there.state, 0.0
                 break
-            state = attempt.found
+            state, held = settled
             bracket.narrow(s, now)
-        state, held = self._settled(step, state)
         return Spot(s, Traced(state, arc, float(np.sign(there.slope)), held=held, last=True))
 
     def _settled(self, step: Reached, state: State) -> tuple[State, float]:
