@@ -203,11 +203,11 @@ class Trace:
         What happens where the branch turns aside because another branch almost crosses it, as in
         an imperfect structure or on a mesh that is not quite symmetric.  By default a stable branch
         is followed.  An unstable one goes straight on where an equilibrium lies near; elsewhere it
-        is followed, and the turn has the event ``"turn aside"`` in the history.  With a word the
-        softest shapes are watched as well, which takes time, so that wider turns are found, also of
-        a stable branch.  ``"follow"`` follows them.  ``"pass"`` goes straight on over the gap, and
-        ends the trace with an error where no way leads on.  ``"end"`` ends it with an error at
-        once.  Near a limit point a change of the shape may then be taken for a turn.
+        is followed, and the log says so.  With a word the softest shapes are watched, which takes
+        time, and a turn has the event ``"turn aside"`` in the history.  ``"follow"`` follows it.
+        ``"pass"`` goes straight on over the gap, and ends the trace with an error where no way
+        leads on.  ``"end"`` ends it with an error at once.  Near a limit point a change of the
+        shape may then be taken for a turn.
     """
 
     what: str

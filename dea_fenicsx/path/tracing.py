@@ -29,6 +29,12 @@ END_TOLERANCE = 1e-7
 MOST_SETTLING = 0.01
 """Largest motion when guiding forces are taken away from an event, as a share of its step."""
 
+MAYBE_ASIDE = (
+    "the motion turns aside, and no way leads straight on; the branch may turn into another one "
+    'that almost crosses it, and at_turn="follow" looks for such turns'
+)
+"""What the log says where an unstable branch turns and is followed by default."""
+
 SHORTEST_ARC_TO_SEPARATE_EVENTS = 0.1
 """Largest arc for which several events in one step are accepted as they are.
 
@@ -151,7 +157,8 @@ class Tracer:
             if switched:
                 continue
             turn = self.turns.reached(there, start, arc)
-            told = turn is not None or (item.at_turn is None and self.crossings.is_told())
+            if self.crossings.is_told():
+                self.log(f"{item.what}: {MAYBE_ASIDE}")
             iterations = step.attempt.iterations
             grown = 1.5 if iterations <= 3 else 1.0 if iterations <= 6 else 0.7
             beyond = _just_beyond(arc, left, self._left(there.state))
@@ -159,9 +166,9 @@ class Tracer:
             arc = min(usual, beyond)
             self._cut = arc / usual  # a step that is short because the end is near tells nothing
             before, here = start, there
-            if told:
+            if turn is not None:
                 self.log(f"{item.what}: the branch turns aside; another one almost crosses it")
-            name = TURN_ASIDE if told else ""
+            name = "" if turn is None else TURN_ASIDE
             yield Traced(
                 there.state, arc, float(np.sign(there.slope)), retries, name,
                 earlier=(start.state,) if turn is None else (),
@@ -188,7 +195,8 @@ class Tracer:
             if over is not None:
                 return self._passed(over, retries)
             attempt, there = self.crossings.advance(here, arc, before)
-            if (over := self.crossings.held_passage(here, arc)) is not None:
+            over = self.crossings.held_passage(here, arc) if self.item.at_turn is None else None
+            if over is not None:
                 return self._passed(over, retries)
             outcome = attempt.outcome
             if there is not None:
