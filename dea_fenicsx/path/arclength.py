@@ -251,6 +251,23 @@ class Branch:
             iterations += 1
             previous = norm
 
+    def correction(self, start: Point, guess: State) -> np.ndarray | None:
+        """The first increment of Newton's method in the plane normal to a point's tangent.
+
+        It shows how far the branch lies from a state.  dx/df is that of the last state where it was
+        asked for, which changes the increment a little.  None if there is none.  Collective.
+        """
+        problem, solver = self.problem, self.solver
+        with problem.at(guess):
+            if fault_of(problem.probe()) is not Outcome.CONVERGED:
+                return None
+            rows = problem.unbalanced(problem.residual())
+            r, b = solver.linear_solve(-rows, BRANCH_SOLVE_TOLERANCE), self._by_load
+        if r is None or b is None:
+            return None
+        down = self.dot(r, 0.0, start.direction, start.slope)
+        return np.asarray(r - down / self.dot(b, 1.0, start.direction, start.slope) * b)
+
     def advance(
         self, here: Point, arc: float, before: Point | None = None
     ) -> tuple[Attempt, Point | None]:

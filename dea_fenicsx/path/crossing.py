@@ -9,6 +9,10 @@ try to pass the crossing in one step from there.
 Where many branches cross within such a step, as near the minimum of the voltage of a balloon, no
 equilibrium lies near the branch for a while.  There we go on with the soft shapes held (see
 `guiding`), until an equilibrium is found close to the state without the guiding forces.
+
+Steps that are not shorter than usual can leave too (see `soft_watch`).  Where an unstable branch
+does so, the same step is made with the soft shapes held.  A stable one is followed: a real device
+with an imperfection turns off there.
 """
 
 from __future__ import annotations
@@ -53,8 +57,14 @@ MOST_STEPS_OVER_TURN = 16
 MOST_POINTS_BACK = 4
 """The chord that tells the branch's own direction goes back by at most so many points."""
 
+POINTS_OF_ONE_TURN = 12
+"""Number of points after a turn that is followed, at which no other one is told."""
+
 MOST_LANDING = 0.1
 """Largest correction without the guiding forces, as a share of a step with them."""
+
+MOST_HELD_STEPS, MOST_HELD_LANDING = 4, 1e-2
+"""The same two where the watch has seen a motion aside: there the branches are not far apart."""
 
 
 @dataclass
@@ -97,6 +107,8 @@ class Crossings:
     ----------
     trail
         The last accepted points, the latest one at the end.
+    turns_aside
+        Whether the last step turns aside, and no way leads straight on.
     """
 
     def __init__(self, branch: Branch, longest: float, watch: SoftWatch | None) -> None:
@@ -110,6 +122,9 @@ class Crossings:
         if self.watch is not None:
             self.watch.forget()
         self.trail: list[Point] = []
+        self._held: Point | None = None
+        self._open = self.turns_aside = False
+        self._quiet = 0
 
     def advance(
         self, here: Point, arc: float, before: Point | None
@@ -121,6 +136,7 @@ class Crossings:
         """Take note of an accepted point, of the one before it, and of the arc between the two."""
         arc = min(arc, self.longest)  # a step over a crossing may have been longer
         self._short += 1
+        self._quiet = max(0, self._quiet - 1)
         # A step over a crossing begins at an earlier point: those after it are on the turn.
         last = next((k for k, p in enumerate(self.trail) if p is before), len(self.trail) - 1)
         kept = self.trail[: last + 1]
@@ -131,6 +147,13 @@ class Crossings:
             self._anchors = [(point, before), *self._anchors[: MOST_ANCHORS - 1]]
             self._arc = max(arc, self._arc)
             self._short, self._next = 0, self._arc / SHRINKAGE
+
+    def is_told(self) -> bool:
+        """Whether the last step turns aside and that is to be told, which is done once a turn."""
+        if not self.turns_aside or self._quiet:
+            return False
+        self._quiet = POINTS_OF_ONE_TURN
+        return True
 
     def announced(self, arc: float) -> bool:
         """Whether a step has become so short that a crossing is to be expected; asked once each."""
@@ -158,6 +181,36 @@ class Crossings:
                     return Passage(attempt, anchor, there, arc, done)
         return self._guided_passage(here)
 
+    def held_passage(self, here: Point, arc: float) -> Passage | None:
+        """A step from a point with the soft shapes held, if the watch has seen a motion aside.
+
+        None if the state is stable: a device goes that way.  None if no equilibrium is near; then
+        `turns_aside` is set.
+        """
+        self.turns_aside = False
+        if self.watch is None or not self.watch.is_aside:
+            return None
+        if self._held is not here:
+            self._held, self._open = here, self._is_unstable(here)
+            back = self.trail[max(0, len(self.trail) - 1 - MOST_POINTS_BACK)]
+            if self._open and (
+                found := self._along_guides(
+                    here, back, here, arc, MOST_HELD_STEPS, MOST_HELD_LANDING
+                )
+            ):
+                return found
+        self.turns_aside = self._open
+        return None
+
+    def _is_unstable(self, point: Point) -> bool:
+        """Whether a state is unstable, in a problem whose soft shapes can be held.  Collective."""
+        problem, solver = self.branch.problem, self.branch.solver
+        if not problem.forms.is_symmetric or not self.trail:
+            return False
+        with problem.at(point.state):
+            solver.refresh_inertia()
+        return bool(solver.inertia.excess)
+
     def straight_on(self, begin: Point, here: Point) -> Passage | None:
         """A step with soft shapes held from before a turn to behind a later point, if there is one.
 
@@ -171,7 +224,9 @@ class Crossings:
         place = next((k for k, p in enumerate(self.trail) if p is begin), 0)
         for k in (place - n for n in POINTS_BEFORE_TURN if n < place):
             back = self.trail[max(0, k - MOST_POINTS_BACK)]
-            if found := self._along_guides(self.trail[k], back, here, MOST_STEPS_OVER_TURN):
+            if found := self._along_guides(
+                self.trail[k], back, here, self._arc, MOST_STEPS_OVER_TURN
+            ):
                 return found
         return None
 
@@ -182,12 +237,18 @@ class Crossings:
         for anchor, before in self._anchors:
             place = next((k for k, p in enumerate(self.trail) if p is anchor), 0)
             back = self.trail[max(0, place - MOST_POINTS_BACK)] if place else before
-            if found := self._along_guides(anchor, back, here):
+            if found := self._along_guides(anchor, back, here, self._arc):
                 return found
         return None
 
     def _along_guides(
-        self, anchor: Point, back: Point, here: Point, most: int = MOST_GUIDED_STEPS
+        self,
+        anchor: Point,
+        back: Point,
+        here: Point,
+        step: float,
+        most: int = MOST_GUIDED_STEPS,
+        near: float = MOST_LANDING,
     ) -> Passage | None:
         """Steps with held shapes from an anchor, until an equilibrium lies nearby."""
         branch = self.branch
@@ -196,22 +257,22 @@ class Crossings:
             guide = Guide.across(branch, back, point, SOFT_SHAPES)
             if guide is None:
                 return None
-            attempt = branch.step(guide.start, self._arc, None, guide)
+            attempt = branch.step(guide.start, step, None, guide)
             if not attempt.converged:
                 return None
             reached = branch.point(attempt.found, guide.start, guide=guide)
             if reached is None:
                 return None
             point = reached
-            if branch.advanced(anchor, point) > done + AHEAD[0] * self._arc:
-                attempt, there = self._landed(point)
+            if branch.advanced(anchor, point) > done + AHEAD[0] * step:
+                attempt, there = self._landed(point, near * step)
                 if there is not None:
                     arc = branch.advanced(anchor, there)
                     if branch.is_smooth(anchor, there, arc, guide):
                         return Passage(attempt, anchor, there, arc, done, guide)
         return None
 
-    def _landed(self, point: Point) -> tuple[Attempt, Point | None]:
+    def _landed(self, point: Point, most: float) -> tuple[Attempt, Point | None]:
         """The equilibrium near a point with guiding forces, or None if none is near."""
         branch = self.branch
         attempt = branch.corrected(point, point.state, point.factor)
@@ -222,6 +283,6 @@ class Crossings:
         change = there.factor - point.factor
         way = np.sqrt(branch.dot(moved, change, moved, change))
         turn = branch.dot(point.direction, point.slope, there.direction, there.slope)
-        if way > MOST_LANDING * self._arc or turn < STRAIGHT:
+        if way > most or turn < STRAIGHT:
             return attempt, None
         return attempt, there

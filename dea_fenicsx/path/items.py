@@ -201,12 +201,13 @@ class Trace:
         equilibrium: where no branch has this direction, the trace comes to one nearby.
     at_turn
         What happens where the branch turns aside because another branch almost crosses it, as in
-        an imperfect structure or on a mesh that is not quite symmetric.  By default nobody looks
-        for such turns.  With a word the softest shapes are watched, which takes time.  Long steps
-        that end on another branch are refused, and a turn has the event ``"turn aside"`` in the
-        history.  ``"follow"`` follows the turn.  ``"pass"`` goes straight on over the gap, and ends
-        the trace with an error where no way leads on.  ``"end"`` ends it with an error at once.
-        Near a limit point a change of the shape may be taken for a turn.
+        an imperfect structure or on a mesh that is not quite symmetric.  By default a stable branch
+        is followed.  An unstable one goes straight on where an equilibrium lies near; elsewhere it
+        is followed, and the log says so.  With a word the softest shapes are watched, which takes
+        time, and a turn has the event ``"turn aside"`` in the history.  ``"follow"`` follows it.
+        ``"pass"`` goes straight on over the gap, and ends the trace with an error where no way
+        leads on.  ``"end"`` ends it with an error at once.  Near a limit point a change of the
+        shape may then be taken for a turn.
     """
 
     what: str

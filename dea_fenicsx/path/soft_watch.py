@@ -1,63 +1,70 @@
-"""Soft shapes watched along a branch, so that no step goes over to another branch by them.
+"""Steps along a branch that do not go over to another one that leaves it at a small angle.
 
-Close to a bifurcation the equilibrium hardly determines the amplitudes of the shapes along which
-other branches leave.  A long step then may end on another branch that makes a small angle with
-this one, and neither the whole of the motion nor the number of negative eigenvalues need show it.
-The soft shapes do.  With C the softest eigenvectors at the start of a step, without the direction
-of the chord of the step before, M a matrix of the products of motions and x_p the prediction of the
-cubic through the last two points,
+Close to a bifurcation a long step may end on another branch, and neither the whole of its motion
+nor the number of negative eigenvalues need show it.  Two cubics do.  The first one, through the
+last two points with their tangents, predicts the state behind a step.  The second one, through both
+ends of the step with their tangents, predicts the states within it.  With a step h, the step k
+before it and the fourth derivative x'''' of the branch, their errors at the end of the step and at
+its share t are
 
-    c = C^T M (x - x_start),     e = C^T M (x - x_p).
+    e = h^2 (h + k)^2 x''''/24,     e_t = t^2 (1 - t)^2 h^4 x''''/24.
 
-On a smooth branch e is small of fourth order in the arc.  A step with a large c, most of which the
-cubic does not predict, is refused.  It is first tried again from a prediction without these shapes.
+On one smooth branch e_t is at most a sixteenth of e.  If the step ends on another branch, which
+leaves the first one at an angle within the step, the curve has a kink there, and e_t is a tenth of
+e or more at one of two shares.  So after a step with a large e, the first Newton increment from the
+second cubic is looked at in two states.  It costs one linear solve each, and estimates e_t.
+
+A motion beside the first prediction that the load does not drive may also be the branch's own turn
+into one that almost crosses it (see `crossing`).  Towards a limit point the load drives it.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from mpi4py import MPI
 
 from dea_fenicsx.path.arclength import Branch, Point
 from dea_fenicsx.path.cubic import Cubic
-from dea_fenicsx.path.guiding import Guide
-from dea_fenicsx.path.soft_shapes import SoftShapes, size, stiffness
+from dea_fenicsx.path.soft_shapes import size
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
-
-WATCHED_SHAPES = 8
-"""How many soft shapes are watched."""
-
-LEAST_ASIDE = 3e-3
-"""Motion along the soft shapes, as a share of the arc, below which a step is accepted as it is."""
 
 LEAST_MISSED = 7.5e-4
 """Motion beside the prediction, as a share of the arc, below which a step is accepted as it is."""
 
+MOST_MISSED = 3e-3
+"""Motion beside the prediction, as a share of the arc, above which a step is always looked at."""
+
 USUAL_GROWTH = 2.0
 """Growth of the error of the cubic, for equal steps, up to which a step is accepted as it is.
 
-The error of the cubic through two points is h^2 (h + k)^2 / 24 times the fourth derivative of the
-branch, for the step h and the step before k.  A step to another branch has a larger one.  The
-growth is that from the smallest error since the soft shapes were looked at.
+The growth is that of the fourth derivative from its smallest value since the last close look.
 """
 
-LEAST_CHANGE = 0.5, 2.0
-"""Stiffness of a shape at the end of a step over that at its start, between which it is no danger.
+SHARES_WITHIN = (0.5, 0.7)
+"""Where equilibria within a step are looked for.  A kink that one of them misses the other sees."""
 
-A shape along which another branch leaves is nearly neutral at the start, so that its stiffness
-changes its sign or by a multiple of itself.
+MOST_ERROR_WITHIN = 0.07, 2e-3
+"""Largest error e_t of a step that is accepted, as a share of e and of the arc."""
+
+MOST_DRIVEN = 0.5
+"""Largest work of the load on a motion aside, over that on the branch's own direction.
+
+Both motions are of the same length, and the part along this direction is left out.
 """
-
-LEAST_UNPREDICTED = 0.1
-"""Share of this motion that must lie beside the prediction, where a step is refused."""
 
 
 class SoftWatch:
-    """Steps along a branch that do not leave it along its soft shapes.
+    """Steps along a branch that do not leave it at a small angle.
 
     Parameters
     ----------
     branch
         The branch.
+
+    Attributes
+    ----------
+    is_aside
+        Whether the last step was refused, or moves aside while the load does not drive it.
     """
 
     def __init__(self, branch: Branch) -> None:
@@ -66,20 +73,18 @@ class SoftWatch:
 
     def forget(self) -> None:
         """Begin anew, as on another branch."""
-        self._known: tuple[Point, Guide | None] | None = None
-        self._carried = SoftShapes(self.branch, WATCHED_SHAPES)
         self._fourth: float | None = None
+        self.is_aside = False
 
     def advance(
         self, here: Point, arc: float, before: Point | None
     ) -> tuple[Attempt, Point | None]:
-        """As of `Branch.advance`, but refuse a step that leaves along a soft shape.  Collective."""
+        """As of `Branch.advance`, but refuse a step to another branch.  Collective."""
+        self.is_aside = False
         attempt, there = self.branch.advance(here, arc, before)
         if there is None or before is None or self._continues(here, there, arc, before):
             return attempt, there
-        straight, there = self._straight(here, arc, before)
-        if there is not None and self._continues(here, there, arc, before):
-            return straight, there
+        self.is_aside = True
         return attempt.refused(Outcome.OTHER_BRANCH), None
 
     def _continues(self, here: Point, there: Point, arc: float, before: Point) -> bool:
@@ -88,73 +93,50 @@ class SoftWatch:
         missed = size(self.branch, motion)
         back = self.branch.advanced(here, before)
         fourth = missed / (arc * (arc - back)) ** 2  # a multiple of the fourth derivative
-        if self._fourth is not None and fourth <= USUAL_GROWTH * self._fourth:
-            self._fourth = min(fourth, self._fourth)
+        usual = self._fourth is not None and fourth <= USUAL_GROWTH * self._fourth
+        if missed <= (MOST_MISSED if usual else LEAST_MISSED) * arc:
+            if usual:
+                self._fourth = min(fourth, self._fourth)
             return True
-        if missed <= LEAST_MISSED * arc:
-            return True
-        if not self._keeps_to(here, there, arc, before, motion):
+        if not self._is_smooth(here, there, arc, missed):
             return False
         self._fourth = fourth
+        self.is_aside = missed > MOST_MISSED * arc and not self._is_driven(motion, here)
         return True
 
+    def _is_driven(self, motion: np.ndarray, point: Point) -> bool:
+        """Whether the load drives a motion, as it does towards a limit point."""
+        branch, problem = self.branch, self.branch.problem
+        with problem.at(point.state):
+            load = branch.course.derivative()
+        along = point.direction
+        ahead = size(branch, along)
+        if ahead == 0:
+            return True
+        across = motion - branch.dot(motion, 0.0, along, 0.0) / ahead**2 * along
+        works = np.array([across @ load, along @ load])
+        works = np.abs(problem.comm.allreduce(works, op=MPI.SUM))
+        ways = size(branch, across), ahead
+        return bool(works[0] * ways[1] > MOST_DRIVEN * works[1] * ways[0])
+
     def stays(self, here: Point, there: Point, arc: float, before: Point) -> bool:
-        """Whether a step keeps to its branch.  Collective.
-
-        It moves little along the soft shapes, or the cubic predicts most of this motion.
-        """
-        missed = self._missed(here, there, arc, before)
-        if size(self.branch, missed) <= LEAST_MISSED * arc:
-            return True
-        return self._keeps_to(here, there, arc, before, missed)
-
-    def _keeps_to(
-        self, here: Point, there: Point, arc: float, before: Point, missed: np.ndarray
-    ) -> bool:
-        """As of `stays`, for a motion beside the prediction that is not small.  Collective."""
-        shapes = self._shapes(here, before)
-        if shapes is None:
-            return True
-        if self._stay_stiff(shapes, here, there):
-            return True
-        aside = size(self.branch, shapes.part(self._moved(here.state.values, there)))
-        unpredicted = size(self.branch, shapes.part(missed))
-        few = max(LEAST_MISSED * arc, LEAST_UNPREDICTED * aside)
-        return aside <= LEAST_ASIDE * arc or unpredicted <= few
+        """Whether a step keeps to its branch.  Collective."""
+        missed = size(self.branch, self._missed(here, there, arc, before))
+        return missed <= LEAST_MISSED * arc or self._is_smooth(here, there, arc, missed)
 
     def _missed(self, here: Point, there: Point, arc: float, before: Point) -> np.ndarray:
-        """The motion beside the prediction of the cubic."""
+        """How a point lies beside its prediction; the size of this is the error e."""
         guess, _ = Cubic.through(self.branch, here, before).guess(arc)
-        return self._moved(guess.values, there)
+        return np.asarray((there.state.values - guess.values)[self.branch.problem.free])
 
-    def _stay_stiff(self, shapes: Guide, here: Point, there: Point) -> bool:
-        """Whether the stiffnesses of the soft shapes hardly change in a step.  Collective."""
-        first, last = (stiffness(self.branch, shapes.shapes, point) for point in (here, there))
-        try:
-            changes = np.linalg.eigvals(np.linalg.solve(first, last))
-        except np.linalg.LinAlgError:
-            return False
-        least, most = LEAST_CHANGE
-        return bool(np.all((changes.real > least) & (changes.real < most)))
-
-    def _straight(self, here: Point, arc: float, before: Point) -> tuple[Attempt, Point | None]:
-        """The same step from a prediction that keeps the amplitudes of the soft shapes."""
-        branch, shapes = self.branch, self._shapes(here, before)
-        assert shapes is not None
-        guess, factor = Cubic.through(branch, here, before).guess(arc)
-        attempt = branch.corrected(here, shapes.held(guess), factor)
-        return branch.judged(attempt, here, arc)
-
-    def _shapes(self, here: Point, before: Point) -> Guide | None:
-        """The soft shapes at a point; None if they cannot be found."""
+    def _is_smooth(self, here: Point, there: Point, arc: float, missed: float) -> bool:
+        """Whether the branch lies as near to the cubic of a step as a smooth one.  Collective."""
         branch = self.branch
-        if not branch.problem.forms.is_symmetric:
-            return None
-        if self._known is None or self._known[0] is not here:
-            found = self._carried.at(here)
-            guide = None if found is None else Guide.beside(branch, before, here, *found)
-            self._known = here, guide
-        return self._known[1]
-
-    def _moved(self, start: np.ndarray, there: Point) -> np.ndarray:
-        return np.asarray((there.state.values - start)[self.branch.problem.free])
+        cubic = Cubic.through(branch, here, there)
+        share_of_missed, share_of_arc = MOST_ERROR_WITHIN
+        most = min(share_of_missed * missed, share_of_arc * arc)
+        for share in SHARES_WITHIN:
+            away = branch.correction(here, cubic.guess(share * arc)[0])
+            if away is None or size(branch, away) > most:
+                return False
+        return True

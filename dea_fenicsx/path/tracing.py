@@ -29,6 +29,12 @@ END_TOLERANCE = 1e-7
 MOST_SETTLING = 0.01
 """Largest motion when guiding forces are taken away from an event, as a share of its step."""
 
+MAYBE_ASIDE = (
+    "the motion turns aside, and no way leads straight on; the branch may turn into another one "
+    'that almost crosses it, and at_turn="follow" looks for such turns'
+)
+"""What the log says where an unstable branch turns and is followed by default."""
+
 SHORTEST_ARC_TO_SEPARATE_EVENTS = 0.1
 """Largest arc for which several events in one step are accepted as they are.
 
@@ -91,7 +97,7 @@ class Tracer:
         self.rates, now = {item.what: 1.0}, self.problem.factors[item.what]
         self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
         self.branch.precise = sentinel.stability
-        watch = SoftWatch(self.branch) if item.at_turn else None
+        watch = SoftWatch(self.branch)
         self.crossings = Crossings(self.branch, item.longest, watch)
         self.turns = Turns(self.branch, self.crossings, item.at_turn)
         self._cut = 1.0
@@ -151,6 +157,8 @@ class Tracer:
             if switched:
                 continue
             turn = self.turns.reached(there, start, arc)
+            if self.crossings.is_told():
+                self.log(f"{item.what}: {MAYBE_ASIDE}")
             iterations = step.attempt.iterations
             grown = 1.5 if iterations <= 3 else 1.0 if iterations <= 6 else 0.7
             beyond = _just_beyond(arc, left, self._left(there.state))
@@ -158,14 +166,15 @@ class Tracer:
             arc = min(usual, beyond)
             self._cut = arc / usual  # a step that is short because the end is near tells nothing
             before, here = start, there
+            if turn is not None:
+                self.log(f"{item.what}: the branch turns aside; another one almost crosses it")
+            name = "" if turn is None else TURN_ASIDE
+            yield Traced(
+                there.state, arc, float(np.sign(there.slope)), retries, name,
+                earlier=(start.state,) if turn is None else (),
+            )  # fmt: skip
             if turn is None:
-                yield Traced(
-                    there.state, arc, float(np.sign(there.slope)), retries,
-                    earlier=(start.state,),
-                )  # fmt: skip
                 continue
-            self.log(f"{item.what}: the branch turns aside; another one almost crosses it")
-            yield Traced(there.state, arc, float(np.sign(there.slope)), retries, TURN_ASIDE)
             if item.at_turn == "pass":
                 self._over = self.crossings.straight_on(turn, there)
             if item.at_turn != "follow" and self._over is None:
@@ -186,6 +195,9 @@ class Tracer:
             if over is not None:
                 return self._passed(over, retries)
             attempt, there = self.crossings.advance(here, arc, before)
+            over = self.crossings.held_passage(here, arc) if self.item.at_turn is None else None
+            if over is not None:
+                return self._passed(over, retries)
             outcome = attempt.outcome
             if there is not None:
                 count = self.sentinel.count(there.state)
@@ -318,7 +330,7 @@ class Tracer:
         beyond = self._left(there.state)
         if left is None or beyond is None or left == 0 or left * beyond > 0:
             return None
-        s, state = arc, there.state
+        s, state, held = arc, there.state, 0.0
         bracket = Bracket((0.0, left), (arc, beyond))
         close = END_TOLERANCE * max(abs(left), abs(beyond))
         for _ in range(20):
@@ -326,14 +338,16 @@ class Tracer:
                 break
             s = bracket.secant
             attempt = self.branch.step(here, s, there, step.guide)
-            now = self._left(attempt.found) if attempt.converged else None
+            now = None
+            if attempt.converged:  # What is asked for is the value of the settled state.
+                settled = self._settled(step, attempt.found)
+                now = self._left(settled[0])
             if now is None:  # The end of the step is an equilibrium, a little beyond the value.
                 self.log("no equilibrium was found at the very end of the trace; it ends behind")
-                s, state = arc, there.state
+                s, state, held = arc, there.state, 0.0
                 break
-            state = attempt.found
+            state, held = settled
             bracket.narrow(s, now)
-        state, held = self._settled(step, state)
         return Spot(s, Traced(state, arc, float(np.sign(there.slope)), held=held, last=True))
 
     def _settled(self, step: Reached, state: State) -> tuple[State, float]:

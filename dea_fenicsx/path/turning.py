@@ -24,7 +24,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.path.arclength import Branch, Point
-from dea_fenicsx.path.crossing import MOST_POINTS_BACK, Crossings
+from dea_fenicsx.path.crossing import MOST_POINTS_BACK, POINTS_OF_ONE_TURN, Crossings
 from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.items import Turn
 from dea_fenicsx.path.soft_shapes import SoftShapes, size, stiffness
@@ -46,9 +46,6 @@ It is extrapolated from its change up to the first one of them.
 
 MOST_DRIVEN = 0.1
 """Largest ratio of w . b to d . b for a turn aside."""
-
-POINTS_OF_ONE_TURN = 12
-"""Number of points after a turn that is followed, at which no other one is looked for."""
 
 SHAPES_LOOKED_AT = 8
 """How many soft shapes are taken into account."""

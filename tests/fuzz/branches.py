@@ -230,7 +230,7 @@ KINDS: dict[str, Callable[[np.random.Generator], Trial]] = {
 
 
 def follow(
-    kind: str, seed: int, number: int, at_turn: Any = "follow", shown: bool = False
+    kind: str, seed: int, number: int, at_turn: Any = None, shown: bool = False
 ) -> tuple[str, float, str]:
     """Run a trial: how it went, the worst row, and what it was.
 
@@ -270,7 +270,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", choices=KINDS)
-    parser.add_argument("--at-turn", choices=("follow", "pass", "end"), default="follow")
+    parser.add_argument("--at-turn", choices=("follow", "pass", "end"))
     parser.add_argument("--trial", type=int, help="one trial alone, whose steps are shown")
     args = parser.parse_args()
     kinds = [args.only] if args.only else list(KINDS)
