@@ -63,6 +63,7 @@ def parse():
     )
     parser.number("--stroke", 7e-3, "m", "storey, panels: how far the polygons move together")
     parser.number("--piece", 1e-3, "m", "panels: half the length of crease that a sheet acts on")
+    parser.number("--tolerance", 1e-5, "m", "panels: tolerance of the gap to the sheets")
     parser.number("--rod", 3.6e-3, "m", "storey: radius of the rod on its axis")
     parser.count("--steps", 10, "storey, panels: steps of the stroke")
     parser.count("--refine", 1, "panels: factor of all divisions of the mesh")
@@ -235,7 +236,7 @@ class Meeting(KreslingCell):
                 | {f"{name}_{i}": piece for name in ("low", "up") for i in k})  # fmt: skip
 
 
-def sheets():
+def sheets(args):
     """The planes between neighbouring valleys, and what holds them."""
     found = []
     for k in range(FOUR["sides"]):
@@ -244,7 +245,9 @@ def sheets():
                            np.cos(TILT)])  # fmt: skip
         for surface, sign in ((f"up_{k}", 1), (f"low_{(k + 1) % FOUR['sides']}", -1)):
             plane = dea.Plane((0.0, 0.0, 0.0), tuple(sign * normal), between=True)
-            found.append(dea.Obstacle(surface, plane, carried_by=name))
+            found.append(
+                dea.Obstacle(surface, plane, carried_by=name, tolerance=args.tolerance)
+            )
         found.append(dea.Rigid(name, held="xyz", turns=axis, centre=(0.0, 0.0, 0.0)))
         found.append(dea.TorsionSpring(name, LIGHT, about=axis))
     return found
@@ -262,7 +265,7 @@ def four_sides(args, meets, comm):
     supports = [
         *(dea.Rigid(end, held="xy", turns="z") for end in ends),
         *(dea.TorsionSpring(end, WEAK) for end in ends),
-        *(sheets() if meets else [dea.Rigid(n, held="xyz", turns="") for n in names]),
+        *(sheets(args) if meets else [dea.Rigid(n, held="xyz", turns="") for n in names]),
     ]
     return dea.Scene(
         dea.device(cell, comm),
