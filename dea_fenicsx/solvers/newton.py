@@ -284,7 +284,9 @@ class NewtonSolver(LinearSolver):
         `share_to_land`.  Energies are never clamped, because this would change the material.
         """
         problem = self.problem
-        size = 1.0 if history else share_to_land(problem, start, increment)
+        size = 1.0
+        if not history:
+            size = share_to_land(problem, problem.moved(start, increment))
         limit = np.inf  # The first residual after a change of load may be of any size.
         if len(history) > 1:
             limit = 1e3 * max(history[-1], self.options.tolerance)
