@@ -53,7 +53,7 @@ MESH = {"along": 2, "tip": 1, "strip": 1, "through": 1, "relief": 0.2}
 FOUR = dict(side=44e-3, height=30e-3, twist=np.radians(75.0), sides=4, along=3, relief=0.3)
 MEET, TILT = 3.6e-3, np.radians(20.9)  # from the middle of a crease, m; tilt of the sheets, rad
 WEAK = 1e-3  # N m/rad, of the springs that hold the polygons against turning together
-LIGHT = 1e-5  # N m/rad, of the springs that hold the sheets
+LIGHT = 1e-3  # N m/rad, of the springs that hold the sheets
 
 
 def parse():
