@@ -66,6 +66,7 @@ def parse():
     parser.number("--tolerance", 1e-5, "m", "panels: tolerance of the gap to the sheets")
     parser.number("--rod", 3.6e-3, "m", "storey: radius of the rod on its axis")
     parser.count("--steps", 10, "storey, panels: steps of the stroke")
+    parser.count("--across", 2, "panels: cells across half a hinge")
     parser.count("--refine", 1, "panels: factor of all divisions of the mesh")
     parser.number("--voltage", 100.0, "V", "zip: voltage that holds the film")
     parser.number("--gap", 30e-6, "m", "zip: thickness of the air between film and insulator")
@@ -256,7 +257,7 @@ def sheets(args):
 def four_sides(args, meets, comm):
     """The storey of four sides between rigid polygons that turn against each other."""
     Meeting.piece = args.piece
-    cell = Meeting(**FOUR, thickness=PANEL, hinge=HINGE).refine(args.refine)
+    cell = Meeting(**FOUR, strip=args.across, thickness=PANEL, hinge=HINGE).refine(args.refine)
     mu = PETG / (2 * (1 + NU))
     petg = dea.Material(dea.NeoHookean(mu), bulk_modulus=bulk_modulus_of(mu, NU))
     rubber = dea.Material(dea.NeoHookean(RUBBER / 3))
