@@ -51,9 +51,9 @@ PETG, NU, RUBBER = 2.1e9, 0.38, 100e6  # Young's moduli of panels and hinges in 
 MESH = {"along": 2, "tip": 1, "strip": 1, "through": 1, "relief": 0.2}
 
 FOUR = dict(side=44e-3, height=30e-3, twist=np.radians(75.0), sides=4, along=3, relief=0.3)
-MEET, TILT = 3.6e-3, np.radians(20.0)  # from the middle of a crease, m; tilt of the sheets, rad
+MEET, TILT = 3.6e-3, np.radians(20.9)  # from the middle of a crease, m; tilt of the sheets, rad
 WEAK = 1e-3  # N m/rad, of the springs that hold the polygons against turning together
-LIGHT = 1e-5  # N m/rad, of the springs that hold the sheets
+LIGHT = 1e-3  # N m/rad, of the springs that hold the sheets
 
 
 def parse():
@@ -63,8 +63,10 @@ def parse():
     )
     parser.number("--stroke", 7e-3, "m", "storey, panels: how far the polygons move together")
     parser.number("--piece", 1e-3, "m", "panels: half the length of crease that a sheet acts on")
+    parser.number("--tolerance", 1e-5, "m", "panels: tolerance of the gap to the sheets")
     parser.number("--rod", 3.6e-3, "m", "storey: radius of the rod on its axis")
     parser.count("--steps", 10, "storey, panels: steps of the stroke")
+    parser.count("--across", 2, "panels: cells across half a hinge")
     parser.count("--refine", 1, "panels: factor of all divisions of the mesh")
     parser.number("--voltage", 100.0, "V", "zip: voltage that holds the film")
     parser.number("--gap", 30e-6, "m", "zip: thickness of the air between film and insulator")
@@ -235,7 +237,7 @@ class Meeting(KreslingCell):
                 | {f"{name}_{i}": piece for name in ("low", "up") for i in k})  # fmt: skip
 
 
-def sheets():
+def sheets(args):
     """The planes between neighbouring valleys, and what holds them."""
     found = []
     for k in range(FOUR["sides"]):
@@ -244,7 +246,9 @@ def sheets():
                            np.cos(TILT)])  # fmt: skip
         for surface, sign in ((f"up_{k}", 1), (f"low_{(k + 1) % FOUR['sides']}", -1)):
             plane = dea.Plane((0.0, 0.0, 0.0), tuple(sign * normal), between=True)
-            found.append(dea.Obstacle(surface, plane, carried_by=name))
+            found.append(
+                dea.Obstacle(surface, plane, carried_by=name, tolerance=args.tolerance)
+            )
         found.append(dea.Rigid(name, held="xyz", turns=axis, centre=(0.0, 0.0, 0.0)))
         found.append(dea.TorsionSpring(name, LIGHT, about=axis))
     return found
@@ -253,7 +257,7 @@ def sheets():
 def four_sides(args, meets, comm):
     """The storey of four sides between rigid polygons that turn against each other."""
     Meeting.piece = args.piece
-    cell = Meeting(**FOUR, thickness=PANEL, hinge=HINGE).refine(args.refine)
+    cell = Meeting(**FOUR, strip=args.across, thickness=PANEL, hinge=HINGE).refine(args.refine)
     mu = PETG / (2 * (1 + NU))
     petg = dea.Material(dea.NeoHookean(mu), bulk_modulus=bulk_modulus_of(mu, NU))
     rubber = dea.Material(dea.NeoHookean(RUBBER / 3))
@@ -262,7 +266,7 @@ def four_sides(args, meets, comm):
     supports = [
         *(dea.Rigid(end, held="xy", turns="z") for end in ends),
         *(dea.TorsionSpring(end, WEAK) for end in ends),
-        *(sheets() if meets else [dea.Rigid(n, held="xyz", turns="") for n in names]),
+        *(sheets(args) if meets else [dea.Rigid(n, held="xyz", turns="") for n in names]),
     ]
     return dea.Scene(
         dea.device(cell, comm),

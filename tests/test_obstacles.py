@@ -324,3 +324,22 @@ def test_a_plane_between_parts():
     assert run["x_m"] == pytest.approx(-0.2 * L, rel=1e-10)
     carried = MU * L + nominal(0.95, "plane") * L
     assert run["f_N"] == pytest.approx(carried, rel=1e-9)
+
+
+def test_landing():
+    """A plate that closes on a plane takes hardly more Newton iterations than a free one."""
+    geometry = BoxStack(8 * L, 4 * L, [Layer("film", L / 2)], divisions=(8, 4))
+    plate = dea.read_gmsh(geometry, MPI.COMM_SELF)
+    plane = dea.Obstacle("bottom", dea.Plane((0, 0, -0.4 * L), (0, 0, 1)))
+    ends = [dea.Clamp("x_min"), dea.Clamp("x_max")]
+    free, closed = (
+        dea.solve(
+            dea.Scene(plate, {"film": RUBBER}, supports=[*ends, *more],
+                      loads=[dea.FollowerPressure("top", 2e3)]),
+            dea.Ramp(steps=8), {"gap": dea.LargestDisplacement("bottom", "z")}, quiet=True,
+        )
+        for more in ((), (plane,))
+    )  # fmt: skip
+    assert free["gap_m"] < -0.8 * L and closed["gap_m"] == pytest.approx(-0.4 * L, rel=1e-2)
+    counts = [run.summary["newton_iterations"] for run in (free, closed)]
+    assert counts[1] <= 1.3 * counts[0]

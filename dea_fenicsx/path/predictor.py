@@ -11,6 +11,7 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.interpolation import lagrange_weights
 from dea_fenicsx.path.stability import Place
+from dea_fenicsx.solvers.landing import landed
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt
 
@@ -133,6 +134,7 @@ class Predictor:
         problem, last = self.problem, self.known[-1]
         guess = self.extrapolated(factors)
         if guess is not None:
+            guess = landed(problem, last, guess)
             start = problem.imposed(guess)
             if self.solver.admits(start, last):
                 attempt = judge(self.solver.solve(start), guess)

@@ -34,6 +34,14 @@ from dea_fenicsx.support.errors import SolverError
 START_COMPRESSIBILITY = 1e-12
 """Compressibility mu/kappa that determines a pressure which nothing else does."""
 
+BOUND_SOFTNESS = 1e-6
+"""Softness of the rows that bind accelerations, as a share of one over the density.
+
+Where a surface of an incompressible body is pressed and sticks, its pressures and tractions nearly
+depend on each other.  With a smaller value rounding errors of the state then change the
+acceleration.  Each further correction multiplies the error of this softness by about its own value.
+"""
+
 VOLUME_DIFFERENCE = 0.05
 """Largest displacement by which the second derivative of the volume is taken, over L."""
 
@@ -172,14 +180,29 @@ class Start:
         matrix = PETSc.Mat().createAIJ((n, n), csr=(offsets, columns, values), comm=problem.comm)
         heavy = self.mass.reduced(problem.free, problem.expansion)
         matrix.axpy(1.0, heavy, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        diagonal = heavy.getDiagonal()
         heavy.destroy()
-        diagonal = matrix.createVecLeft()
-        diagonal.array[:] = -START_COMPRESSIBILITY * scalar_masses(problem)
+        diagonal.array[:] = -self._softness(kept, diagonal.max()[1])
         diagonal.array[self.moves] = 0.0
         matrix.setDiagonal(diagonal, PETSc.InsertMode.ADD)
         diagonal.destroy()
         self.solver.forget_factor()
         return matrix, kept
+
+    def _softness(self, kept: np.ndarray, heaviest: float) -> np.ndarray:
+        """What is added to the diagonal of the fields that do not move.  Collective.
+
+        `heaviest` is the largest entry of the mass matrix on its diagonal.
+        """
+        volumes = scalar_masses(self.problem)
+        mine = float(np.max(volumes, initial=0.0))
+        largest = self.problem.comm.allreduce(mine, op=MPI.MAX)
+        found = START_COMPRESSIBILITY * volumes
+        fields = [name for contact in self.problem.forms.contacts for name in contact.fields]
+        bound = np.concatenate([kept, *(self.problem.roles.of_group(f)[1] for f in fields)])
+        if heaviest > 0:
+            found[bound] = BOUND_SOFTNESS * largest / heaviest * volumes[bound]
+        return np.asarray(found)
 
     def _rows_by_place(
         self, row: np.ndarray, sizes: np.ndarray, moving: np.ndarray

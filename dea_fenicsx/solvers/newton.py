@@ -12,6 +12,7 @@ from mpi4py import MPI
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
+from dea_fenicsx.solvers.landing import share_to_land
 from dea_fenicsx.solvers.linear import LinearSolver
 from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.solvers.outcome import Attempt, Outcome, fault_of
@@ -279,11 +280,13 @@ class NewtonSolver(LinearSolver):
 
         A trial state is refused if det F <= 0, if a polymer chain is beyond its lock-up, or if the
         residual grows by more than a factor of 1000.  A step that squeezes air too much is
-        shortened, see `Squeezing`.  Energies are never clamped, because this
-        would change the material.
+        shortened, see `Squeezing`, and so is one that leads far into an obstacle, see
+        `share_to_land`.  Energies are never clamped, because this would change the material.
         """
         problem = self.problem
         size = 1.0
+        if not history:
+            size = share_to_land(problem, problem.moved(start, increment))
         limit = np.inf  # The first residual after a change of load may be of any size.
         if len(history) > 1:
             limit = 1e3 * max(history[-1], self.options.tolerance)
