@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dea_fenicsx.path.arclength import Branch, Point
+from dea_fenicsx.path.arclength import Point, TracedBranch
 from dea_fenicsx.path.cubic import Cubic
 from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.soft_shapes import SoftShapes, size, stiffness
@@ -60,7 +60,7 @@ class SoftWatch:
         The branch.
     """
 
-    def __init__(self, branch: Branch) -> None:
+    def __init__(self, branch: TracedBranch) -> None:
         self.branch = branch
         self.forget()
 
@@ -73,7 +73,10 @@ class SoftWatch:
     def advance(
         self, here: Point, arc: float, before: Point | None
     ) -> tuple[Attempt, Point | None]:
-        """As of `Branch.advance`, but refuse a step that leaves along a soft shape.  Collective."""
+        """As of `TracedBranch.advance`, but refuse a step that leaves along a soft shape.
+
+        Collective.
+        """
         attempt, there = self.branch.advance(here, arc, before)
         if there is None or before is None or self._continues(here, there, arc, before):
             return attempt, there

@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.path.arclength import Branch, Point
+from dea_fenicsx.path.arclength import Point, TracedBranch
 from dea_fenicsx.path.crossing import MOST_POINTS_BACK, Crossings
 from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.items import Turn
@@ -67,7 +67,7 @@ class Turns:
         What the trace does there.  A turn that it follows is told once; with None we do not look.
     """
 
-    def __init__(self, branch: Branch, crossings: Crossings, at_turn: Turn | None) -> None:
+    def __init__(self, branch: TracedBranch, crossings: Crossings, at_turn: Turn | None) -> None:
         self.branch, self.crossings, self.at_turn = branch, crossings, at_turn
         self.forget()
 

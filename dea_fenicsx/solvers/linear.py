@@ -19,7 +19,7 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.corotation import Corotation
 from dea_fenicsx.solvers.factors import WholeFactor
 from dea_fenicsx.solvers.options import NewtonOptions
-from dea_fenicsx.solvers.outcome import Counters, Inertia, Outcome
+from dea_fenicsx.solvers.outcome import Counters, NegativePivots, Outcome
 from dea_fenicsx.solvers.refinement import Solution, solve_to
 from dea_fenicsx.solvers.split_factor import SPLIT_ROLES, SplitFactor
 from dea_fenicsx.solvers.tangent import SCALAR_MASS, Tangent
@@ -108,7 +108,7 @@ class LinearSolver:
     def _begin(self) -> None:
         """What holds before the first solve.  A split factor depends on the moduli."""
         self.counters = Counters()
-        self.inertia = Inertia()
+        self.inertia = NegativePivots()
         self.trouble = Outcome.CONVERGED
         self.notify: Callable[[str], None] = silent
         precise = self.options.factor == "precise"
@@ -217,14 +217,14 @@ class LinearSolver:
         elif factor is self._whole:
             self.inertia = self._counted(self._whole.excess)
         elif factor is self._split and self._split.precise:
-            self.inertia = self._counted(0) if self._split.proves_stable else Inertia()
+            self.inertia = self._counted(0) if self._split.proves_stable else NegativePivots()
         self._stale, self._wasted, self._best_rate = not ok, 0.0, np.inf
         self.counters.factor_s += time.perf_counter() - start
         return ok
 
-    def _counted(self, excess: int | None, settled: bool = False) -> Inertia:
+    def _counted(self, excess: int | None, settled: bool = False) -> NegativePivots:
         """A count of negative eigenvalues beyond those of a stable state, at the present one."""
-        return Inertia(excess, self.problem.factors, settled, time=self.problem.time)
+        return NegativePivots(excess, self.problem.factors, settled, time=self.problem.time)
 
     def _assemble(self, counting: bool) -> Any:
         """The tangent as a matrix, which the caller destroys."""
@@ -246,7 +246,7 @@ class LinearSolver:
             True if no solve follows: then the kept factor is deleted first to save memory.
         """
         if not self.problem.forms.is_symmetric:
-            self.inertia = Inertia()
+            self.inertia = NegativePivots()
             return
         if last:
             self._factor.make_room()
@@ -257,7 +257,7 @@ class LinearSolver:
         elif self._factorise(self._whole, counting=True):
             self.inertia.settled = True
         else:
-            self.inertia = Inertia()
+            self.inertia = NegativePivots()
 
     def _proves_stable(self, split: SplitFactor) -> bool:
         matrix = self._assemble(counting=True)
