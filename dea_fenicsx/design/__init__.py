@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from dea_fenicsx.design.front import Front
     from dea_fenicsx.design.helical import (
         CONSTRAINTS,
-        DESIGN_UNITS,
         EFFECTIVE_MU,
         ENVELOPE,
         OBJECTIVES,
         TABLE_4_2,
+        UNITS,
         HelicalModel,
         exact_hypervolume,
     )
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 _HOME = {
     "front": ("Front",),
     "helical": (
-        "CONSTRAINTS", "EFFECTIVE_MU", "ENVELOPE", "OBJECTIVES", "TABLE_4_2", "DESIGN_UNITS",
+        "CONSTRAINTS", "EFFECTIVE_MU", "ENVELOPE", "OBJECTIVES", "TABLE_4_2", "UNITS",
         "HelicalModel", "exact_hypervolume",
     ),
     "improving": ("Analysis", "Improved", "improve"),

@@ -53,7 +53,7 @@ CONSTRAINTS: dict[str, tuple[str, str]] = {
 printable thickness of elastomer in m, ``height`` the largest height of the actuator in m.
 """
 
-DESIGN_UNITS = {
+UNITS = {
     "outer_radius": "m", "inner_radius": "m", "elastomer": "m", "voltage": "V",
     "displacement": "m", "blocked_force": "N", "energy_density": "J_per_m3", "pitch": "m",
     "height": "m", "electrode_width": "m", "true_field": "V_per_m", "capacitance": "F",
@@ -149,7 +149,7 @@ class HelicalModel:
         contraction: Any = None,
         voltage: Any = None,
     ) -> dict[str, Any]:
-        """All quantities at a contraction, or at a voltage, by name; see `DESIGN_UNITS`.
+        """All quantities at a contraction, or at a voltage, by name; see `UNITS`.
 
         ``strain`` is that of the elastomer, ``displacement`` is the stroke of all driven layers.
         ``blocked_force`` is the axial force when the height is held.  It is eps (V/T)^2 times the
