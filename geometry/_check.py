@@ -12,7 +12,7 @@ from dea_fenicsx.support.validation import is_finite, is_whole
 MOST_METRES = 1e6
 """Lengths in m beyond which no device lies; squares of larger ones may overflow."""
 
-MOST_CELLS = 100_000
+MOST_CELLS_IN_LINE = 100_000
 """Cells along one direction beyond which a count is a slip of the pen."""
 
 
@@ -38,8 +38,10 @@ def number(owner: str, name: str, value: Any) -> float:
 
 def count(owner: str, name: str, value: Any, least: int = 1) -> int:
     """A whole number of at least ``least``."""
-    if isinstance(value, Integral) and int(value) > MOST_CELLS:
-        raise InputError(f"{owner}: {name} is {shown(value)}; it must be at most {MOST_CELLS}.")
+    if isinstance(value, Integral) and int(value) > MOST_CELLS_IN_LINE:
+        raise InputError(
+            f"{owner}: {name} is {shown(value)}; it must be at most {MOST_CELLS_IN_LINE}."
+        )
     if not is_whole(value, least):
         raise InputError(
             f"{owner}: {name} is {shown(value)}; it must be a whole number of at least {least}."

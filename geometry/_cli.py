@@ -15,7 +15,7 @@ from . import _gmsh
 from .base import Geometry, Layer
 
 
-class Parser(argparse.ArgumentParser):
+class MeshParser(argparse.ArgumentParser):
     """argparse, with one sentence for an unusable command line instead of the whole usage."""
 
     def error(self, message: str) -> NoReturn:
@@ -60,7 +60,7 @@ def parameter_parser(
     module: str, summary: str, device: Callable[..., Geometry], about: Mapping[str, str]
 ) -> argparse.ArgumentParser:
     """A parser with one option for each number or word among the fields named in ``about``."""
-    parser = Parser(prog=f"python -m {module}", description=summary)
+    parser = MeshParser(prog=f"python -m {module}", description=summary)
     parser.add_argument("output", help="mesh file to write, ending in .msh")
     for field in fields(device):  # type: ignore[arg-type]
         if field.name not in about:

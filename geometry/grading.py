@@ -10,13 +10,15 @@ from dea_fenicsx.support.type_checks import shown
 
 from . import _check
 
-ENDS = ("both", "start", "end", "none")
+GRADED_ENDS = ("both", "start", "end", "none")
 
 
 def check_ends(owner: str, name: str, value: object) -> str:
     """One of "both", "start", "end", "none"."""
-    if not isinstance(value, str) or value not in ENDS:
-        raise InputError(f"{owner}: {name} is {shown(value)}; it must be one of {', '.join(ENDS)}.")
+    if not isinstance(value, str) or value not in GRADED_ENDS:
+        raise InputError(
+            f"{owner}: {name} is {shown(value)}; it must be one of {', '.join(GRADED_ENDS)}."
+        )
     return value
 
 

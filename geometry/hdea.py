@@ -19,7 +19,7 @@ from .base import Geometry
 from .grading import graded
 from .sectors import ANGLE_TOLERANCE_DEG, Sector, angular_ends, checked_sectors
 
-ENDS = ("ramp", "flat")
+END_KINDS = ("ramp", "flat")
 
 
 @dataclass(frozen=True)
@@ -135,9 +135,9 @@ class HDEA(Geometry):
         ):  # fmt: skip
             _check.count("HDEA", name, getattr(self, name))
         _check.length("HDEA", "cap", self.cap, zero=True)
-        if self.ends not in ENDS:
+        if self.ends not in END_KINDS:
             raise InputError(
-                f"HDEA: ends is {shown(self.ends)}; it must be one of {', '.join(ENDS)}."
+                f"HDEA: ends is {shown(self.ends)}; it must be one of {', '.join(END_KINDS)}."
             )
         if self.cap > 0 and self.ends == "ramp":
             raise InputError(

@@ -53,7 +53,7 @@ def test_waves_of_too_many_steps_are_refused(scene, drive, steps, corners):
 )
 def test_too_many_rows_are_refused(scene, drive, monkeypatch):
     check_path(scene, [dea.March(1.0, {"voltage": drive})])
-    monkeypatch.setattr(trial, "MOST_STEPS", 1000)
+    monkeypatch.setattr(trial, "MOST_STEPS_OF_MARCH", 1000)
     assert "needs at least 1.5e+03 steps for 1 s" in refusal(scene, drive)
 
 

@@ -14,7 +14,7 @@ from dea_fenicsx.model import forms
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.terms import WorkTerm, terms_of
-from dea_fenicsx.path.stability import Spectrum
+from dea_fenicsx.path.stability import CriticalEigenvalue
 from dea_fenicsx.solvers.eigenpairs import eigenpairs
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support import compat
@@ -64,7 +64,7 @@ def values(pairs):
 
 @pytest.mark.parametrize("width", [1e-3, 1.00001e-3, 1.3e-3], ids=["double", "close", "apart"])
 def test_the_nearest_eigenpairs(width):
-    """To 1e-8, in order, each vector an eigenvector, and the first that of `Spectrum`."""
+    """To 1e-8, in order, each vector an eigenvector, and the first that of `CriticalEigenvalue`."""
     solver = clamped_film(width=width)
     known = all_eigenvalues(solver)
     gap = abs(known[1] / known[0] - 1)
@@ -78,7 +78,7 @@ def test_the_nearest_eigenpairs(width):
         rest = solver.tangent.times(pair.vector)
         rest[u] -= pair.value * pair.vector[u]
         assert np.linalg.norm(rest) < 1e-7 * abs(pair.value) and pair.residual < 1e-7 * pair.value
-    _, size, _ = Spectrum(solver).nearest_zero(solver.problem.state)
+    _, size, _ = CriticalEigenvalue(solver).nearest_zero(solver.problem.state)
     assert abs(size - pairs[0].value) < 1e-4 * size
 
 

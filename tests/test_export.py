@@ -15,7 +15,7 @@ from dea_fenicsx.cli import main
 from dea_fenicsx.geometry import BoxStack, HollowSphere, Layer
 from dea_fenicsx.mesh.named_mesh import NamedMesh, serendipity
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.results.abaqus import FACES, element, input_file, names_for
+from dea_fenicsx.results.abaqus import ABAQUS_FACES, element, input_file, names_for
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.reading import read_frame
 
@@ -138,7 +138,7 @@ def test_abaqus_of_results(run, tmp_path):
     sides = text.split("*SURFACE, NAME=top, TYPE=ELEMENT\n")[1].split("*")[0].split("\n")[:-1]
     for side in sides:
         row, face = side.split(", S")
-        corners = cells[int(row) - 1][list(FACES["hexahedron"][int(face) - 1])]
+        corners = cells[int(row) - 1][list(ABAQUS_FACES["hexahedron"][int(face) - 1])]
         assert mesh.points[corners, 2] == pytest.approx(L)
     assert len(sides) == 2
 

@@ -166,7 +166,7 @@ def neighbour(run, path, name, observable, one, step):
     problem, scene = run._problem, run._problem.scene
     record, options = {name: observable}, {"quiet": True, "options": TIGHT}
     column = next(c for c in run.history.names if c.split("_")[0] == name)
-    if isinstance(one, Load):
+    if isinstance(one, LoadVariable):
         factor = problem.factors[one.ramp] + step / one.unit
         state = NewtonSolver(problem, TIGHT).solve(problem.state, {one.ramp: factor}).found
         measure = observable.bind(problem)
@@ -204,8 +204,8 @@ def test_differences_converge_to_the_derivative(case):
     found = run.sensitivity(name, to)
     assert found.method == "adjoint"
     for one in variables(run._problem, to):
-        size = {Load: 1.0, Coefficients: getattr(one, "value", 0.0)}.get(type(one), L)
-        if isinstance(one, Load):
+        size = {LoadVariable: 1.0, Coefficients: getattr(one, "value", 0.0)}.get(type(one), L)
+        if isinstance(one, LoadVariable):
             size = one.unit
         errors = []
         for share in (1e-2, 5e-3):

@@ -19,7 +19,7 @@ from test_gradients import (
 )
 
 import dea_fenicsx as dea
-from dea_fenicsx.gradients.variables import Load, variables
+from dea_fenicsx.gradients.variables import LoadVariable, variables
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
@@ -66,7 +66,9 @@ def test_the_taylor_series_is_right_to_the_second_term(case):
     run = dea.solve(scene, path, record, quiet=True, options=TIGHT)
     found = run.sensitivity(name, to)
     ones = variables(run._problem, to)
-    sizes = {o.name: o.unit if isinstance(o, Load) else getattr(o, "value", L) for o in ones}
+    sizes = {
+        o.name: o.unit if isinstance(o, LoadVariable) else getattr(o, "value", L) for o in ones
+    }
     rows = [run.hessian_product(name, to, {q: sizes[q]}) for q in to]
     H = np.array([[row[p] * sizes[p] for p in to] for row in rows])
     assert np.allclose(H, H.T, rtol=0, atol=1e-8 * np.abs(H).max())

@@ -13,7 +13,7 @@ from dea_fenicsx.exact import Film, pull_in_map
 from dea_fenicsx.materials import RateData, rate_stress
 from dea_fenicsx.model.local_flow import flowed
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.model.spring_frames import WEIGHTS, matrices, six_of
+from dea_fenicsx.model.spring_frames import MANDEL_WEIGHTS, matrices, six_of
 from dea_fenicsx.model.viscous_history import Rule, determinant, inverse, unimodular
 from dea_fenicsx.solvers.tangent import Tangent
 from dea_fenicsx.support.errors import InputError
@@ -85,9 +85,9 @@ def test_moduli_are_the_derivative_of_the_stress(name):
         small, found = 1e-6, np.empty((len(C), 6, 6))
         for j in range(6):
             move = np.zeros(6)
-            move[j] = small / WEIGHTS[j]
+            move[j] = small / MANDEL_WEIGHTS[j]
             up, down = (flowed(branch, span, C + s * move, H).stress for s in (1, -1))
-            found[:, :, j] = (up - down) * WEIGHTS / small
+            found[:, :, j] = (up - down) * MANDEL_WEIGHTS / small
         assert found == pytest.approx(moduli, abs=3e-7 * np.abs(moduli).max() + 1e-4 * MU)
         if branch.is_variational:
             assert moduli == pytest.approx(np.swapaxes(moduli, 1, 2), abs=1e-12 * MU)

@@ -139,8 +139,8 @@ def test_without_fields_at_nodes_and_thinned(run, no_library, tmp_path, monkeypa
     shutil.copytree(run.out, folder)
     (folder / "nodal.xdmf").unlink()
     (folder / "summary.json").unlink()
-    monkeypatch.setattr(skin, "MOST_POINTS", 20)
-    monkeypatch.setattr(skin, "MOST_BYTES", 1)
+    monkeypatch.setattr(skin, "MOST_POINTS_OF_REPORT", 20)
+    monkeypatch.setattr(skin, "MOST_BYTES_OF_REPORT", 1)
     told, arrays = parts(report.page(folder))
     assert told["device"]["points"] <= 20 and told["device"]["steps"] == [0, 2]
     points = arrays["points"].reshape(3, -1).T.astype(float)

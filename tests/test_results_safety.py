@@ -169,7 +169,7 @@ def test_every_column_of_the_package_is_known():
 
 
 TAKEN = (
-    *columns.LEADING_COLUMNS, *columns.FIELD, *columns.WORK, *columns.SUMMARY, "voltage_V",
+    *columns.LEADING_COLUMNS, *columns.FIELD_COLUMNS, *columns.WORK, *columns.SUMMARY, "voltage_V",
     "pull_factor", "breakdown_ratio",
 )  # fmt: skip
 

@@ -36,16 +36,6 @@ MOST_PARAMETERS = 8
 MOST_METHODS = 15
 """Public methods of a class that are no properties."""
 
-EXCEPTIONS = {
-    # front doors of the design search, with their keywords declared in a TypedDict beside
-    "design.searching: optimise has 9 parameters",
-    "design.searching: search has 9 parameters",
-    "design.verify: cell_stroke has 9 parameters",
-    "design.verify: helix_stroke has 9 parameters",
-}
-"""What is beyond a limit and may be so for now; whoever mends one takes it out."""
-
-
 def sources(root: Path = PACKAGE) -> Iterator[Path]:
     """All Python files of a package, those behind its links included, but for its front door."""
     for folder, _, files in os.walk(root, followlinks=True):
@@ -254,8 +244,8 @@ def beyond_limits(root: Path = PACKAGE) -> set[str]:
 
 
 def test_functions_and_classes_are_small():
-    """Nothing but `EXCEPTIONS` is beyond a limit, and each exception still is."""
-    assert beyond_limits() == EXCEPTIONS
+    """No function or class is beyond a limit."""
+    assert beyond_limits() == set()
 
 
 def test_what_is_too_large_is_seen_behind_a_link(tmp_path):

@@ -11,7 +11,7 @@ from conftest import block
 import dea_fenicsx as dea
 from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.path.arclength import Branch, Cubic
+from dea_fenicsx.path.arclength import Cubic, TracedBranch
 from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.solvers.newton import NewtonSolver
 
@@ -71,7 +71,7 @@ def test_the_cubic_between_two_points_is_of_fourth_order():
     solver = NewtonSolver(Problem(film(dea.NeoHookean(MU))))
     problem = solver.problem
     problem.commit(solver.solve(problem.state, {"voltage": 0.68}).found)
-    branch = Branch(solver, LoadCourse(solver, {"voltage": 1.0}, 0.68), 0.05)
+    branch = TracedBranch(solver, LoadCourse(solver, {"voltage": 1.0}, 0.68), 0.05)
     here = branch.point(problem.state, None, 1.0)
     x = problem.displacement[0]
     size = np.ptp(x.space.tabulate_dof_coordinates()[:, 0])

@@ -22,7 +22,7 @@ from dea_fenicsx.support.validation import known, positive
 TIME_STEP = 1e-5
 """Relative step of a relaxation time for the derivative by it."""
 
-MOST_KEPT = 3
+MOST_TIME_SETS_KEPT = 3
 """Number of sets of relaxation times for which the stresses of branches are kept."""
 
 
@@ -253,7 +253,7 @@ class RateTests(Experiment):
         """Stress of each branch over its modulus, each of shape (n, K)."""
         key = tuple(map(float, tau))
         if key not in self._kept:  # differences by other parameters need no new march
-            while len(self._kept) >= MOST_KEPT:
+            while len(self._kept) >= MOST_TIME_SETS_KEPT:
                 del self._kept[next(iter(self._kept))]
             parts = self._programme.springs(np.array(key))
             self._kept[key] = {

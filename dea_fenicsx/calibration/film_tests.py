@@ -10,7 +10,7 @@ import numpy as np
 
 from dea_fenicsx.calibration.experiments import Column, Experiment, columns_of
 from dea_fenicsx.calibration.parameters import Trial
-from dea_fenicsx.exact.branch import State, trace
+from dea_fenicsx.exact.branch import HomogeneousState, trace
 from dea_fenicsx.exact.course import Moments
 from dea_fenicsx.exact.film import Film
 from dea_fenicsx.exact.marching import march
@@ -31,7 +31,7 @@ FILM_COLUMNS: dict[str, Callable[[Moments], np.ndarray]] = {
 }
 """Columns of a film in time; charge and capacitance are per undeformed area."""
 
-STATE_COLUMNS: dict[str, Callable[[State], float]] = {
+STATE_COLUMNS: dict[str, Callable[[HomogeneousState], float]] = {
     "stretch": lambda s: float(s.stretches[0]),
     "second_stretch": lambda s: float(s.stretches[1]),
     "thickness_stretch": lambda s: float(s.stretches[2]),

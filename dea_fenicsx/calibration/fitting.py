@@ -25,7 +25,7 @@ from dea_fenicsx.support.validation import keywords, whole
 FAR = 1.0
 """Distance from the start, in coordinates, at which further starts are without bounds."""
 
-MOST_TRIALS = 200
+MOST_TRIALS_OF_START = 200
 """Most trials from one start."""
 
 SAME_COST = 1e-3
@@ -343,7 +343,7 @@ class LeastSquares:
             found = least_squares(
                 on_all_ranks("residuals"), np.clip(z, low + inside, high - inside),
                 on_all_ranks("jacobian"), bounds=(low, high), x_scale="jac", xtol=tolerance,
-                ftol=tolerance, gtol=1e-12, max_nfev=MOST_TRIALS,
+                ftol=tolerance, gtol=1e-12, max_nfev=MOST_TRIALS_OF_START,
             )  # fmt: skip
             return self.comm.bcast(("", (2 * float(found.cost), found.x)), root=0)[1]
 

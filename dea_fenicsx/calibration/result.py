@@ -15,7 +15,7 @@ from dea_fenicsx.calibration.bands import slopes_of
 from dea_fenicsx.calibration.experiments import Column, Experiment
 from dea_fenicsx.calibration.parameters import Coordinates, Parameter, Trial
 from dea_fenicsx.calibration.statistics import (
-    Direction,
+    ParameterCombination,
     corrected_criterion,
     half_width,
     quantile,
@@ -135,7 +135,7 @@ class Calibration:
     exact: bool
     freedom: float
     independent: np.ndarray
-    directions: tuple[Direction, ...]
+    directions: tuple[ParameterCombination, ...]
     columns: tuple[Fitted, ...]
     costs: tuple[float, ...]
     same: int
@@ -180,7 +180,7 @@ class Calibration:
             return np.asarray(self.covariance / np.outer(spread, spread))
 
     @property
-    def loose(self) -> tuple[Direction, ...]:
+    def loose(self) -> tuple[ParameterCombination, ...]:
         """The combinations of parameters that the data do not fix."""
         return tuple(d for d in self.directions if d.is_loose)
 

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SMALLEST_SINGULAR_VALUE = 1e-7
+SMALLEST_SINGULAR_VALUE_OF_PARAMETERS = 1e-7
 """Smallest singular value, relative to the largest, of a combination that anything fixes."""
 
-SMALLEST_COMPONENT = 1e-3
+SMALLEST_COMPONENT_OF_PARAMETER = 1e-3
 """Smallest component of a parameter in a direction that counts."""
 
 TOLD_COMPONENT = 0.05
@@ -31,7 +31,7 @@ LOOSE = 1.0
 
 
 @dataclass(frozen=True)
-class Direction:
+class ParameterCombination:
     """A combination of parameters, and how well the data fix it.
 
     Attributes
@@ -92,7 +92,7 @@ def covariance(J: np.ndarray, v: np.ndarray, P: np.ndarray) -> tuple[np.ndarray,
     C = V @ (rows.T @ rows) @ V.T / np.outer(lengths, lengths)
     inner = np.linalg.pinv(rows.T @ rows)
     inverse = lengths[:, None] * (V @ inner @ V.T) * lengths
-    lost = np.any(np.abs(Vt[~clear]) > SMALLEST_COMPONENT, axis=0)
+    lost = np.any(np.abs(Vt[~clear]) > SMALLEST_COMPONENT_OF_PARAMETER, axis=0)
     C[lost, :] = C[:, lost] = 0.0
     C[lost, lost] = np.inf
     return C, inverse, int(clear.sum())
@@ -106,7 +106,7 @@ def _lengths(J: np.ndarray) -> np.ndarray:
 
 def _clear(values: np.ndarray) -> np.ndarray:
     """Which singular values, the largest first, belong to a combination that anything fixes."""
-    return values > SMALLEST_SINGULAR_VALUE * max(values[0], 1e-300)
+    return values > SMALLEST_SINGULAR_VALUE_OF_PARAMETERS * max(values[0], 1e-300)
 
 
 def only_fixed(J: np.ndarray) -> np.ndarray:
@@ -117,7 +117,9 @@ def only_fixed(J: np.ndarray) -> np.ndarray:
     return np.asarray((U[:, clear] * values[clear]) @ Vt[clear] * lengths)
 
 
-def directions(J: np.ndarray, v: np.ndarray, names: Sequence[str]) -> tuple[Direction, ...]:
+def directions(
+    J: np.ndarray, v: np.ndarray, names: Sequence[str]
+) -> tuple[ParameterCombination, ...]:
     """Independent combinations of parameters by growing certainty, from the data alone.
 
     They are the singular vectors of the Jacobian, each row divided by its standard deviation.
@@ -129,8 +131,8 @@ def directions(J: np.ndarray, v: np.ndarray, names: Sequence[str]) -> tuple[Dire
     for s, row in zip(values[::-1], Vt[::-1], strict=True):
         share = row / row[int(np.argmax(np.abs(row)))]
         parts = {n: float(c) for n, c in zip(names, share, strict=True) if abs(c) > TOLD_COMPONENT}
-        known = s > SMALLEST_SINGULAR_VALUE * values[0]
-        found.append(Direction(parts, float(1 / s) if known else np.inf))
+        known = s > SMALLEST_SINGULAR_VALUE_OF_PARAMETERS * values[0]
+        found.append(ParameterCombination(parts, float(1 / s) if known else np.inf))
     return tuple(found)
 
 

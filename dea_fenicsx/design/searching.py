@@ -25,27 +25,34 @@ from dea_fenicsx.support.validation import keywords
 
 
 class SearchOptions(TypedDict, total=False):
-    """Keywords of the genetic algorithm that `search` hands on; see `EvolutionOptions`."""
+    """Keywords of `search`: those of the genetic algorithm, see `EvolutionOptions`, and one more.
+
+    Attributes
+    ----------
+    quiet
+        Whether to print nothing; else a line for each tenth of the generations, from rank 0.
+    """
 
     population: int
     generations: int
     seed: int
     start: Sequence[Mapping[str, float]]
+    quiet: bool
 
 
 class OptimiseOptions(SearchOptions, total=False):
-    """Keywords of `optimise` beside those of the genetic algorithm.
+    """Keywords of `optimise` beside those of `search`.
 
     Attributes
     ----------
     comm
         The communicator whose ranks share the work.
-    quiet
-        Whether to print nothing.
+    failures
+        Exceptions that make a design infeasible; they are logged.  Others end the search.
     """
 
     comm: Any
-    quiet: bool
+    failures: tuple[type[Exception], ...]
 
 
 def search(
@@ -57,7 +64,6 @@ def search(
     electrode: float = 50e-6,
     inset: float = 0.0,
     turns: int = 1,
-    quiet: bool = True,
     **options: Unpack[SearchOptions],
 ) -> Front:
     """Search the analytic helical actuator for the best designs (thesis 4.4.3 to 4.4.5).
@@ -75,11 +81,9 @@ def search(
         Names out of `CONSTRAINTS`, each with its number.
     electrode, inset, turns
         See `HelicalModel`.
-    quiet
-        Print nothing; else a line for each tenth of the generations, from rank 0.
     options
-        ``population``, ``generations`` (100 each) and ``seed`` (1) of NSGA-II, and ``start``,
-        designs that the first generation is to contain; see `SearchOptions`.
+        ``population``, ``generations`` (100 each) and ``seed`` (1) of NSGA-II, ``start``, designs
+        that the first generation is to contain, and ``quiet`` (True); see `SearchOptions`.
 
     Returns
     -------
@@ -92,8 +96,9 @@ def search(
     """
     chosen = keywords(
         "search", options, SearchOptions,
-        {"population": 100, "generations": 100, "seed": 1, "start": ()},
+        {"population": 100, "generations": 100, "seed": 1, "start": (), "quiet": True},
     )  # fmt: skip
+    quiet = chosen.pop("quiet")
     require_pymoo()
     model = HelicalModel(material_of(material), electrode, inset, turns)
     free, fixed = _within(envelope or {})
@@ -153,7 +158,6 @@ def optimise(
     out: str | os.PathLike | None = None,
     resume: bool = False,
     settings: Mapping[str, Any] | None = None,
-    failures: tuple[type[Exception], ...] = (DeaError,),
     **options: Unpack[OptimiseOptions],
 ) -> Front:
     """Search with any Python function as the evaluator, finite elements included.
@@ -179,12 +183,11 @@ def optimise(
         Take from `out` what an earlier search has evaluated; else its files move to ``previous/``.
     settings
         What else the function depends on; a search with other settings is not resumed.
-    failures
-        Exceptions that make a design infeasible; they are logged.  Others end the search.
     options
         ``population`` (16), ``generations`` (10), ``seed`` (1) and ``start`` as in `search`; more
         generations than an earlier search had carry it on.  ``comm``, whose ranks share the work
-        (MPI.COMM_WORLD).  ``quiet``: print nothing (False).  See `OptimiseOptions`.
+        (MPI.COMM_WORLD).  ``quiet``: print nothing (False).  ``failures``, exceptions that make a
+        design infeasible (`DeaError`).  See `OptimiseOptions`.
 
     Returns
     -------
@@ -199,10 +202,10 @@ def optimise(
     chosen = keywords(
         "optimise", options, OptimiseOptions,
         {"population": 16, "generations": 10, "seed": 1, "start": (), "comm": MPI.COMM_WORLD,
-         "quiet": False},
+         "quiet": False, "failures": (DeaError,)},
     )  # fmt: skip
     require_pymoo()
-    comm, quiet = chosen["comm"], chosen.pop("quiet")
+    comm, quiet, failures = chosen["comm"], chosen.pop("quiet"), chosen.pop("failures")
     free, fixed = ranges(variables)
     wanted, bounds = goals(objectives), limits(constraints or {})
     if resume and out is None:

@@ -31,7 +31,7 @@ from dea_fenicsx.support.errors import InputError
 VARIABLE_STEP = 1e-4
 """Step of a variable, relative to its range: most geometries are linear in their sizes."""
 
-RATE_TOLERANCE = 1e-9
+VARIATION_TOLERANCE = 1e-9
 """Relative difference of two rates or of two positions that counts as rounding."""
 
 Build = Callable[..., Scene]
@@ -123,7 +123,7 @@ def _rates(numbers: Sequence[tuple[float, Mapping[str, float]]]) -> dict[str, fl
     for key in numbers[0][1]:
         terms = [weight * values[key] for weight, values in numbers]
         rate = sum(terms)
-        if abs(rate) > RATE_TOLERANCE * sum(abs(term) for term in terms):
+        if abs(rate) > VARIATION_TOLERANCE * sum(abs(term) for term in terms):
             found[key] = rate
     return found
 
@@ -157,7 +157,7 @@ def _volts(scene: Scene, others: Sequence[tuple[float, Scene]], name: str) -> di
                     "ratio; let each voltage that changes by itself have a ramp of its own."
                 )
         size = sum(abs(weight * other.unit_volts[ramp]) for weight, other in others)
-        if abs(rate) > RATE_TOLERANCE * size:
+        if abs(rate) > VARIATION_TOLERANCE * size:
             found[ramp] = rate
     return found
 
@@ -219,7 +219,7 @@ def _shape(scene: Scene, others: Sequence[tuple[float, Scene]], name: str) -> Sh
     )
     fastest = device.comm.allreduce(float(np.abs(velocity).max(initial=0.0)), op=MPI.MAX)
     step = 1 / max(abs(weight) for weight, _ in others)
-    if fastest * step < RATE_TOLERANCE * device.length:
+    if fastest * step < VARIATION_TOLERANCE * device.length:
         return None
     nodes = cKDTree(here)
 

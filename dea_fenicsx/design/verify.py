@@ -85,16 +85,19 @@ def ring_stroke(
 
 
 class CellOptions(TypedDict, total=False):
-    """Mesh and path of `cell_stroke`.
+    """Electrodes, mesh and path of `cell_stroke`.
 
     Attributes
     ----------
+    electrode
+        Thickness of the electrodes in m.
     cells
         Over the width, and through the elastomer.
     steps
         Of the height.
     """
 
+    electrode: float
     cells: tuple[int, int]
     steps: int
 
@@ -106,7 +109,6 @@ def cell_stroke(
     *,
     material: Material,
     voltage: float,
-    electrode: float = 50e-6,
     electrode_mu: float,
     largest: float,
     **options: Unpack[CellOptions],
@@ -119,13 +121,13 @@ def cell_stroke(
 
     Parameters
     ----------
-    electrode, electrode_mu
-        Thickness in m and shear modulus in Pa of the electrodes, which are neo-Hookean.
+    electrode_mu
+        Shear modulus in Pa of the electrodes, which are neo-Hookean.
     largest
         A stroke in m that is not reached, as the analytic one times 1.1.
     options
-        ``cells`` over the width and through the elastomer ((12, 2)), and ``steps`` of the height
-        (12).
+        ``electrode``, the thickness of the electrodes in m (50e-6), ``cells`` over the width and
+        through the elastomer ((12, 2)), and ``steps`` of the height (12).
 
     Returns
     -------
@@ -137,9 +139,12 @@ def cell_stroke(
     EquilibriumLost
         If the force does not change sign: beyond pull-in, as a rule.
     """
-    chosen = keywords("cell_stroke", options, CellOptions, {"cells": (12, 2), "steps": 12})
+    chosen = keywords(
+        "cell_stroke", options, CellOptions,
+        {"electrode": 50e-6, "cells": (12, 2), "steps": 12},
+    )  # fmt: skip
     width, through = chosen["cells"]
-    half = electrode / 2
+    half = chosen["electrode"] / 2
     layers = [
         Layer("lower", half),
         Layer("film", elastomer, divisions=through, grading=3.0),
@@ -181,7 +186,6 @@ def helix_stroke(
     material: Material,
     voltage: float,
     turns: int = 2,
-    inset: float = 0.0,
     steps: int = 4,
     **options: Any,
 ) -> dict[str, float]:
@@ -192,13 +196,13 @@ def helix_stroke(
 
     Parameters
     ----------
-    turns, inset
+    turns
         See `HDEA`.
     steps
         Voltage steps.
     options
         ``comm``, whose ranks share the work (MPI.COMM_SELF); all others are parameters of `HDEA`,
-        such as its divisions ``angular``, ``radial``, ``rim`` and ``through``.
+        such as ``inset`` (0) and its divisions ``angular``, ``radial``, ``rim`` and ``through``.
 
     Returns
     -------
@@ -206,7 +210,7 @@ def helix_stroke(
         ``stroke_m`` (mean of the top against mean of the bottom), ``layers`` that are driven,
         ``max_field_V_per_m``, ``unknowns``.
     """
-    comm = options.pop("comm", MPI.COMM_SELF)
+    comm, inset = options.pop("comm", MPI.COMM_SELF), options.pop("inset", 0.0)
     shape = HDEA(outer_radius, inner_radius, inset, elastomer, 0.0, turns, **options)
     driven = ("electrode_b_active", "electrode_b_top") if turns > 1 else "electrode_b_top"
     scene = Scene(

@@ -10,7 +10,7 @@ from dea_fenicsx.drives.waves import Wave, called
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.validation import finite
 
-MOST_STEPS = 1_000_000
+MOST_STEPS_OF_MARCH = 1_000_000
 """Most steps of a march, whether they are asked for by number or by its drives."""
 
 MANY_LANDINGS = 10_000
@@ -31,7 +31,7 @@ def check_numbers(wave: Wave, what: str, seconds: float) -> None:
 
 
 def check_pace(waves: Mapping[str, Wave], seconds: float, follows: bool = True) -> None:
-    """Raise InputError if a wave asks for more than `MOST_STEPS` steps within a time in s.
+    """Raise InputError if a wave asks for more than `MOST_STEPS_OF_MARCH` steps within a time in s.
 
     A step ends at each corner of a wave, and is not longer than what shows the wave's own course.
 
@@ -45,10 +45,10 @@ def check_pace(waves: Mapping[str, Wave], seconds: float, follows: bool = True) 
     for what, wave in waves.items():
         corners = wave.number_of_corners(0.0, seconds)
         steps = max(corners, seconds / max(wave.finest(), SHORTEST_TIME) if follows else 0.0)
-        if not steps <= MOST_STEPS:
+        if not steps <= MOST_STEPS_OF_MARCH:
             raise InputError(
                 f"{what[:1].upper()}{what[1:]} needs at least {steps:.3g} steps for {seconds:g} s, "
                 f"of which {corners:.3g} end at its corners, but a march has at most "
-                f"{MOST_STEPS:.0e}; give a lower frequency (in Hz), fewer rows, or a shorter time "
-                "(in s)."
+                f"{MOST_STEPS_OF_MARCH:.0e}; give a lower frequency (in Hz), fewer rows, or a "
+                "shorter time (in s)."
             )

@@ -14,10 +14,13 @@ A film with viscous branches moves in time:
 NumPy and SciPy only; nothing here needs a mesh.
 """
 
+from typing import Any
+from warnings import warn
+
 from dea_fenicsx.exact.activation import activation_voltage
 from dea_fenicsx.exact.balloon import Balloon
 from dea_fenicsx.exact.bending import Bent, bend
-from dea_fenicsx.exact.branch import Branch, Event, State, trace
+from dea_fenicsx.exact.branch import Branch, Event, HomogeneousState, trace
 from dea_fenicsx.exact.circuits import Harvest, charging_voltage, harvesting_cycle, leaked_charge
 from dea_fenicsx.exact.cone import Cone
 from dea_fenicsx.exact.course import Balance, Course, Moments, PullIn
@@ -36,7 +39,7 @@ from dea_fenicsx.exact.linear import (
 )
 from dea_fenicsx.exact.marching import march
 from dea_fenicsx.exact.pull_in_map import PullInMap, pull_in_map
-from dea_fenicsx.exact.round_balloon import RoundBalloon, RoundState, ShapeChange
+from dea_fenicsx.exact.round_balloon import RoundBalloon, RoundnessChange, RoundState
 from dea_fenicsx.exact.states import (
     elastic_stress,
     maxwell_pressure,
@@ -56,7 +59,7 @@ __all__ = [
     "trace",
     "Branch",
     "Event",
-    "State",
+    "HomogeneousState",
     "elastic_stress",
     "true_stress",
     "nominal_stress",
@@ -101,7 +104,18 @@ __all__ = [
     "Balloon",
     "RoundBalloon",
     "RoundState",
-    "ShapeChange",
+    "RoundnessChange",
     "disc_capacitance",
     "plate_capacitance",
 ]
+
+_RENAMED = {"State": HomogeneousState, "ShapeChange": RoundnessChange}
+
+
+def __getattr__(name: str) -> Any:
+    """A class by its earlier name, with a DeprecationWarning."""
+    if name in _RENAMED:
+        now = _RENAMED[name]
+        warn(f"exact.{name} is called {now.__name__} now.", DeprecationWarning, stacklevel=2)
+        return now
+    raise AttributeError(f"dea_fenicsx.exact has no {name!r}")

@@ -30,7 +30,7 @@ from dea_fenicsx.materials.stretches import taylor
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import si
 
-GAUSS_POINTS = 20
+GAUSS_POINTS_OF_LAYER = 20
 """Number of Gauss points in each layer; with 20 the error of these smooth integrands is
 rounding.
 """
@@ -106,11 +106,11 @@ def bend(plies: Sequence[Ply], volts: Any, across: Across = "held") -> list[Bent
     return states
 
 
-_X, _W = legendre.leggauss(GAUSS_POINTS)
+_X, _W = legendre.leggauss(GAUSS_POINTS_OF_LAYER)
 # values at the Gauss points to their integral from -1 up to each of them
 _INTEGRAL = np.array(
     [legendre.legval(_X, legendre.legint(c, lbnd=-1))
-     for c in np.linalg.inv(legendre.legvander(_X, GAUSS_POINTS - 1)).T]
+     for c in np.linalg.inv(legendre.legvander(_X, GAUSS_POINTS_OF_LAYER - 1)).T]
 ).T  # fmt: skip
 
 
@@ -137,7 +137,7 @@ def _resultants(plies: Sequence[Ply], height: float, x: np.ndarray, volts: float
         # a trial that turns the top inside out still gets finite numbers, of a stretch near 0
         square = np.maximum(b * b + 2 * k * Z / a, 1e-6)
         lam = np.sqrt(square)
-        e = np.array([np.log(lam), np.full(GAUSS_POINTS, np.log(a)), -np.log(lam * a)])
+        e = np.array([np.log(lam), np.full(GAUSS_POINTS_OF_LAYER, np.log(a)), -np.log(lam * a)])
         _, R, _ = taylor(ply.material.elastic, e)
         hoop, side = R[0] - R[2], R[1] - R[2]
         if ply.driven:

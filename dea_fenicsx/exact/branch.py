@@ -24,7 +24,7 @@ SAMPLE_STEP = 0.01
 
 
 @dataclass(frozen=True)
-class State:
+class HomogeneousState:
     """One homogeneous equilibrium.
 
     Attributes
@@ -61,7 +61,7 @@ class Event:
     """
 
     kind: str
-    state: State
+    state: HomogeneousState
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ class Branch:
 
     # ------------------------------------------------------------------ states
 
-    def at(self, place: float) -> State:
+    def at(self, place: float) -> HomogeneousState:
         """The equilibrium at a place on the branch, in units of samples (2.5: between 2 and 3)."""
         k = int(np.clip(np.floor(place), 0, len(self.M) - 2))
         s = place - k
@@ -133,7 +133,7 @@ class Branch:
             a, b = self.e[:, k], self.e[:, k + 1]
             e, M = self._solve(a + s * (b - a), b - a)
         film = self.film
-        return State(
+        return HomogeneousState(
             stretches=np.exp(e),
             maxwell=M,
             voltage=float(film.voltage(e, M)),
@@ -144,7 +144,7 @@ class Branch:
         )
 
     def _crossings(
-        self, samples: np.ndarray, value: Callable[[State], float]
+        self, samples: np.ndarray, value: Callable[[HomogeneousState], float]
     ) -> list[tuple[float, bool]]:
         """Places where a quantity changes sign, each with whether it rises there."""
         found = []
@@ -158,32 +158,36 @@ class Branch:
                 found.append((float(place), bool(b > a)))
         return found
 
-    def states_at(self, load: float, control: str = "voltage") -> list[tuple[State, bool]]:
+    def states_at(
+        self, load: float, control: str = "voltage"
+    ) -> list[tuple[HomogeneousState, bool]]:
         """Every equilibrium at a load, each with whether it is stable under that control."""
         found = self._states_where(
             self.load(control) - load, lambda s: self._load_of(s, control) - load
         )
         return [(s, self.is_stable(s, control)) for s in found]
 
-    def at_stretch(self, stretch: float, axis: int = 0) -> list[State]:
+    def at_stretch(self, stretch: float, axis: int = 0) -> list[HomogeneousState]:
         """Every state of the branch with a given stretch along an axis (0, 1 or 2)."""
         return self._states_where(
             self.stretches[axis] - stretch, lambda s: float(s.stretches[axis]) - stretch
         )
 
-    def _states_where(self, samples: np.ndarray, value: Callable[[State], float]) -> list[State]:
+    def _states_where(
+        self, samples: np.ndarray, value: Callable[[HomogeneousState], float]
+    ) -> list[HomogeneousState]:
         """Where a quantity is 0: also at the start, from which it may grow without a new sign."""
         places = [place for place, _ in self._crossings(samples, value)]
         if samples[0] == 0 and samples[1] > 0:
             places.insert(0, 0.0)
         return [self.at(place) for place in places]
 
-    def is_stable(self, state: State, control: str = "voltage") -> bool:
+    def is_stable(self, state: HomogeneousState, control: str = "voltage") -> bool:
         """Whether the second variation is positive definite while the control is kept."""
         e = np.log(state.stretches)
         return bool(self._eigenvalues(e, np.float64(state.maxwell), control)[0] > 0)
 
-    def _load_of(self, s: State, control: str) -> float:
+    def _load_of(self, s: HomogeneousState, control: str) -> float:
         return float(self.film.load(control, np.log(s.stretches), s.maxwell))
 
     # ------------------------------------------------------------------ events
@@ -199,11 +203,11 @@ class Branch:
             self._events[control] = sorted(found, key=lambda e: e.state.place)
         return self._events[control]
 
-    def event(self, kind: str, control: str = "voltage") -> State | None:
+    def event(self, kind: str, control: str = "voltage") -> HomogeneousState | None:
         """The first event of a kind, or None."""
         return next((e.state for e in self.events(control) if e.kind == kind), None)
 
-    def landing(self, control: str = "voltage") -> State | None:
+    def landing(self, control: str = "voltage") -> HomogeneousState | None:
         """Where the film comes to rest after pull-in at constant load, or None."""
         peak = self.event("pull-in", control)
         if peak is None:
@@ -226,7 +230,7 @@ class Branch:
             K = film.tangent(e, M, control)
             return (K[0, 0] - K[0, 1] - K[1, 0] + K[1, 1]) / 2
 
-        def of(f: Callable, s: State) -> float:
+        def of(f: Callable, s: HomogeneousState) -> float:
             return float(f(np.log(s.stretches), np.float64(s.maxwell)))
 
         events = []
@@ -252,7 +256,7 @@ class Branch:
             if self.stress[k, 0] < tiny and self.stress[k, 1] < 0:
                 events.append(Event(kind, self.at(0.0)))
 
-            def tension(s: State, k: int = k) -> float:
+            def tension(s: HomogeneousState, k: int = k) -> float:
                 return float(s.stress[k])
 
             for place, rises in self._crossings(self.stress[k], tension):

@@ -18,7 +18,7 @@ from dea_fenicsx.support.validation import positive
 POINTS_PER_GAP = 20
 """Points of the quadrature in a length of the distance; the error is then that of rounding."""
 
-FEWEST_POINTS, MOST_POINTS = 64, 4000
+FEWEST_GAUSS_POINTS, MOST_GAUSS_POINTS = 64, 4000
 """Numbers of points of the quadrature."""
 
 
@@ -43,7 +43,7 @@ def disc_capacitance(distance: float) -> float:
         The distance is no number > 0.
     """
     positive(distance, "The distance of the discs over their radius")
-    n = int(np.clip(np.ceil(2 * POINTS_PER_GAP / distance), FEWEST_POINTS, MOST_POINTS))
+    n = int(np.clip(np.ceil(2 * POINTS_PER_GAP / distance), FEWEST_GAUSS_POINTS, MOST_GAUSS_POINTS))
     x, weights = np.polynomial.legendre.leggauss(n)
     kernel = distance / (distance**2 + (x[:, None] - x) ** 2) / np.pi
     f = np.linalg.solve(np.eye(n) - kernel * weights, np.ones(n))

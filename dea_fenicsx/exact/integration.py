@@ -39,7 +39,7 @@ LOG_STRETCH_OF_RUNAWAY = 3.0
 The chains of a branch's spring may hold it at each instant while the branch flows ever faster.
 """
 
-FEWEST_STEPS = 32
+FEWEST_STEPS_OF_COURSE = 32
 """Steps of a course at least, so that what is drawn or integrated between them is exact too."""
 
 TOLERANCE = 1e-11
@@ -142,7 +142,7 @@ class Integrator:
             return np.append(film.flow(f).ravel(), film.dissipation(f).sum() / film.scale)
 
         u = np.append(place.a.ravel(), place.w)
-        step = min(self.loads.seconds / FEWEST_STEPS, 4 * self.loads.finest())
+        step = min(self.loads.seconds / FEWEST_STEPS_OF_COURSE, 4 * self.loads.finest())
 
         def jacobian(t: float, u: np.ndarray) -> np.ndarray:
             return film.flow_slope(settled(t, u)[1])

@@ -33,10 +33,10 @@ EXTRAPOLATION_ORDER = 6
 MAP_TOLERANCE = 1e-10
 """Error of a step: absolute in logarithms of stretches, relative in time."""
 
-END_TOLERANCE = 1e-11
+RAMP_END_TOLERANCE = 1e-11
 """The end of the ramp is reached if the remaining time is a smaller share of the ramp than this."""
 
-LEAST_STIFFNESS = 1e-9
+NEGLIGIBLE_STIFFNESS = 1e-9
 """A stiffness below this, over the sum of all moduli, counts as 0; the time is exact to its
 square.
 """
@@ -338,8 +338,8 @@ class _Walk:
         power = -1 / (EXTRAPOLATION_ORDER + 1)
         grow = np.clip(0.85 * np.maximum(error, 1e-12) ** power, 0.1, 4.0)
         # land on the end of the ramp and on loss of equilibrium by Newton's method in the step
-        passed = exact & self.on_ramp[who] & (t > corner[who] * (1 + END_TOLERANCE)) & (K > 0)
-        gone = exact & (K < -LEAST_STIFFNESS)
+        passed = exact & self.on_ramp[who] & (t > corner[who] * (1 + RAMP_END_TOLERANCE)) & (K > 0)
+        gone = exact & (K < -NEGLIGIBLE_STIFFNESS)
         next_h = h[who] * grow
         K0 = self.rates(u, who)[:, -1]
         next_h = np.where(gone, h[who] * np.clip(K0 / (K0 - K), 0.02, 0.98), next_h)
@@ -348,7 +348,7 @@ class _Walk:
         taken = exact & ~passed & ~gone
         self.u[who[taken]] = new[taken]
         h[who] = next_h
-        self._after(who, taken, np.abs(K) <= LEAST_STIFFNESS, t, corner)
+        self._after(who, taken, np.abs(K) <= NEGLIGIBLE_STIFFNESS, t, corner)
 
     def _after(
         self, who: np.ndarray, taken: np.ndarray, at_peak: np.ndarray, t: np.ndarray,
@@ -361,7 +361,7 @@ class _Walk:
         self.found_time[done] = t[taken & at_peak]
         self.found_field[done] = E[taken & at_peak]
         self.found_stretch[done] = self._stretch(self.u[done, -2])
-        landed = taken & on_ramp & (np.abs(t - corner[who]) <= END_TOLERANCE * corner[who])
+        landed = taken & on_ramp & (np.abs(t - corner[who]) <= RAMP_END_TOLERANCE * corner[who])
         self.on_ramp[who[landed]] = False
         over = taken & (t > self.seconds)
         self.active[done] = False

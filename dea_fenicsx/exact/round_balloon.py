@@ -49,7 +49,7 @@ the sign of a stiffness that is the difference of much larger ones.
 LARGEST_THIN_WALL = 0.03
 """Thickness, in inner radii, below which a deformed wall is thin."""
 
-GAUSS_POINTS = 16
+GAUSS_POINTS_OF_RADIUS = 16
 """Number of Gauss points in the radius."""
 
 SMALLEST_FIELD, LARGEST_FIELD = 1e-3, 1e10
@@ -76,7 +76,7 @@ class RoundState:
 
 
 @dataclass(frozen=True)
-class ShapeChange:
+class RoundnessChange:
     """A round state at which the shapes of one number n become unstable, or stable again.
 
     Attributes
@@ -169,7 +169,7 @@ class RoundBalloon:
 
     def shape_changes(
         self, largest: float, modes: tuple[int, ...] = (1, 2, 3, 4, 5)
-    ) -> list[ShapeChange]:
+    ) -> list[RoundnessChange]:
         """Where the shapes of some numbers n become unstable or stable, in the order of growth.
 
         Parameters
@@ -184,7 +184,7 @@ class RoundBalloon:
         for n in modes:
             number = _whole(n)
             changes = _sign_changes(partial(self._softest, mode=number), radii)
-            found += [ShapeChange(number, self.at(a), not rises) for a, rises in changes]
+            found += [RoundnessChange(number, self.at(a), not rises) for a, rises in changes]
         return sorted(found, key=lambda change: change.state.radius)
 
 
@@ -226,7 +226,7 @@ class _Wall:
         self.a, a = radius / A, radius / A
         self.b = b = float(np.cbrt(a**3 + (balloon.outer / A) ** 3 - 1))
         self.count = 1 + (RADIAL_DEGREE if b - a > LARGEST_THIN_WALL * a else DEGREE_IN_THIN_WALLS)
-        self.x, weights = legendre.leggauss(GAUSS_POINTS)
+        self.x, weights = legendre.leggauss(GAUSS_POINTS_OF_RADIUS)
         self.r = r = a + (b - a) * (self.x + 1) / 2
         self.weights = weights * (b - a) / 2
         e = np.log(r / np.cbrt(r**3 - a**3 + 1))
@@ -246,7 +246,8 @@ class _Wall:
         self.field = volts / drop / r**2
         # Radial stress from the outer face, where it vanishes, by the polynomial of its slope.
         slope = 2 / r * (self.R[1] - self.R[0] - self.field**2)
-        series = legendre.legint(legendre.legfit(self.x, slope, GAUSS_POINTS - 1)) * (b - a) / 2
+        slopes = legendre.legfit(self.x, slope, GAUSS_POINTS_OF_RADIUS - 1)
+        series = legendre.legint(slopes) * (b - a) / 2
         outward = legendre.legval(self.x, series) - legendre.legval(1.0, series)
         self.pressure = self.R[0] + self.field**2 / 2 - outward
 

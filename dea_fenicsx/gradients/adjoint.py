@@ -27,7 +27,7 @@ from dea_fenicsx.gradients.paired import Paired
 from dea_fenicsx.gradients.shapes import distortion, fixed_change, most
 from dea_fenicsx.gradients.variables import (
     Coefficients,
-    Load,
+    LoadVariable,
     Shape,
     Told,
     Variable,
@@ -217,7 +217,7 @@ class Gradients:
         slopes = {}
         for one in found:
             slope = paired.slope(one)
-            if isinstance(one, Load):
+            if isinstance(one, LoadVariable):
                 slope += self.kept.total(pulled.by_state @ self.lifted(one.ramp)) / one.unit
                 slope += pulled.by_factor.get(one.ramp, 0.0) / one.unit
             elif isinstance(one, Shape):
@@ -249,7 +249,7 @@ class Gradients:
         moving = problem.roles.free(Role.MOTION)
         size, speed = displacement_size(problem, state), most(problem, changed[moving])
         value = one.value if isinstance(one, Coefficients) else 0.0
-        if isinstance(one, Load):
+        if isinstance(one, LoadVariable):
             value = problem.factors[one.ramp] * one.unit
         return small_step([(size, speed), (value, 1.0)])
 
@@ -260,7 +260,7 @@ class Gradients:
         problem = self.problem
         problem.show(state)
         moved = problem.moved(state, step * changed)
-        if isinstance(one, Load):
+        if isinstance(one, LoadVariable):
             factors = {one.ramp: state.factors[one.ramp] + step / one.unit}
             moved = problem.imposed(problem.under(moved, factors))
             problem.show(moved)
@@ -272,7 +272,7 @@ class Gradients:
     def forces(self, one: Variable) -> np.ndarray:
         """dR/dp in the free rows.  Collective."""
         problem = self.problem
-        if isinstance(one, Load):
+        if isinstance(one, LoadVariable):
             return self.solver.tangent.by_load(one.ramp) / one.unit
         if isinstance(one, Shape):
             return self._forces_of(one)

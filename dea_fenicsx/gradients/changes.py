@@ -11,7 +11,7 @@ import numpy as np
 from dea_fenicsx.gradients.differences import displacement_size, fourth_order, small_step
 from dea_fenicsx.gradients.motion_changes import moved
 from dea_fenicsx.gradients.shapes import distortion, most
-from dea_fenicsx.gradients.variables import Coefficients, Load, Shape, Variable, larger
+from dea_fenicsx.gradients.variables import Coefficients, LoadVariable, Shape, Variable, larger
 from dea_fenicsx.gradients.viscous_changes import Strains
 from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.problem import Problem
@@ -99,7 +99,7 @@ def step_of(problem: Problem, state: State, change: Change, one: Variable) -> fl
     speeds = [most(problem, change.values[part.dofs]) for part in problem.displacement]
     flow = 0.0 if change.strains is None else most(problem, change.strains)
     value = one.value if isinstance(one, Coefficients) else 0.0
-    if isinstance(one, Load):
+    if isinstance(one, LoadVariable):
         value = one.unit
     size = displacement_size(problem, state)
     rates = [(size, max(speeds)), (1.0, flow), (value, 1.0)]
@@ -111,7 +111,7 @@ def step_of(problem: Problem, state: State, change: Change, one: Variable) -> fl
 def changed(problem: Problem, state: State, change: Change, one: Variable, step: float) -> State:
     """A state where a variable is larger by a step, to first order."""
     factors, history = state.factors, dict(state.history)
-    if isinstance(one, Load):
+    if isinstance(one, LoadVariable):
         factors = factors | {one.ramp: factors[one.ramp] * (1 + step / one.unit)}
     if change.strains is not None:
         memory = problem.forms.memory

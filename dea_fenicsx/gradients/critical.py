@@ -20,17 +20,17 @@ from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.paired import Paired
 from dea_fenicsx.gradients.variables import Load, Told, variables
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.arclength import Branch, Point
+from dea_fenicsx.path.arclength import Point, TracedBranch
 from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.support.errors import InputError, SolverError
 
 SLOPE_AT_LIMIT = 1e-11
 """Slope of the load along the branch, in units of the first one, that counts as zero."""
 
-FIRST_ARC = 1e-3
+FIRST_ARC_OF_SECANT = 1e-3
 """The first step of the secant rule, in units of arc."""
 
-MOST_STEPS = 12
+MOST_STEPS_OF_SECANT = 12
 """Most steps of the secant rule."""
 
 
@@ -87,7 +87,7 @@ def critical_load(
     with problem.at(point.state):
         left = point.direction if gradients.solver.tangent.is_symmetric else _left(gradients)
         paired = Paired(gradients.kept, gradients.solver.tangent, left)
-        by_load = paired.slope(Load(ramp, ramp, 1.0))
+        by_load = paired.slope(LoadVariable(ramp, ramp, 1.0))
         slopes = {one.name: -paired.slope(one) / by_load * unit for one in found}
     return Gradient("pull-in", point.factor * unit, slopes, "adjoint", abs(point.slope))
 
@@ -98,13 +98,13 @@ def _located(gradients: Gradients, state: State, ramp: str) -> Point:
     solver.residual_of(gradients.problem.residual())
     solver.forget_factor()
     factor = state.factors[ramp]
-    branch = Branch(solver, LoadCourse(solver, {ramp: 1.0}, factor), factor or 1.0)
+    branch = TracedBranch(solver, LoadCourse(solver, {ramp: 1.0}, factor), factor or 1.0)
     start = branch.point(state, None)
     if start is None:
         raise SolverError("The tangent at the limit point was not found.")
     there, arc, slopes = start, 0.0, [(0.0, start.slope)]
-    step = FIRST_ARC
-    for _ in range(MOST_STEPS):
+    step = FIRST_ARC_OF_SECANT
+    for _ in range(MOST_STEPS_OF_SECANT):
         if abs(there.slope) * branch.load_unit < SLOPE_AT_LIMIT:
             break
         if len(slopes) > 1:

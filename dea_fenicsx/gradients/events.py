@@ -37,7 +37,7 @@ from dea_fenicsx.gradients.variables import (
 from dea_fenicsx.measure.failures import FailureMode, Gauge
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.stability import Spectrum
+from dea_fenicsx.path.stability import CriticalEigenvalue
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError, SolverError
 
@@ -147,7 +147,7 @@ def event_load(
     told = [asked.to] if isinstance(asked.to, Told) else list(asked.to)
     strength, rest = _strengths(gradients, told)
     found = variables(problem, rest) if rest or not strength else []
-    if any(isinstance(one, Load) and one.ramp == ramp for one in found):
+    if any(isinstance(one, LoadVariable) and one.ramp == ramp for one in found):
         raise InputError(
             f"{ramp!r} is the load of the event itself, so that its derivative by it says nothing; "
             "leave it out of to=."
@@ -218,7 +218,7 @@ class _Event(ABC):
     ) -> tuple[float, dict[str, float], float]:
         """Factor of the load, its derivatives, and a residual.  Collective."""
         problem, gradients = self.problem, self.gradients
-        load = Load(LOAD, self.ramp, 1.0)
+        load = LoadVariable(LOAD, self.ramp, 1.0)
         for _ in range(ROUNDS):
             problem.show(state)
             gradients.linearise()
@@ -247,7 +247,7 @@ class _Event(ABC):
     def _ahead(self, state: State, change: float) -> State:
         """The equilibrium at a load that differs by very little, to second order.  Collective."""
         problem = self.problem
-        slope, _ = self.solve(-self.gradients.forces(Load(LOAD, self.ramp, 1.0)))
+        slope, _ = self.solve(-self.gradients.forces(LoadVariable(LOAD, self.ramp, 1.0)))
         moved = problem.moved(state, change * slope)
         factors = {self.ramp: state.factors[self.ramp] + change}
         return problem.imposed(problem.under(moved, factors))
@@ -256,7 +256,7 @@ class _Event(ABC):
         self, found: Iterable[Variable], slopes: Mapping[str, float], others: Mapping[str, float]
     ) -> None:
         """Raise InputError unless two values that belong to the condition change alike."""
-        load = Load(LOAD, self.ramp, 1.0)
+        load = LoadVariable(LOAD, self.ramp, 1.0)
         least = abs(slopes[LOAD])  # a change of the load that counts as none
         for one in (load, *found):
             a, b = (self.size(one) * each[one.name] for each in (slopes, others))
@@ -268,7 +268,7 @@ class _Event(ABC):
 
     def size(self, one: Variable) -> float:
         """A usual size of a variable, in its unit."""
-        if isinstance(one, Load):
+        if isinstance(one, LoadVariable):
             return one.unit
         return abs(one.value) if isinstance(one, Coefficients) else self.problem.scales.length
 
@@ -314,7 +314,7 @@ class _Buckling(_Event):
         problem, gradients = self.problem, self.gradients
         solver = gradients.solver
         solver.forget_factor()
-        found = Spectrum(solver).nearest_zero(problem.state)
+        found = CriticalEigenvalue(solver).nearest_zero(problem.state)
         mode = None
         if found is not None:
             load = np.zeros_like(found[2])

@@ -33,7 +33,7 @@ from dea_fenicsx.gradients.paired import Paired
 from dea_fenicsx.gradients.shapes import most, of_moved_nodes
 from dea_fenicsx.gradients.variables import (
     Coefficients,
-    Load,
+    LoadVariable,
     Shape,
     Told,
     Variable,
@@ -203,7 +203,7 @@ class _Product:
         problem, tangent = self.problem, self.gradients.solver.tangent
         factors = {
             one.ramp: self.state.factors[one.ramp] + step * part / one.unit
-            for one, part in self.direction if isinstance(one, Load)
+            for one, part in self.direction if isinstance(one, LoadVariable)
         }  # fmt: skip
         x = problem.mesh.geometry.x
         rest, self._shift = x.copy(), step
@@ -252,7 +252,7 @@ class _Product:
             size = problem.scales.length
             if isinstance(one, Coefficients):
                 size = one.value
-            elif isinstance(one, Load):
+            elif isinstance(one, LoadVariable):
                 size = state.factors[one.ramp] * one.unit
             rates.append((size, part))
         return small_step(rates)

@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.drives.scaled import ScaledWave
 from dea_fenicsx.gradients.differences import fourth_order
-from dea_fenicsx.gradients.variables import Load, Variable
+from dea_fenicsx.gradients.variables import LoadVariable, Variable
 from dea_fenicsx.model.motion import MOTION, Motion
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
@@ -29,13 +29,13 @@ from dea_fenicsx.support.errors import SolverError
 SAME_FORCES = 1e-5
 """Relative difference of inertial forces that counts as none, where a step is gone over again."""
 
-PARTS = ("velocity", "acceleration", "auxiliary", "constant")
+MOTION_ARRAYS = ("velocity", "acceleration", "auxiliary", "constant")
 """The arrays of a motion."""
 
 
 def driven(item: Any, one: Variable, step: float) -> Any:
     """A march with inertia whose drive of a load is larger by a step of the load."""
-    if not isinstance(one, Load) or one.ramp not in item.drive:
+    if not isinstance(one, LoadVariable) or one.ramp not in item.drive:
         return item
     wave = ScaledWave(item.waves[one.ramp], 1 + step / one.unit)
     return replace(item, drive={**item.drive, one.ramp: wave})
@@ -66,7 +66,7 @@ def differenced(find: Callable[[float], State], step: float) -> tuple[np.ndarray
         nonlocal seconds
         state = find(step)
         motion: Motion = state.history[MOTION]
-        parts = [state.values, *(getattr(motion, name) for name in PARTS)]
+        parts = [state.values, *(getattr(motion, name) for name in MOTION_ARRAYS)]
         lengths[:], seconds = [len(part) for part in parts], motion.length
         return np.concatenate(parts)
 
@@ -148,5 +148,5 @@ class MotionChanges:
 
 def moved(motion: Motion, change: Motion, step: float) -> Motion:
     """A motion that is changed."""
-    parts = {name: getattr(motion, name) + step * getattr(change, name) for name in PARTS}
+    parts = {name: getattr(motion, name) + step * getattr(change, name) for name in MOTION_ARRAYS}
     return replace(motion, **parts)

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.gradients.kept_forms import KeptForms
 from dea_fenicsx.gradients.shapes import fixed_change, nodal_values
-from dea_fenicsx.gradients.variables import Coefficients, Load, Variable
+from dea_fenicsx.gradients.variables import Coefficients, LoadVariable, Variable
 from dea_fenicsx.solvers.tangent import Tangent
 
 
@@ -47,7 +47,7 @@ class Paired:
     def slope(self, one: Variable) -> float:
         """The derivative by a variable, in units of the variable.  Collective."""
         problem, kept = self._problem, self._kept
-        if isinstance(one, Load):
+        if isinstance(one, LoadVariable):
             forces = self._tangent.by_load(one.ramp)
             return kept.total(self.vector @ forces) / one.unit
         if isinstance(one, Coefficients):

@@ -45,7 +45,7 @@ SHARES = (1, -1, 2, -2)
 
 
 @dataclass(frozen=True)
-class Scaled(Ramp):
+class ScaledRamp(Ramp):
     """A ramp of which one load goes to another factor.
 
     Attributes
@@ -164,7 +164,7 @@ class Replay:
 
     def _step(self, one: Variable) -> float:
         """The step of a variable.  Collective."""
-        if isinstance(one, Load):
+        if isinstance(one, LoadVariable):
             return OBSERVABLE_STEP * one.unit
         if isinstance(one, Shape):
             return OBSERVABLE_STEP / distortion(self.problem, one.velocity)
@@ -230,7 +230,7 @@ class Replay:
             item = driven(replace(item, at=at, steps=1), one, step) if one else replace(
                 item, at=at, steps=1
             )
-        elif isinstance(item, Ramp) and isinstance(one, Load):
+        elif isinstance(item, Ramp) and isinstance(one, LoadVariable):
             held = {name: getattr(item, name) for name in Ramp.__dataclass_fields__}
-            item = Scaled(**held, shares={one.ramp: 1 + step / one.unit})
+            item = ScaledRamp(**held, shares={one.ramp: 1 + step / one.unit})
         return item

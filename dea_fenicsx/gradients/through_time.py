@@ -32,7 +32,7 @@ from dea_fenicsx.gradients.past_checks import is_carried
 from dea_fenicsx.gradients.replay import Replay
 from dea_fenicsx.gradients.shapes import fixed_change
 from dea_fenicsx.gradients.variables import (
-    Load,
+    LoadVariable,
     Shape,
     Told,
     Variable,
@@ -299,13 +299,13 @@ class ThroughTime:
 
     def _share(self, state: State, one: Variable) -> float:
         """Change of a ramp's factor for a change of the load at factor 1, relative to that."""
-        return state.factors[one.ramp] if isinstance(one, Load) else 1.0
+        return state.factors[one.ramp] if isinstance(one, LoadVariable) else 1.0
 
     def _values(self, state: State, free: np.ndarray, one: Variable) -> np.ndarray:
         """The change of all local values, from that of the free unknowns.  Collective."""
         problem, along = self.problem, self.problem.w.copy()
         problem.spread(free, along)
-        if isinstance(one, Load):
+        if isinstance(one, LoadVariable):
             lifted = self.gradients.lifted(one.ramp)
             along.x.array[: problem.owned] += self._share(state, one) / one.unit * lifted
             along.x.scatter_forward()

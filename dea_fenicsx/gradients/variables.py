@@ -89,7 +89,7 @@ class Coefficients:
 
 
 @dataclass(frozen=True)
-class Load:
+class LoadVariable:
     """The factor of a ramp, or the voltage in V that it drives.
 
     Attributes
@@ -123,7 +123,7 @@ class Shape:
     velocity: Velocity
 
 
-Variable = Coefficients | Load | Shape
+Variable = Coefficients | LoadVariable | Shape
 
 
 @contextmanager
@@ -199,7 +199,7 @@ def _variable(problem: Problem, told: Told, replayed: bool) -> Variable:
         inner, length = thickness(problem, region, axis or None), problem.scales.length
         return Shape(told, lambda X: inner(X) / length)
     if told in problem.scene.ramps:
-        return Load(told, told, problem.scene.unit_volts.get(told, 0.0) or 1.0)
+        return LoadVariable(told, told, problem.scene.unit_volts.get(told, 0.0) or 1.0)
     known(told, names_of(problem), "variable", "the run")
     if first == PRESTRETCH:
         return _prestretch(problem, told, *rest.split(":"))

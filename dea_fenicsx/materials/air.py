@@ -16,7 +16,7 @@ from dea_fenicsx.support.type_checks import is_number, shown
 MOST_STIFFNESS = 1e-2
 """Largest stiffness of air; a stiffer medium is a foam, which is a material of its own."""
 
-LEAST_STIFFNESS = 1e-14
+LEAST_STIFFNESS_OF_AIR = 1e-14
 """Smallest stiffness of air; below it the closed gap is thinner than rounding can tell."""
 
 MOST_SMOOTHING = 10.0
@@ -114,11 +114,12 @@ class Air(Material):
     def faults(self) -> list[str]:
         found = []
         if not is_number(self.stiffness) or not (
-            LEAST_STIFFNESS <= self.stiffness <= MOST_STIFFNESS
+            LEAST_STIFFNESS_OF_AIR <= self.stiffness <= MOST_STIFFNESS
         ):
             found.append(
                 f"the stiffness of the air is {shown(self.stiffness)}, but must be a number from "
-                f"{LEAST_STIFFNESS:g} to {MOST_STIFFNESS:g}, in units of the smallest shear modulus"
+                f"{LEAST_STIFFNESS_OF_AIR:g} to {MOST_STIFFNESS:g}, in units of the smallest shear "
+                "modulus"
             )
         if not is_number(self.smoothing) or not 0 <= self.smoothing <= MOST_SMOOTHING:
             found.append(

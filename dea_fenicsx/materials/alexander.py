@@ -10,7 +10,9 @@ import numpy as np
 from dea_fenicsx.materials.base import Strain, not_finite, not_positive
 from dea_fenicsx.support.units import in_si
 
-NODES, WEIGHTS = (tuple(map(float, x)) for x in np.polynomial.legendre.leggauss(16))
+LEGENDRE_NODES, LEGENDRE_WEIGHTS = (
+    tuple(map(float, x)) for x in np.polynomial.legendre.leggauss(16)
+)
 """Gauss's rule for the integral; its error is below 1e-12 of it as long as k (I1 - 3)^2 < 10."""
 
 
@@ -44,7 +46,7 @@ class Alexander:
     def energy(self, s: Strain) -> Any:
         x = s.I1 - 3
         mean: Any = 0
-        for node, weight in zip(NODES, WEIGHTS, strict=True):
+        for node, weight in zip(LEGENDRE_NODES, LEGENDRE_WEIGHTS, strict=True):
             share = (1 + node) / 2
             mean = mean + weight / 2 * s.exp(self.k * share**2 * x * x)
         second = s.I2 - 3

@@ -11,7 +11,7 @@ import numpy as np
 
 from dea_fenicsx.materials.base import Elastic, choices, constants
 
-UNITS = {"mu": "Pa", "C10": "Pa", "C01": "Pa", "C20": "Pa", "C30": "Pa"}
+CONSTANT_UNITS = {"mu": "Pa", "C10": "Pa", "C01": "Pa", "C20": "Pa", "C30": "Pa"}
 """Units of constants by their names; a constant that is not named here is a pure number."""
 
 DIGITS = 4
@@ -77,8 +77,8 @@ def constants_told(model: Any, uncertainty: Mapping[str, Any]) -> str:
         Standard deviation of its constants, by name.
     """
     told = [
-        f"{name} = {_told(getattr(model, name), uncertainty.get(name, math.nan), UNITS.get(name))}"
-        for name in constants(model)
+        f"{name} = {_told(getattr(model, name), uncertainty.get(name, math.nan), unit)}"
+        for name, unit in ((name, CONSTANT_UNITS.get(name)) for name in constants(model))
     ]
     return f"{type(model).__name__}({', '.join([*told, *choices(model)])})"
 

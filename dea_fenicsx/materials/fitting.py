@@ -39,13 +39,13 @@ SMALLEST_SENSITIVITY = 1e-6
 It is the change if the constant changes by its own size.
 """
 
-SMALLEST_SINGULAR_VALUE = 1e-8
+SMALLEST_SINGULAR_VALUE_OF_CONSTANTS = 1e-8
 """Smallest singular value, relative to the largest, of an independent combination of constants.
 
 It is well above the error of the central differences.
 """
 
-SMALLEST_COMPONENT = 1e-4
+SMALLEST_COMPONENT_OF_CONSTANT = 1e-4
 """Smallest component of a constant in a direction of constants that counts."""
 
 
@@ -211,10 +211,10 @@ def _deviation(
     if not fixed.any():
         return found
     _, values, Vt = np.linalg.svd(J[:, fixed] / lengths[fixed], full_matrices=False)
-    clear = values > SMALLEST_SINGULAR_VALUE * values[0]
+    clear = values > SMALLEST_SINGULAR_VALUE_OF_CONSTANTS * values[0]
     scatter = np.sqrt(r @ r / max(freedom, 1))
     spread = scatter * np.sqrt(np.sum((Vt[clear] / values[clear, None]) ** 2, axis=0))
-    spread[np.any(np.abs(Vt[~clear]) > SMALLEST_COMPONENT, axis=0)] = np.inf
+    spread[np.any(np.abs(Vt[~clear]) > SMALLEST_COMPONENT_OF_CONSTANT, axis=0)] = np.inf
     found[fixed] = spread * size[fixed] / lengths[fixed]
     return found
 

@@ -24,7 +24,7 @@ PER_DECADE = 8
 MARGIN = 6.0
 """Decades of shift either way for which they are."""
 
-SMALLEST_SHARE = 1e-3
+SMALLEST_SHARE_OF_MODULUS = 1e-3
 """Branches with less than this share of the largest modulus are left out."""
 
 
@@ -193,7 +193,7 @@ class _Spectrum:
     def material(self, law: WLF) -> Material:
         """The material at the reference with the moduli that belong to a law."""
         x, _ = self.moduli({k: float(np.log(law.factor(k, self.reference))) for k in self.kelvin})
-        kept = x[1:] > SMALLEST_SHARE * x[1:].max()
+        kept = x[1:] > SMALLEST_SHARE_OF_MODULUS * x[1:].max()
         thermal = Thermal(
             self.reference, self.kelvin[0], self.kelvin[-1], modulus=self.modulus, shift=law
         )

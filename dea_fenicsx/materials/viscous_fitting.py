@@ -30,7 +30,7 @@ from dea_fenicsx.support.validation import whole
 MOST_BRANCHES = 4
 """Largest number of branches that is tried unless it is given."""
 
-MOST_TRIALS = 40
+MOST_TRIALS_OF_BRANCHES = 40
 """Most trials of constants from one start."""
 
 TIME_STEP = 1e-5
@@ -270,7 +270,7 @@ class _Problem:
                 found = least_squares(
                     self.residuals, np.clip(x, low + 1e-9, high - 1e-9), self.jacobian,
                     bounds=(low, high), x_scale="jac", xtol=1e-7, ftol=1e-7, gtol=1e-9,
-                    max_nfev=MOST_TRIALS,
+                    max_nfev=MOST_TRIALS_OF_BRANCHES,
                 )  # fmt: skip
             good = not _shaped(self.first, found.x[: self.own] * self.scale).faults()
             if good and found.cost < cost:

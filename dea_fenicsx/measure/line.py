@@ -14,7 +14,7 @@ from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.measure.point import AtPoint, place_with
 from dea_fenicsx.measure.quantity import (
     NUMBER_OF_AXES,
-    UNITS,
+    QUANTITY_UNITS,
     LocalQuantity,
     axis_numbers,
     check_field,
@@ -81,7 +81,7 @@ class AlongLine:
     @property
     def unit(self) -> str:
         """The unit of the quantity."""
-        return UNITS.get(self.what, "")
+        return QUANTITY_UNITS.get(self.what, "")
 
     def bind(self, problem: Problem) -> Measurement:
         one_of(self.take, get_args(TakenAlong), "What AlongLine takes (take=)")

@@ -20,7 +20,7 @@ from ufl.algorithms import extract_arguments
 from dea_fenicsx.measure.observables import Measurement, group_names
 from dea_fenicsx.measure.point_in_si import PointInSI
 from dea_fenicsx.measure.quantity import (
-    UNITS,
+    QUANTITY_UNITS,
     LocalQuantity,
     axis_numbers,
     check_field,
@@ -76,7 +76,7 @@ class OverRegion:
     @property
     def unit(self) -> str:
         """The unit of the quantity, times m^3 for an integral."""
-        unit = UNITS.get(self.what, "")
+        unit = QUANTITY_UNITS.get(self.what, "")
         return unit if self.take != "integral" else f"{unit}_m3" if unit else "m3"
 
     def bind(self, problem: Problem) -> Measurement:

@@ -11,7 +11,7 @@ import ufl
 
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.measure.quantity import (
-    UNITS,
+    QUANTITY_UNITS,
     Quantity,
     axis_numbers,
     check_field,
@@ -81,7 +81,7 @@ class AtPoint:
     @property
     def unit(self) -> str:
         """The unit of the quantity."""
-        return UNITS.get(self.what, "")
+        return QUANTITY_UNITS.get(self.what, "")
 
     def bind(self, problem: Problem) -> Measurement:
         indices = self._check(problem)

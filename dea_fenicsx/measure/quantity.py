@@ -24,7 +24,7 @@ Quantity = Literal["displacement", "potential", "pressure", "stretch", "stress",
 LocalQuantity = Literal["displacement", "potential", "pressure", "stretch", "stress", "field", "J"]
 """What can be measured over a region or along a line."""
 
-UNITS = {
+QUANTITY_UNITS = {
     "displacement": "m", "potential": "V", "pressure": "Pa", "stretch": "", "stress": "Pa",
     "field": "V_per_m", "J": "",
 }  # fmt: skip

@@ -19,7 +19,7 @@ MOST_NEAR_CELLS = 64
 boxes.
 """
 
-LATTICE_INTERVALS = 6
+INTERVALS_OF_CELL = 6
 """Number of intervals along each axis of the lattice of points that is laid into a cell."""
 
 LATTICE_REFINEMENTS = 30
@@ -27,7 +27,7 @@ LATTICE_REFINEMENTS = 30
 third of its size.
 """
 
-NEWTON_ITERATIONS = 30
+NEWTON_OF_POINT = 30
 """Largest number of iterations for the reference coordinates of a point in a curved cell."""
 
 
@@ -123,7 +123,7 @@ class _Shape:
         self.is_curved = self._element.degree > 1
         self._simplex = mesh.topology.cell_name() in SIMPLICES
         self._dim = dim = mesh.topology.dim
-        axis = np.linspace(0, 1, LATTICE_INTERVALS + 1)
+        axis = np.linspace(0, 1, INTERVALS_OF_CELL + 1)
         self._lattice = np.stack(np.meshgrid(*[axis] * dim, indexing="ij"), -1).reshape(-1, dim)
 
     def _put(self, X: np.ndarray) -> np.ndarray:
@@ -134,7 +134,7 @@ class _Shape:
     def reference_coordinates(self, nodes: np.ndarray, point: np.ndarray) -> np.ndarray | None:
         """Reference coordinates of a point by Newton's method; None if the cell has it not."""
         X = np.full(self._dim, 1 / (self._dim + 1) if self._simplex else 0.5)
-        for _ in range(NEWTON_ITERATIONS):
+        for _ in range(NEWTON_OF_POINT):
             table = self._element.tabulate(1, X[None, :])[:, 0, :, 0]
             jacobian = (table[1:] @ nodes).T
             try:

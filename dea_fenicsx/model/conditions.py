@@ -16,7 +16,7 @@ from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.fixed_values import FixedValues
 from dea_fenicsx.model.foundations import on_foundations
 from dea_fenicsx.model.free_body import HeldBody, held_body
-from dea_fenicsx.model.orientation_springs import Turning
+from dea_fenicsx.model.orientation_springs import OrientationSprings
 from dea_fenicsx.model.part_supports import rigid_parts
 from dea_fenicsx.model.periodic_faces import PeriodicTies
 from dea_fenicsx.model.prescribed_motion import Prescription, prescriptions
@@ -133,7 +133,8 @@ class Conditions:
         self.sheet_nodes = np.intersect1d(self.free, np.concatenate([[], *resistive]))
         self.sheet_nodes = self.sheet_nodes.astype(np.int32)
         self.circuits = Circuits(scene, scales, self.groups, self.electrode_dofs, self.free)
-        self.turning = Turning(None if released else self.body, device, motion, self.free)
+        held = None if released else self.body
+        self.turning = OrientationSprings(held, device, motion, self.free)
         self.roles = Roles(space, self.free, device.comm)
         self.unknowns: int = device.comm.allreduce(len(self.free), op=MPI.SUM)
 

@@ -25,7 +25,7 @@ import ufl
 
 from dea_fenicsx.materials import Material
 from dea_fenicsx.model.carriers import seen_from
-from dea_fenicsx.model.contact_points import QUADRATURE_DEGREE, ContactPoints
+from dea_fenicsx.model.contact_points import QUADRATURE_OF_CONTACT, ContactPoints
 from dea_fenicsx.model.friction import Friction, Frictions
 from dea_fenicsx.model.rigid_parts import RigidPart
 from dea_fenicsx.model.scales import Scales
@@ -264,7 +264,7 @@ class Contact:
 
     def integrate_by(self, ds: Any, number: int) -> None:
         """Take the measure of the surface: a subdomain of that of a whole form."""
-        self._ds = ds(number, metadata={"quadrature_degree": QUADRATURE_DEGREE})
+        self._ds = ds(number, metadata={"quadrature_degree": QUADRATURE_OF_CONTACT})
 
 
 class Contacts(list[Contact]):

@@ -11,7 +11,7 @@ import ufl
 
 from dea_fenicsx.support import compat
 
-QUADRATURE_DEGREE = 6
+QUADRATURE_OF_CONTACT = 6
 """Degree of exactness of the quadrature on surfaces that may touch an obstacle."""
 
 
@@ -84,7 +84,7 @@ class ContactPoints:
         """
         values, kind = self.values(), getattr(basix.CellType, self._mesh.topology.cell_name())
         facet = basix.cell.subentity_types(kind)[-2][0]
-        _, weights = basix.make_quadrature(facet, QUADRATURE_DEGREE)
+        _, weights = basix.make_quadrature(facet, QUADRATURE_OF_CONTACT)
         pushed = np.maximum(values.pushed, 0.0) @ weights
         return np.asarray(pushed / (values.area @ weights))
 
@@ -93,6 +93,6 @@ def facet_points(cell: Any, facet: int) -> np.ndarray:
     """Quadrature points of a facet of the reference cell, in its coordinates."""
     corners = basix.cell.geometry(cell)[basix.cell.topology(cell)[-2][facet]]
     kind = basix.cell.subentity_types(cell)[-2][facet]
-    points, _ = basix.make_quadrature(kind, QUADRATURE_DEGREE)
+    points, _ = basix.make_quadrature(kind, QUADRATURE_OF_CONTACT)
     edges = corners[1 : points.shape[1] + 1] - corners[0]
     return np.asarray(corners[0] + points @ edges)

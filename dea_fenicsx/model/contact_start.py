@@ -16,7 +16,7 @@ from dea_fenicsx.scene.shapes import Cylinder, Sphere
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.errors import InputError
 
-LATTICE_INTERVALS = 4
+INTERVALS_OF_EDGE = 4
 """Gaps are computed at the points of a lattice with this number of intervals along each edge."""
 
 SAME_DEPTH = 1e-9
@@ -42,7 +42,7 @@ def depths(scene: Scene, contacts: Contacts) -> list[float]:
 def _depth(scene: Scene, contact: Contact) -> float:
     device, name = scene.device, contact.told.surface
     kind = getattr(basix.CellType, device.mesh.topology.cell_name())
-    lattice = basix.create_lattice(kind, LATTICE_INTERVALS, basix.LatticeType.equispaced, True)
+    lattice = basix.create_lattice(kind, INTERVALS_OF_EDGE, basix.LatticeType.equispaced, True)
     facets = [_on_facet(kind, k) for k in range(len(basix.cell.facet_outward_normals(kind)))]
     evaluate = compat.expression(ufl.as_vector([contact.gap]), np.vstack([lattice, *facets]))
     cells = np.arange(device.owned_cells(), dtype=np.int32)
@@ -74,7 +74,7 @@ def _on_facet(kind: Any, facet: int) -> np.ndarray:
     """The lattice's points on a facet of the reference cell."""
     corners = basix.cell.geometry(kind)[basix.cell.topology(kind)[-2][facet]]
     side = basix.cell.subentity_types(kind)[-2][facet]
-    points = basix.create_lattice(side, LATTICE_INTERVALS, basix.LatticeType.equispaced, True)
+    points = basix.create_lattice(side, INTERVALS_OF_EDGE, basix.LatticeType.equispaced, True)
     edges = corners[1 : points.shape[1] + 1] - corners[0]
     return np.asarray(corners[0] + points @ edges)
 

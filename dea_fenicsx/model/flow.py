@@ -18,7 +18,7 @@ from dea_fenicsx.model.flowing_branches import FlowingBranches
 from dea_fenicsx.model.kernels import Kernel
 from dea_fenicsx.model.local_flow import LocalState, flowed, rates
 
-MOST_KEPT = 3
+MOST_STATES_KEPT = 3
 """Number of states whose flow is kept: Newton's method returns to the state that it left."""
 
 
@@ -130,7 +130,7 @@ class Flow:
             )
             for part, place, region, branch in self._branches()
         }  # fmt: skip
-        self._kept = [_Kept(span, branches, C, H, found), *self._kept][:MOST_KEPT]
+        self._kept = [_Kept(span, branches, C, H, found), *self._kept][:MOST_STATES_KEPT]
         return found
 
     def put_strains(self, into: np.ndarray, span: float, C: np.ndarray, H: np.ndarray) -> None:

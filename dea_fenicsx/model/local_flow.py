@@ -24,13 +24,13 @@ from dea_fenicsx.materials.viscous import ViscousBranch
 from dea_fenicsx.model.spring_frames import TRACELESS, Frames, matrices, transposed
 from dea_fenicsx.model.viscous_history import is_positive, unimodular
 
-MOST_ITERATIONS = 60
+MOST_ITERATIONS_OF_FLOW = 60
 """Newton iterations of the minimisation; a few are usual."""
 
 MOST_RATE_ITERATIONS = 60
 """Iterations over the viscosity; the bracket is halved by each of them at least."""
 
-LONGEST_STEP = 1.0
+LONGEST_INCREMENT = 1.0
 """Largest norm of X in one iteration."""
 
 LAST_STEP = 1e-8
@@ -45,7 +45,7 @@ MOST_HALVINGS = 40
 LONGEST_SHARE, APPROACH, MOST_APPROACHES = 100.0, 0.1, 40
 """Where a minimum is approached: the first h/tau, the factor from one to the next, and the most."""
 
-RATE_TOLERANCE = 1e-13
+VISCOSITY_TOLERANCE = 1e-13
 """Relative error at which the viscosity is known."""
 
 
@@ -191,7 +191,7 @@ def _newton_step(frames: Frames, share: np.ndarray) -> tuple[np.ndarray, np.ndar
     size = np.abs(A[upward]).sum(axis=(1, 2))[:, None]
     step[upward] = -slope[upward] / np.maximum(size, 1e-300)
     length = np.linalg.norm(step, axis=1, keepdims=True)
-    return step * np.minimum(1.0, LONGEST_STEP / np.maximum(length, 1e-300)), slope
+    return step * np.minimum(1.0, LONGEST_INCREMENT / np.maximum(length, 1e-300)), slope
 
 
 def _linear(A: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -242,10 +242,10 @@ def _descended(
 ) -> Frames:
     """The end of Newton's method from the given frames, which are changed; NaN where it fails."""
     open_ = np.arange(len(C))
-    for k in range(MOST_ITERATIONS):
+    for k in range(MOST_ITERATIONS_OF_FLOW):
         now, part = frames.chosen(open_), share[open_]
         step, slope = _newton_step(now, part)
-        least = LAST_STEP if k < MOST_ITERATIONS // 2 else LAST_STEP_OF_MANY
+        least = LAST_STEP if k < MOST_ITERATIONS_OF_FLOW // 2 else LAST_STEP_OF_MANY
         last = np.linalg.norm(step, axis=1) < least
         moved = _searched(branch, now, (C[open_], H[open_], part), (step, slope, last))
         frames.put(open_, moved)
@@ -312,7 +312,7 @@ def _with_rate(
         low[open_] = np.where(gap < 0, y[open_], low[open_])
         high[open_] = np.where(gap > 0, y[open_], high[open_])
         y[open_] = _next(y[open_], gap, slope, low[open_], high[open_])
-        open_ = open_[np.abs(gap) > RATE_TOLERANCE * np.maximum(1, np.abs(y[open_]))]
+        open_ = open_[np.abs(gap) > VISCOSITY_TOLERANCE * np.maximum(1, np.abs(y[open_]))]
         if not len(open_):
             break
     return frames, np.exp(y)

@@ -38,7 +38,7 @@ from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import InputError
 
-GAUSS_POINTS = 4
+GAUSS_POINTS_OF_STEP = 4
 """Number of Gauss points between the two states of a step, at which forces are averaged."""
 
 
@@ -145,7 +145,7 @@ class MeanForces:
         self._form = compat.compile_form(work)
         slope = ufl.derivative(work, w, ufl.TrialFunction(problem.W))
         self._slope = compat.compile_form(slope)
-        points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+        points, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS_OF_STEP)
         self._gauss = list(zip((1 + points) / 2, weights / 2, strict=True))
 
     def begin(self, old: State) -> None:

@@ -45,7 +45,7 @@ NO_SPRINGS = Springs(
 )
 
 
-class Turning:
+class OrientationSprings:
     """Springs that keep a free body's orientation where no dead load gives it one.
 
     While all dead loads are 0, the orientation of the body is not determined.  Under dead loads of

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.model.rigid_parts import RigidPart, RigidParts
 
-SMALLEST_MOTION = 1e-12
+SMALLEST_MOTION_OF_NODES = 1e-12
 """Motions of a part that move its nodes by a smaller share are none, such as a turn of one node."""
 
 
@@ -99,7 +99,7 @@ def _fitted(
     found = rates.copy()
     if len(free):
         matrix, right = sums[np.ix_(free, free)], sums[free, -1]
-        found[free] = np.linalg.lstsq(matrix, right, rcond=SMALLEST_MOTION)[0]
+        found[free] = np.linalg.lstsq(matrix, right, rcond=SMALLEST_MOTION_OF_NODES)[0]
     return found
 
 

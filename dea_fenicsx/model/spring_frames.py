@@ -25,7 +25,7 @@ SHEARS = ((1, 2), (0, 2), (0, 1))
 SMALLEST_GAP = 1e-5
 """Logarithmic stretches that are closer than this share a derivative in place of a quotient."""
 
-WEIGHTS = np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
+MANDEL_WEIGHTS = np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 """Mandel's vector over the six numbers."""
 
 
@@ -229,5 +229,5 @@ class Frames:
                 both = P[:, i, a] * P[:, j, b]
                 if i != j:
                     both = (both + P[:, j, a] * P[:, i, b]) / np.sqrt(2)
-                into[:, m, n] = WEIGHTS[m] * both
+                into[:, m, n] = MANDEL_WEIGHTS[m] * both
         return transposed(into) @ moduli @ into

@@ -40,7 +40,7 @@ LEAST_SQUARED_DIFFERENCE = 1e-24
 """Smallest square of a difference, so that derivatives stay finite where they are multiplied by 0.
 """
 
-NEWTON_ITERATIONS = 6
+NEWTON_OF_SLACK_STRETCH = 6
 """Newton iterations for the natural stretch of a slack film."""
 
 
@@ -105,7 +105,7 @@ class TensionField:
         # A trial state, and the test of residuals, may have a larger field.
         e2 = ufl.min_value(1 - self._margin(self._one), LARGEST_SLACK_FIELD)
         x = self._one
-        for _ in range(NEWTON_ITERATIONS):
+        for _ in range(NEWTON_OF_SLACK_STRETCH):
             x = x - (x**3 * (1 - e2 * x) - 1) / (x**2 * (3 - 4 * e2 * x))
         return x
 

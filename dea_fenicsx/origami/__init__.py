@@ -18,14 +18,14 @@ from dea_fenicsx.origami.box import (
     table_of_angles,
     voltage_to_block,
 )
-from dea_fenicsx.origami.kresling import Kresling, State, strokes
+from dea_fenicsx.origami.kresling import Kresling, StoreyState, strokes
 from dea_fenicsx.origami.pattern import CreasePattern, SmoothFold, least_fold_width
 from dea_fenicsx.origami.solid import fold_angles, vertices
 from dea_fenicsx.support.units import INCH, POUND_FORCE
 
 __all__ = [
     "Kresling",
-    "State",
+    "StoreyState",
     "strokes",
     "vertices",
     "fold_angles",
@@ -42,7 +42,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """What has moved to another room, with a DeprecationWarning."""
+    """What has moved to another room or got another name, with a DeprecationWarning."""
+    if name == "State":
+        warn("origami.State is called StoreyState now.", DeprecationWarning, stacklevel=2)
+        return StoreyState
     if name == "torque_as_printed":
         errata = "dea_fenicsx.thesis.errata"
         warn(f"torque_as_printed is in {errata} now.", DeprecationWarning, stacklevel=2)

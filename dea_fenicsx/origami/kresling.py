@@ -35,7 +35,7 @@ CHORDS: tuple[Chords, ...] = get_args(Chords)
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class StoreyState:
     """A storey at one height, or at an array of heights.
 
     Attributes
@@ -213,7 +213,7 @@ class Kresling:
 
     # ------------------------------------------------------------------ states
 
-    def at(self, height: Any) -> State:
+    def at(self, height: Any) -> StoreyState:
         """The state at a height, or at an array of heights.
 
         Raises
@@ -229,7 +229,7 @@ class Kresling:
         phi = self.twist_at(h) if self.twist == "free" else np.full(h.shape, self.rest_twist)
         return self._state(h, phi)
 
-    def at_twist(self, twist: Any) -> State:
+    def at_twist(self, twist: Any) -> StoreyState:
         """The state at a twist phi in rad of a storey of free twist.
 
         Raises
@@ -248,7 +248,7 @@ class Kresling:
             )
         return self._state(np.sqrt(np.maximum(left, 0.0)), phi)
 
-    def _state(self, h: Any, phi: Any) -> State:
+    def _state(self, h: Any, phi: Any) -> StoreyState:
         psi, k, c0 = phi + self.step, self.stiffness, self.rest_diagonal
         c = np.sqrt(h**2 + self._chord2(psi))
         change = self._square_change(h, phi) / (c + c0)  # c - c0, without cancellation
@@ -260,7 +260,7 @@ class Kresling:
         values = (h, phi, np.sqrt(h**2 + self._chord2(phi)), c, strain, strain**2 / 2,
                   k * change**2 / 2, force, np.zeros(np.shape(phi)) if free else partial_torque,
                   partial_force, partial_torque, self._panel_angle(h, phi))  # fmt: skip
-        return State(*(np.asarray(v)[()] for v in values))
+        return StoreyState(*(np.asarray(v)[()] for v in values))
 
     def _panel_angle(self, h: Any, phi: Any) -> Any:
         """Angle gamma in rad between the base and the panel that stands on it."""
@@ -307,7 +307,7 @@ class Kresling:
             return [rest]
         return sorted([rest, (float(other), float(np.sqrt(left)))])
 
-    def barrier(self) -> State:
+    def barrier(self) -> StoreyState:
         """The state of largest strain between the two without, at phi = pi/2 - pi/n."""
         self._need_two("a barrier")
         return self.at_twist((np.pi - self.step) / 2)
@@ -331,7 +331,7 @@ class Kresling:
         Parameters
         ----------
         quantity
-            An attribute of `State`: ``"force"``, or ``"partial_force"`` as in eq 72a.
+            An attribute of `StoreyState`: ``"force"``, or ``"partial_force"`` as in eq 72a.
         """
         if self.twist == "held":
             heights = np.linspace(self.height, 0.0, 401)  # type: ignore[arg-type]

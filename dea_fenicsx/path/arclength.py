@@ -30,7 +30,7 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.cubic import Cubic, Point
 from dea_fenicsx.path.guiding import Guide, Products
-from dea_fenicsx.path.load_course import Course
+from dea_fenicsx.path.load_course import BranchLoad
 from dea_fenicsx.path.roots import Bracket, root
 from dea_fenicsx.path.stability import Place
 from dea_fenicsx.solvers.newton import LINEARISING, NewtonSolver
@@ -74,7 +74,7 @@ One of them is enough, for the other may be near a crossing.
 """
 
 
-class Branch:
+class TracedBranch:
     """Steps and tangents along a branch of equilibria.
 
     Parameters
@@ -87,7 +87,7 @@ class Branch:
         The first step's f.
     """
 
-    def __init__(self, solver: NewtonSolver, course: Course, first: float) -> None:
+    def __init__(self, solver: NewtonSolver, course: BranchLoad, first: float) -> None:
         self.solver = solver
         self.problem: Problem = solver.problem
         self.course = course

@@ -24,7 +24,7 @@ from dea_fenicsx.solvers.newton import NewtonSolver
 MOST_DISTANCE = 0.25
 """Largest distance of a state from the bent way, as a share of the motion there."""
 
-SLOPE_TOLERANCE = 1e-3
+BEND_TOLERANCE = 1e-3
 """Relative tolerance of the linear solves for both tangents."""
 
 SHORT = 0.05
@@ -79,7 +79,7 @@ class Bend:
         problem = solver.problem
         rates = {name: last.factors[name] - f for name, f in first.factors.items()}
         slopes = [
-            path_slope(solver, state, rates, SLOPE_TOLERANCE) for state in (first, last)
+            path_slope(solver, state, rates, BEND_TOLERANCE) for state in (first, last)
         ]
         if slopes[0] is None or slopes[1] is None:
             return None

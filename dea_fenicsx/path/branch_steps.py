@@ -6,13 +6,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, Point
+from dea_fenicsx.path.arclength import SHORTEST_ARC, Point, TracedBranch
 from dea_fenicsx.solvers.outcome import Attempt
 
 ARC_GROWTH = 1.5
 """Length of the next step over that of the last one, if the last one needed few iterations."""
 
-MOST_NEWTON_FOR_GROWTH = 3
+MOST_NEWTON_FOR_LONGER_ARC = 3
 """Largest number of Newton iterations of a step after which the next one is longer."""
 
 
@@ -45,7 +45,7 @@ class BranchSteps:
         as long as it has not been given up.
     """
 
-    branch: Branch
+    branch: TracedBranch
     first_arc: float
     longest_arc: float
     most: int
@@ -68,7 +68,7 @@ class BranchSteps:
                     return
                 continue
             yield BranchStep(here, there, arc)
-            few = attempt.iterations <= MOST_NEWTON_FOR_GROWTH
+            few = attempt.iterations <= MOST_NEWTON_FOR_LONGER_ARC
             arc = min(arc * (ARC_GROWTH if few else 1.0), self.longest_arc)
             before, here = here, there
             done += 1

@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dea_fenicsx.path.arclength import Branch, Point
+from dea_fenicsx.path.arclength import Point, TracedBranch
 from dea_fenicsx.path.branch_steps import BranchSteps
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.load_course import LoadCourse
@@ -23,16 +23,16 @@ from dea_fenicsx.path.stability import Place
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
 
-FIRST_ARC = 2.0**-6
+FIRST_ARC_OF_BRIDGE = 2.0**-6
 """First step along the branch, in units of arc.
 
 A sharp bend has to be followed in steps that are short compared with its radius.
 """
 
-LONGEST_ARC = 1.0
+LONGEST_ARC_OF_BRIDGE = 1.0
 """Longest step along the branch, in units of arc."""
 
-MOST_STEPS = 60
+MOST_STEPS_OF_BRIDGE = 60
 """Largest number of steps along the branch.
 
 They reach the longest one after a dozen points.  So the way is at most twice the device's
@@ -54,7 +54,7 @@ class Bridge:
         Position of the limit point that ends them; None if none was found.
     """
 
-    branch: Branch
+    branch: TracedBranch
     points: Sequence[Point]
     limit: float | None = None
 
@@ -92,7 +92,7 @@ def bridge(
     sentinel
         Counts negative eigenvalues; holds the number of the last state.
     rates, first
-        As in `Branch`; the load f is the position on the ramp.
+        As in `TracedBranch`; the load f is the position on the ramp.
     position, wanted
         Position of the last state, and the position to come to.
 
@@ -102,11 +102,11 @@ def bridge(
         Its last point lies at or behind `wanted`, or is a limit point.  It does neither if the
         branch could not be followed so far.
     """
-    branch = Branch(solver, LoadCourse(solver, rates, position), first)
+    branch = TracedBranch(solver, LoadCourse(solver, rates, position), first)
     return follow(branch, sentinel, wanted)
 
 
-def follow(branch: Branch, sentinel: Sentinel, wanted: float) -> Bridge:
+def follow(branch: TracedBranch, sentinel: Sentinel, wanted: float) -> Bridge:
     """Follow a branch from the problem's present state, as `bridge` does.  Collective.
 
     Parameters
@@ -119,7 +119,8 @@ def follow(branch: Branch, sentinel: Sentinel, wanted: float) -> Bridge:
         The load f to come to.
     """
     steps = BranchSteps(
-        branch, FIRST_ARC, LONGEST_ARC, MOST_STEPS, lambda there: _is_same_branch(sentinel, there)
+        branch, FIRST_ARC_OF_BRIDGE, LONGEST_ARC_OF_BRIDGE, MOST_STEPS_OF_BRIDGE,
+        lambda there: _is_same_branch(sentinel, there),
     )
     points, fall = steps.rise(wanted)
     found = None if fall is None else branch.limit_point(*fall)

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dea_fenicsx.path.arclength import Branch, Point
+from dea_fenicsx.path.arclength import Point, TracedBranch
 from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.soft_watch import SoftWatch
 from dea_fenicsx.solvers.outcome import Attempt
@@ -111,7 +111,7 @@ class Crossings:
         Whether the last step turns aside, and no way leads straight on.
     """
 
-    def __init__(self, branch: Branch, longest: float, watch: SoftWatch | None) -> None:
+    def __init__(self, branch: TracedBranch, longest: float, watch: SoftWatch | None) -> None:
         self.branch, self.longest, self.watch = branch, longest, watch
         self.forget()
 
@@ -129,7 +129,7 @@ class Crossings:
     def advance(
         self, here: Point, arc: float, before: Point | None
     ) -> tuple[Attempt, Point | None]:
-        """As of `Branch.advance`; a watched step must not leave the branch.  Collective."""
+        """As of `TracedBranch.advance`; a watched step must not leave the branch.  Collective."""
         return (self.watch or self.branch).advance(here, arc, before)
 
     def reached(self, point: Point, before: Point, arc: float) -> None:

@@ -18,7 +18,7 @@ from dea_fenicsx.solvers.newton import NewtonSolver
 
 
 class Followed(Protocol):
-    """What a branch is asked for: see `arclength.Branch`."""
+    """What a branch is asked for: see `arclength.TracedBranch`."""
 
     problem: Problem
     solver: NewtonSolver

@@ -40,7 +40,7 @@ class Cursor:
 
 
 @dataclass(frozen=True)
-class Step:
+class AcceptedStep:
     """An accepted step; its state is the problem's while it is yielded.
 
     `event` is empty for the path's own steps.  A step with an event lies between two of them, and a

@@ -12,7 +12,7 @@ import numpy as np
 
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.roots import root
-from dea_fenicsx.path.stability import Place, Spectrum
+from dea_fenicsx.path.stability import CriticalEigenvalue, Place
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Attempt
 from dea_fenicsx.support.errors import SolverError
@@ -114,7 +114,7 @@ class Sentinel:
         self.fired = set(fired)
         self.excess: int | None = None
         self._margins: dict[str, float] = {}
-        self._spectrum = Spectrum(solver)
+        self._spectrum = CriticalEigenvalue(solver)
 
     def start(self) -> None:
         """Take the problem's present state as the one before the next step."""

@@ -21,7 +21,7 @@ from mpi4py import MPI
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.motion import MOTION
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.cursor import Cursor, Step
+from dea_fenicsx.path.cursor import AcceptedStep, Cursor
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import InMotion, March, Response
 from dea_fenicsx.path.moving import MotionWalk
@@ -38,7 +38,7 @@ LONGEST_MOTION = 1e4
 LONGEST_CREEP = 1e5
 """Longest time of a motion, in units of the longest relaxation time."""
 
-FIRST_STEP = 0.02
+FIRST_STEP_OF_MOTION = 0.02
 """First step of a motion, in units of 1/omega."""
 
 SHARE_OF_REST = 0.1
@@ -91,7 +91,7 @@ class Fall:
 
     def follow(
         self, begin: State, stable: State, landing: State | None, cursor: Cursor
-    ) -> Iterator[Step]:
+    ) -> Iterator[AcceptedStep]:
         """Yield the steps of the motion, and the state of rest as the last one.
 
         Parameters
@@ -110,7 +110,7 @@ class Fall:
         settle(self.problem)
         start = self.problem.state.time
         seconds = self.how.seconds or self._limit(omega)
-        here = replace(cursor, position=0.0, size=FIRST_STEP / omega, began=start)
+        here = replace(cursor, position=0.0, size=FIRST_STEP_OF_MOTION / omega, began=start)
         march = March(seconds, inertia=self.how.inertia)
         walk = MotionWalk(self.solver, march, here, False, self.sentinel, self.log)
         at_rest = None
@@ -132,7 +132,7 @@ class Fall:
         self.problem.commit(at_rest)
         note = {"seconds": self.fell, "static_difference_m": self._difference(landing)}
         here = replace(here, step=here.step + 1)
-        yield Step(here, "", at_rest, event="snap", note=note)
+        yield AcceptedStep(here, "", at_rest, event="snap", note=note)
 
     def _omega(self, begin: State, stable: State) -> float:
         """Frequency in 1/s of the motion, by the stiffness of a stable state.  Collective.

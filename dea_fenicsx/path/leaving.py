@@ -23,14 +23,14 @@ from mpi4py import MPI
 
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.arclength import Branch
+from dea_fenicsx.path.arclength import TracedBranch
 from dea_fenicsx.path.cubic import Point
 from dea_fenicsx.path.items import MOST_SHAPES, Trace
-from dea_fenicsx.path.stability import Spectrum
+from dea_fenicsx.path.stability import CriticalEigenvalue
 from dea_fenicsx.support.agreement import together
 from dea_fenicsx.support.errors import InputError, SolverError
 
-WEIGHTS = (2.0, 0.7, 0.3)
+BASIS_WEIGHTS = (2.0, 0.7, 0.3)
 """Factors of the squares of x, y and z in the weight that makes a basis definite."""
 
 COMPONENTS = (1.0, 0.8, 0.6)
@@ -45,11 +45,11 @@ ITERATIONS = 3
 INDEPENDENT = 1e-13
 """Least share of a vector that the earlier ones do not explain, for it to be one of its own."""
 
-SOLVE_TOLERANCE = 1e-10
+MODE_SOLVE_TOLERANCE = 1e-10
 """Relative tolerance of their linear solves."""
 
 
-def null_shapes(branch: Branch, state: State) -> np.ndarray:
+def null_shapes(branch: TracedBranch, state: State) -> np.ndarray:
     """The null vectors of a critical state on a branch.  Collective.
 
     Returns
@@ -64,12 +64,12 @@ def null_shapes(branch: Branch, state: State) -> np.ndarray:
     vectors = vectors[:, sizes <= NEUTRAL * sizes.max()] if len(sizes) > 1 else vectors
     if vectors.shape[1] > 1:
         vectors = _definite(branch, vectors)
-    spectrum = Spectrum(branch.solver)
+    spectrum = CriticalEigenvalue(branch.solver)
     shapes = [spectrum.as_values(v)[problem.free] for v in vectors.T]
     return np.stack(shapes, axis=1)
 
 
-def _softest(branch: Branch) -> tuple[np.ndarray, np.ndarray]:
+def _softest(branch: TracedBranch) -> tuple[np.ndarray, np.ndarray]:
     """Some shapes of the present state with the eigenvalues nearest 0, and their sizes.
 
     By inverse iteration of a block, K v = m M v, which finds null vectors at once, however many.
@@ -86,7 +86,7 @@ def _softest(branch: Branch) -> tuple[np.ndarray, np.ndarray]:
     def answers(vectors: np.ndarray) -> np.ndarray:
         columns = []
         for vector in vectors.T:
-            found = solver.linear_solve(products.times(vector), SOLVE_TOLERANCE)
+            found = solver.linear_solve(products.times(vector), MODE_SOLVE_TOLERANCE)
             if found is None:
                 raise SolverError("The null vectors of a bifurcation could not be computed.")
             columns.append(found)
@@ -103,7 +103,7 @@ def _softest(branch: Branch) -> tuple[np.ndarray, np.ndarray]:
     return block @ turn[:, order], 1 / np.maximum(np.abs(values[order]), 1e-300)
 
 
-def _orthonormal(branch: Branch, vectors: np.ndarray) -> np.ndarray:
+def _orthonormal(branch: TracedBranch, vectors: np.ndarray) -> np.ndarray:
     """Vectors that span the same space with v_i . M v_j = 1 or 0; those of rounding are left out.
 
     By Gram and Schmidt, twice, for null vectors are much larger than all others.
@@ -128,7 +128,7 @@ def _orthonormal(branch: Branch, vectors: np.ndarray) -> np.ndarray:
     return np.stack(found, axis=1)
 
 
-def _definite(branch: Branch, vectors: np.ndarray) -> np.ndarray:
+def _definite(branch: TracedBranch, vectors: np.ndarray) -> np.ndarray:
     """The basis of the space of some vectors that diagonalises the weight."""
     problem = branch.problem
     weight = np.zeros(problem.size)
@@ -140,7 +140,7 @@ def _definite(branch: Branch, vectors: np.ndarray) -> np.ndarray:
     half = np.max(high - low) / 2
     for part, place, share in zip(problem.displacement, places, COMPONENTS, strict=False):
         away = (place - (low + high) / 2) / half
-        weight[part.dofs] = share / (1 + away**2 @ WEIGHTS)
+        weight[part.dofs] = share / (1 + away**2 @ BASIS_WEIGHTS)
     weighed = np.stack([branch.products.times(v) for v in vectors.T], axis=1)
     mine = vectors.T @ (weight[problem.free][:, None] * weighed)
     products = np.asarray(problem.comm.allreduce(mine, op=MPI.SUM))
@@ -159,7 +159,7 @@ class Exits:
         Number of bifurcations that the trace has met before.
     """
 
-    def __init__(self, branch: Branch, item: Trace, passed: int) -> None:
+    def __init__(self, branch: TracedBranch, item: Trace, passed: int) -> None:
         self.branch, self.item, self.passed = branch, item, passed
         self._numbers = list(accumulate(item.exits))
 

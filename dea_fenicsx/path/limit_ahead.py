@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dea_fenicsx.path.arclength import Branch
+from dea_fenicsx.path.arclength import TracedBranch
 from dea_fenicsx.path.branch_steps import BranchSteps
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.solvers.newton import NewtonSolver
 
-FIRST_ARC, LONGEST_ARC = 0.125, 1.0
+FIRST_ARC_TO_LIMIT, LONGEST_ARC_TO_LIMIT = 0.125, 1.0
 """First and longest step along the branch, in units of arc."""
 
-MOST_STEPS = 12
+MOST_STEPS_TO_LIMIT = 12
 """Largest number of steps along the branch.  A limit point that is not near is not worth more."""
 
 
@@ -36,7 +36,7 @@ def limit_ahead(
     sentinel
         Counts negative eigenvalues; holds the number of the last state.
     rates, first
-        As in `Branch`; the load f is the position on the ramp.
+        As in `TracedBranch`; the load f is the position on the ramp.
     position, failed
         Position of the last state, and that of the step that has failed.
 
@@ -45,8 +45,8 @@ def limit_ahead(
     float or None
         None if the branch reaches the load that failed, or cannot be followed so far.
     """
-    branch = Branch(solver, LoadCourse(solver, rates, position), first)
-    steps = BranchSteps(branch, FIRST_ARC, LONGEST_ARC, MOST_STEPS)
+    branch = TracedBranch(solver, LoadCourse(solver, rates, position), first)
+    steps = BranchSteps(branch, FIRST_ARC_TO_LIMIT, LONGEST_ARC_TO_LIMIT, MOST_STEPS_TO_LIMIT)
     _, fall = steps.rise(failed)
     if fall is None:
         return None

@@ -12,7 +12,7 @@ from dea_fenicsx.path.stability import load_derivative
 from dea_fenicsx.solvers.newton import NewtonSolver
 
 
-class Course(Protocol):
+class BranchLoad(Protocol):
     """What the load f of a branch means for a problem."""
 
     def loaded(self, state: State, factor: float) -> State:

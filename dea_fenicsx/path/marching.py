@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 from dea_fenicsx.drives.waves import TIME_TOLERANCE, Wave
 from dea_fenicsx.model.state import State
 from dea_fenicsx.model.viscous_history import Rule
-from dea_fenicsx.path.cursor import Cursor, Step
+from dea_fenicsx.path.cursor import AcceptedStep, Cursor
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import March, Ramp
 from dea_fenicsx.path.ramping import RampWalk
@@ -38,10 +38,10 @@ from dea_fenicsx.support.errors import EquilibriumLost
 LOST = "loss of equilibrium"
 """The event of the state beyond which there is no equilibrium."""
 
-FEWEST_STEPS = 10
+FEWEST_STEPS_BETWEEN_CORNERS = 10
 """Steps between two corners of the drive at least, where no error is estimated."""
 
-SHORTEST_STEP = 2.0**-30
+SHORTEST_STEP_OF_MARCH = 2.0**-30
 """Shortest step, in units of the time gone.  Below it the march is given up.
 
 The time gone is at least the first step after a jump, and counts up to the longest step.
@@ -67,7 +67,7 @@ FIRST_ERROR_SHARE = 0.1
 
 
 @dataclass(frozen=True)
-class Jump(Ramp):
+class LoadJump(Ramp):
     """A ramp of several loads, each to a factor of its own.
 
     Attributes
@@ -140,11 +140,11 @@ class MarchWalk:
         if self.march.steps is not None:
             return end / self.march.steps
         finest = min((wave.finest() for wave in self.drive.values()), default=math.inf)
-        return min(end if self.adaptive else end / FEWEST_STEPS, finest)
+        return min(end if self.adaptive else end / FEWEST_STEPS_BETWEEN_CORNERS, finest)
 
     # ------------------------------------------------------------------ the march
 
-    def follow(self) -> Iterator[Step]:
+    def follow(self) -> Iterator[AcceptedStep]:
         """Yield the accepted steps, one after another.
 
         Raises
@@ -232,7 +232,7 @@ class MarchWalk:
         """Shortest step in s.  It is not tied to the length of the march, which may be generous."""
         now = self.stepper.now
         gone = min(self.ladder.longest, max(now, self.first))
-        return max(SHORTEST_STEP * gone, CLOCK_STEP * abs(self._clock(now)))
+        return max(SHORTEST_STEP_OF_MARCH * gone, CLOCK_STEP * abs(self._clock(now)))
 
     def _error_order(self, rule: Rule, corner: bool) -> int:
         """The power of its length with which the error of a step goes."""
@@ -272,7 +272,7 @@ class MarchWalk:
         self.stepper.restart(self.problem.state, jump=True)
         self.problem.commit(self.stepper.base)
 
-    def _elastic(self, now: float, seconds: float, end: float) -> Iterator[Step]:
+    def _elastic(self, now: float, seconds: float, end: float) -> Iterator[AcceptedStep]:
         """A step of a body without memory: a ramp of its loads, with its evidence and events."""
         goals = self._due(end, before=True)
         share = replace(self.cursor, position=0.0, size=0.0, start=dict(self.problem.factors))
@@ -293,9 +293,9 @@ class MarchWalk:
         """Time of the problem at a time of the drive, in s."""
         return self.cursor.began + now
 
-    def _ramp(self, goals: Mapping[str, float], start: Cursor) -> Iterator[Step]:
+    def _ramp(self, goals: Mapping[str, float], start: Cursor) -> Iterator[AcceptedStep]:
         """The steps of a ramp in no time."""
-        ramp = Jump(steps=1, targets=goals)
+        ramp = LoadJump(steps=1, targets=goals)
         try:
             yield from RampWalk(self.solver, ramp, start, False, self.sentinel, self.log).follow()
         except EquilibriumLost as error:
@@ -315,7 +315,7 @@ class MarchWalk:
             if abs(goal - factors[name]) > TIME_TOLERANCE * max(1.0, abs(goal))
         }  # fmt: skip
 
-    def _jump(self) -> Iterator[Step]:
+    def _jump(self) -> Iterator[AcceptedStep]:
         """Go to the load of the drive in no time, if it is not the present one."""
         goals = self._due(self.stepper.now)
         if not goals:
@@ -333,7 +333,7 @@ class MarchWalk:
     def _is_end(self, now: float) -> bool:
         return self.is_last and now >= self.march.seconds - self.room
 
-    def _events(self, now: float, seconds: float, settled: State) -> Iterator[Step]:
+    def _events(self, now: float, seconds: float, settled: State) -> Iterator[AcceptedStep]:
         """Events between the last accepted state and this one, each as a step of its own."""
         before, count = self.sentinel.excess, self.sentinel.count(settled)
         if before is not None and count is not None and before != count:
@@ -351,19 +351,19 @@ class MarchWalk:
             at = now + event.share * seconds
             self.cursor = self._moved(at, self.cursor.size)
             self.log(f"march: {event.name} at {at:.9g} s")
-            yield Step(self.cursor, "march", event.state, event=event.name, mode=event.mode)
+            yield AcceptedStep(self.cursor, "march", event.state, event=event.name, mode=event.mode)
 
     def _moved(self, now: float, size: float) -> Cursor:
         """The cursor of the next step."""
         share = min(now / self.march.seconds, 1.0)
         return replace(self.cursor, step=self.cursor.step + 1, position=share, size=size)
 
-    def _accept(self, now: float, settled: State, retries: int) -> Step:
+    def _accept(self, now: float, settled: State, retries: int) -> AcceptedStep:
         self.problem.commit(settled)
         self.stepper.accept(settled, now)
         self.cursor = self._moved(now, self.ladder.size(self.rung))
         last = self._is_end(now) and not self._due(now)
-        return Step(self.cursor, "march", settled, retries, last)
+        return AcceptedStep(self.cursor, "march", settled, retries, last)
 
     def _tell_retry(self, time: float, attempt: Attempt) -> None:
         self.log(
@@ -371,7 +371,7 @@ class MarchWalk:
             f"{attempt.iterations} Newton iterations); step halved"
         )
 
-    def _look_for_limit(self, now: float, seconds: float, retries: int) -> Iterator[Step]:
+    def _look_for_limit(self, now: float, seconds: float, retries: int) -> Iterator[AcceptedStep]:
         """Look for a limit point within a step of some length, its history held.
 
         Raises
@@ -394,5 +394,5 @@ class MarchWalk:
             return
         self.problem.commit(settled)
         self.cursor = self._moved(there, 0.0)
-        yield Step(self.cursor, "march", settled, retries, self.is_last, event=LOST)
+        yield AcceptedStep(self.cursor, "march", settled, retries, self.is_last, event=LOST)
         raise march_lost(self.problem.scene, settled, there, list(self.drive))

@@ -18,7 +18,7 @@ from dea_fenicsx.model.motion import MOTION
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.conserving import ConservingStepper
-from dea_fenicsx.path.cursor import Cursor, Step
+from dea_fenicsx.path.cursor import AcceptedStep, Cursor
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import CONSERVING, Inertia, March
 from dea_fenicsx.path.motion_stepping import MotionStepper
@@ -30,7 +30,7 @@ from dea_fenicsx.support.errors import InputError, SolverError
 FIRST_SHARE = 2.0**-10
 """First step after a jump whose length is adapted, in units of the longest one."""
 
-SHORTEST_STEP = 2.0**-40
+SHORTEST_STEP_OF_MOTION = 2.0**-40
 """Shortest step, in units of the longest one.  Below it the march is given up."""
 
 JUMPED = 1e-9
@@ -80,7 +80,7 @@ class MotionWalk:
         finest = min((wave.finest() for wave in self.drive.values()), default=math.inf)
         return min(self.march.seconds, finest)
 
-    def follow(self) -> Iterator[Step]:
+    def follow(self) -> Iterator[AcceptedStep]:
         """Yield the accepted steps, one after another.
 
         Raises
@@ -160,7 +160,7 @@ class MotionWalk:
             )
         return moved
 
-    def _jump(self) -> Iterator[Step]:
+    def _jump(self) -> Iterator[AcceptedStep]:
         """Go to the load of the drive at once, if it is not the present one."""
         if not self._due():
             return
@@ -171,7 +171,7 @@ class MotionWalk:
         here = self.cursor
         self.cursor = replace(here, step=here.step + 1, size=0.0)
         last = self.is_last and self.stepper.now >= self.march.seconds - self.room
-        yield Step(self.cursor, "march", self.stepper.base, last=last)
+        yield AcceptedStep(self.cursor, "march", self.stepper.base, last=last)
 
     # ------------------------------------------------------------------ steps
 
@@ -220,7 +220,7 @@ class MotionWalk:
     def _shortest(self) -> float:
         """Shortest step in s."""
         clock = abs(self.cursor.began + self.stepper.now)
-        return max(SHORTEST_STEP * self.ladder.longest, CLOCK_STEP * clock)
+        return max(SHORTEST_STEP_OF_MOTION * self.ladder.longest, CLOCK_STEP * clock)
 
     def _speed(self) -> float:
         """Largest velocity of a node along an axis in m/s.  Collective."""
@@ -228,7 +228,7 @@ class MotionWalk:
         largest = float(np.max(found, initial=0.0)) * self.problem.scales.length
         return float(self.problem.comm.allreduce(largest, op=MPI.MAX))
 
-    def _alarms(self, now: float, seconds: float, settled: State) -> Iterator[Step]:
+    def _alarms(self, now: float, seconds: float, settled: State) -> Iterator[AcceptedStep]:
         """Failures within a step, each as a step of its own."""
 
         def place(share: float) -> Attempt:
@@ -242,18 +242,18 @@ class MotionWalk:
             at = now + event.share * seconds
             self.cursor = self._moved(at, self.cursor.size)
             self.log(f"march: {event.name} at {at:.9g} s")
-            yield Step(self.cursor, "march", event.state, event=event.name)
+            yield AcceptedStep(self.cursor, "march", event.state, event=event.name)
 
     def _moved(self, now: float, size: float) -> Cursor:
         share = min(now / self.march.seconds, 1.0)
         return replace(self.cursor, step=self.cursor.step + 1, position=share, size=size)
 
-    def _accept(self, now: float, settled: State, retries: int) -> Step:
+    def _accept(self, now: float, settled: State, retries: int) -> AcceptedStep:
         self.problem.commit(settled)
         self.stepper.accept(settled, now)
         self.cursor = self._moved(now, self.ladder.size(self.rung))
         last = self.is_last and now >= self.march.seconds - self.room and not self._due()
-        return Step(self.cursor, "march", settled, retries, last)
+        return AcceptedStep(self.cursor, "march", settled, retries, last)
 
 
 def initial_velocity(problem: Problem, inertia: Inertia) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import singledispatch
 
-from dea_fenicsx.drives.trial import MOST_STEPS, check_numbers, check_pace
+from dea_fenicsx.drives.trial import MOST_STEPS_OF_MARCH, check_numbers, check_pace
 from dea_fenicsx.drives.waves import TIME_TOLERANCE, Wave
 from dea_fenicsx.model.mass import check_mass
 from dea_fenicsx.model.mean_forces import check_conserving
@@ -137,10 +137,10 @@ def _check_response(item: Ramp | Trace | Close, scene: Scene) -> None:
 
 def _check_close(item: Close, scene: Scene) -> None:
     source = fed(scene, item.where)
-    if not 1 <= item.steps <= MOST_STEPS:
+    if not 1 <= item.steps <= MOST_STEPS_OF_MARCH:
         raise InputError(
             f"Close({item.where!r}) has {item.steps} steps, but needs a whole number from 1 to "
-            f"{MOST_STEPS}."
+            f"{MOST_STEPS_OF_MARCH}."
         )
     finite(item.to, f"The factor of the source of {item.where!r}")
     if source.ohms:
@@ -183,10 +183,10 @@ def _check_march(march: March) -> None:
     """Check the numbers and the waves of a march."""
     positive(march.seconds, "The length of the march", "a time > 0 in s")
     positive(march.tolerance, "The tolerance of the march")
-    if march.steps is not None and not 1 <= march.steps <= MOST_STEPS:
+    if march.steps is not None and not 1 <= march.steps <= MOST_STEPS_OF_MARCH:
         raise InputError(
-            f"The march has {march.steps} steps, but needs a whole number from 1 to {MOST_STEPS}, "
-            "or None."
+            f"The march has {march.steps} steps, but needs a whole number from 1 to "
+            f"{MOST_STEPS_OF_MARCH}, or None."
         )
     if march.order not in (1, 2, 3):
         raise InputError(f"The order of the march is {march.order}, but must be 1, 2 or 3.")
@@ -348,10 +348,10 @@ def _check_leave(trace: Trace) -> None:
 def _check_ramp(ramp: Ramp, scene: Scene, reached: dict[str, float | None]) -> None:
     """Check a ramp; `reached` holds the factors where it starts, None where they are not known."""
     label = ramp.label(scene)
-    if not 1 <= ramp.steps <= MOST_STEPS:
+    if not 1 <= ramp.steps <= MOST_STEPS_OF_MARCH:
         raise InputError(
             f"The ramp of {label} has {ramp.steps} steps, but needs a whole number from 1 to "
-            f"{MOST_STEPS}."
+            f"{MOST_STEPS_OF_MARCH}."
         )
     landings = () if ramp.at is None else ramp.at
     for value in (ramp.to, *landings):

@@ -9,7 +9,7 @@ from functools import partial
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.path.bridging import bridge
 from dea_fenicsx.path.crushing import Crush, find_crush
-from dea_fenicsx.path.cursor import Cursor, Step
+from dea_fenicsx.path.cursor import AcceptedStep, Cursor
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.evidence import Evidence
 from dea_fenicsx.path.falling import Fall
@@ -50,7 +50,7 @@ LONGEST_BRIDGE = 2.0**-4
 In units of the first step.  Behind it the ramp goes on in its own steps.
 """
 
-MOST_NEWTON_FOR_GROWTH = 5
+MOST_NEWTON_FOR_LONGER_STEP = 5
 """Largest number of Newton iterations of a step after which the next step is longer."""
 
 STEP_GROWTH = 1.5
@@ -124,7 +124,7 @@ class RampWalk:
         }
         return self.problem.factors | moved
 
-    def follow(self) -> Iterator[Step]:
+    def follow(self) -> Iterator[AcceptedStep]:
         """Yield the accepted steps, one after another.
 
         Raises
@@ -182,7 +182,7 @@ class RampWalk:
 
     def _events(
         self, position: float, target: float, found: State, place: Place
-    ) -> Iterator[Step]:
+    ) -> Iterator[AcceptedStep]:
         """Events between the last accepted state and this one, each as a step of its own."""
         names, count = self.names, self.evidence.count
         rates = {n: (target - position) * rate for n, rate in self.rates.items()}
@@ -192,7 +192,7 @@ class RampWalk:
             at = position + event.share * (target - position)
             self.cursor = replace(self.cursor, step=self.cursor.step + 1, position=at)
             self.log(f"{self.label}: {event.name} at {event.state.factors.told(names)}")
-            yield Step(
+            yield AcceptedStep(
                 self.cursor, self.label, event.state, event=event.name, mode=event.mode
             )
             if event.mode is not None:
@@ -206,7 +206,7 @@ class RampWalk:
 
     def _accept(
         self, position: float, target: float, lands: bool, attempt: Attempt, retries: int
-    ) -> Step:
+    ) -> AcceptedStep:
         """Accept a state, and choose the size of the next step."""
         found = attempt.found
         self.problem.commit(found)
@@ -215,7 +215,7 @@ class RampWalk:
         else:
             self.predictor.add(found)
         cut = lands and target - position < self.size
-        grown = STEP_GROWTH if attempt.iterations <= MOST_NEWTON_FOR_GROWTH else 1.0
+        grown = STEP_GROWTH if attempt.iterations <= MOST_NEWTON_FOR_LONGER_STEP else 1.0
         self.size = min(self.size * (1.0 if cut else grown), 1.0)
         if not cut and self.ramp.at is None:
             self.size = min(self.size, self.first)
@@ -225,7 +225,7 @@ class RampWalk:
         )
         last = target == 1.0 and self.is_last
         earlier = (self.origin, *self.predictor.known[:-1])
-        return Step(self.cursor, self.label, found, retries, last, earlier=earlier)
+        return AcceptedStep(self.cursor, self.label, found, retries, last, earlier=earlier)
 
     def _tell_retry(self, target: float, attempt: Attempt) -> None:
         load = self.factors_at(target).told(self.names)
@@ -282,7 +282,7 @@ class RampWalk:
 
     def _cross(
         self, target: float, landing: float, attempt: Attempt, retries: int
-    ) -> Iterator[Step]:
+    ) -> Iterator[AcceptedStep]:
         """Follow the branch by arc length where a step has failed although an equilibrium exists.
 
         Yields nothing if the branch does not lead to a larger load than that of the failed step.
@@ -336,7 +336,7 @@ class RampWalk:
             crush,
         )  # fmt: skip
 
-    def _snap(self, lost: Callable[[], PathError]) -> Iterator[Step]:
+    def _snap(self, lost: Callable[[], PathError]) -> Iterator[AcceptedStep]:
         """The limit point that the ramp has come to, and the state to which the device snaps."""
         cursor, how = self.cursor, self.ramp.loss
         moves = isinstance(how, InMotion)
@@ -353,7 +353,7 @@ class RampWalk:
         outwards = factors[self.lead] * self.rates[self.lead] > 0
         top = limit.state.with_factors(factors)
         self.problem.commit(top)
-        yield Step(cursor, self.label, top, event="maximum" if outwards else "minimum")
+        yield AcceptedStep(cursor, self.label, top, event="maximum" if outwards else "minimum")
         self.cursor = cursor
         landed = None if landing is None else landing.with_factors(factors)
         if isinstance(how, InMotion):
@@ -367,13 +367,13 @@ class RampWalk:
         else:
             self.problem.commit(landed)
             self.cursor = replace(cursor, step=cursor.step + 1)
-            yield Step(self.cursor, self.label, landed, event="snap")
+            yield AcceptedStep(self.cursor, self.label, landed, event="snap")
         self.log(f"{self.label}: snapped at {factors.told(self.names)}")
         self.solver.forget_factor()
 
     def _fall(
         self, how: InMotion, begin: State, landed: State | None, lost: Callable[[], PathError]
-    ) -> Iterator[Step]:
+    ) -> Iterator[AcceptedStep]:
         """The motion from a state until the body rests.
 
         Parameters

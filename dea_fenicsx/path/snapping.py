@@ -6,19 +6,19 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.arclength import Branch, Point
+from dea_fenicsx.path.arclength import Point, TracedBranch
 from dea_fenicsx.path.branch_steps import BranchSteps
 from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import SolverError
 
-FIRST_ARC = 1.0
+FIRST_ARC_BEHIND_LIMIT = 1.0
 """First step along the branch, in units of arc."""
 
-LONGEST_ARC = 4.0
+LONGEST_ARC_BEHIND_LIMIT = 4.0
 """Longest step along the branch, in units of arc."""
 
-MOST_STEPS = 400
+MOST_STEPS_TO_LANDING = 400
 """Largest number of steps along the branch that are made to find the landing."""
 
 MOTION_STARTS = (0.25, 0.5, 1.0)
@@ -31,7 +31,7 @@ SHARES_OF_STEP = (0.5, 0.25, 0.125)
 """If no limit point was found in a step, we look again in its first part: these shares of it."""
 
 
-class Passage(NamedTuple):
+class BehindLimit(NamedTuple):
     """What lies on the branch where a load cannot grow any more.
 
     Attributes
@@ -57,7 +57,7 @@ def over_the_limit(
     log: Callable[[str], None],
     landing: bool = True,
     behind: bool = False,
-) -> Passage:
+) -> BehindLimit:
     """Follow the branch over the limit point to the next stable state that bears the same load.
 
     The states between the limit point and that state are not stable at this load.  A device with
@@ -68,7 +68,7 @@ def over_the_limit(
     solver
         The solver, in equilibrium before the limit point.
     rates, factor, first
-        As in `Branch`; the load f grows.
+        As in `TracedBranch`; the load f grows.
     log
         Called with a line of text.
     landing, behind
@@ -76,15 +76,17 @@ def over_the_limit(
 
     Returns
     -------
-    Passage
+    BehindLimit
 
     Raises
     ------
     SolverError
         If no limit point is found.
     """
-    branch = Branch(solver, LoadCourse(solver, rates, factor), first)
-    steps = BranchSteps(branch, FIRST_ARC, LONGEST_ARC, MOST_STEPS)
+    branch = TracedBranch(solver, LoadCourse(solver, rates, factor), first)
+    steps = BranchSteps(
+        branch, FIRST_ARC_BEHIND_LIMIT, LONGEST_ARC_BEHIND_LIMIT, MOST_STEPS_TO_LANDING
+    )
     reached, limit, near = steps.begin, None, None
     for here, there, arc in steps:
         reached = there
@@ -94,12 +96,12 @@ def over_the_limit(
             limit = found
             near = _behind(branch, limit) if behind else None
             if not landing:
-                return Passage(limit, None, near)
+                return BehindLimit(limit, None, near)
             log(f"limit point at {limit.factor:.8g} of the ramp; its far side is searched")
         if limit is not None and there.slope > 0 and there.factor > limit.factor:
             landed = _landing(branch, here, there, limit)
             if landed is not None:
-                return Passage(limit, landed, near)
+                return BehindLimit(limit, landed, near)
         with solver.problem.at(there.state):
             # Towards lock-up the forces and their rounding errors grow by orders of magnitude.
             solver.references.remember(solver.problem.residual())
@@ -108,10 +110,10 @@ def over_the_limit(
             f"({steps.lost.outcome.value})")  # fmt: skip
     if limit is None:
         raise SolverError("no limit point was found")
-    return Passage(limit, None, near)
+    return BehindLimit(limit, None, near)
 
 
-def _limit_point(branch: Branch, here: Point, there: Point, arc: float) -> Point | None:
+def _limit_point(branch: TracedBranch, here: Point, there: Point, arc: float) -> Point | None:
     """The limit point between two points.  Collective.
 
     If Newton's method fails close to it, where the tangent is singular, a shorter part of the
@@ -131,7 +133,7 @@ def _limit_point(branch: Branch, here: Point, there: Point, arc: float) -> Point
     return found[0] if found else None
 
 
-def _behind(branch: Branch, limit: Point) -> State | None:
+def _behind(branch: TracedBranch, limit: Point) -> State | None:
     """An equilibrium a little way behind a limit point.  Collective."""
     for arc in MOTION_STARTS:
         attempt = branch.step(limit, arc)
@@ -140,7 +142,7 @@ def _behind(branch: Branch, limit: Point) -> State | None:
     return None
 
 
-def _landing(branch: Branch, here: Point, there: Point, limit: Point) -> State | None:
+def _landing(branch: TracedBranch, here: Point, there: Point, limit: Point) -> State | None:
     """The stable equilibrium between two points that bears the load of the limit point, or None."""
     landing = branch.land(here, there, limit.factor)
     if not landing.converged:

@@ -29,7 +29,7 @@ Shapes that are nearly neutral exceed the error by the ratio of the eigenvalues.
 FRESH_VECTORS = 2
 """How many pseudo-random vectors take part in an iteration."""
 
-FIRST_ITERATIONS, MOST_ITERATIONS = 4, 3
+FIRST_ITERATIONS, ITERATIONS_AFTERWARDS = 4, 3
 """Number of iterations at the first point, and the most at a later one."""
 
 LEAST_KEPT = 0.9
@@ -80,7 +80,7 @@ class SoftShapes:
         """The shapes at the present state from those before; None if a solve fails."""
         known = self._block is not None
         block = self._block if self._block is not None else self._motions(self.count, 0)
-        most = MOST_ITERATIONS if known else FIRST_ITERATIONS
+        most = ITERATIONS_AFTERWARDS if known else FIRST_ITERATIONS
         for number in range(1, most + 1):
             old = self._weighed(block)
             found = self._iterated(block, old, number)

@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.path.arclength import Branch, Point
+from dea_fenicsx.path.arclength import Point, TracedBranch
 from dea_fenicsx.path.cubic import Cubic
 from dea_fenicsx.path.soft_shapes import size
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
@@ -67,7 +67,7 @@ class SoftWatch:
         Whether the last step was refused, or moves aside while the load does not drive it.
     """
 
-    def __init__(self, branch: Branch) -> None:
+    def __init__(self, branch: TracedBranch) -> None:
         self.branch = branch
         self.forget()
 

@@ -80,7 +80,7 @@ def load_derivative(tangent: Tangent, rates: Mapping[str, float]) -> np.ndarray:
     )
 
 
-SLOPE_TOLERANCE = 1e-7
+PATH_TANGENT_TOLERANCE = 1e-7
 """Relative tolerance of the linear solve for the tangent of a path.
 
 It must be small, because bending of a thin part hardly changes the residual: with 1e-3 the tangent
@@ -92,7 +92,7 @@ def path_slope(
     solver: NewtonSolver,
     state: State,
     rates: Mapping[str, float],
-    tolerance: float = SLOPE_TOLERANCE,
+    tolerance: float = PATH_TANGENT_TOLERANCE,
 ) -> np.ndarray | None:
     """dx/df of the free unknowns at a state, each ramp's factor at its rate with f.
 
@@ -102,7 +102,7 @@ def path_slope(
         return solver.linear_solve(-load_derivative(solver.tangent, rates), tolerance)
 
 
-class Spectrum:
+class CriticalEigenvalue:
     """The tangent's eigenvalue nearest zero, and the search for states at which it vanishes.
 
     Parameters

@@ -13,7 +13,7 @@ import numpy as np
 
 from dea_fenicsx.model.state import State
 from dea_fenicsx.model.viscous_history import Rule
-from dea_fenicsx.path.arclength import Branch
+from dea_fenicsx.path.arclength import TracedBranch
 from dea_fenicsx.path.bridging import follow
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.time_stepping import TimeStepper
@@ -28,7 +28,7 @@ The derivative only aims Newton's corrections; their end does not depend on it.
 MOTION_LEFT = 1 / (np.sqrt(2.0) - 1)
 """Motion up to a limit point over that of the last step, if this went half of the time left."""
 
-SMALLEST_MOTION = 1e-7
+SMALLEST_MOTION_OF_ARC = 1e-7
 """Smallest unit of motion along a branch, in units of arc: below it there is rounding."""
 
 
@@ -91,7 +91,7 @@ class TimeLimit:
     rule: Rule
 
 
-def _measure(branch: Branch, stepper: TimeStepper) -> None:
+def _measure(branch: TracedBranch, stepper: TimeStepper) -> None:
     """Measure the motion along a branch by that of the last step, if this was a small one.
 
     The closer the limit point, the less the body moves on the way to it.  With the motion of half
@@ -103,7 +103,7 @@ def _measure(branch: Branch, stepper: TimeStepper) -> None:
     before, last = stepper.known[-2:]
     moved = (last.values - before.values)[stepper.problem.free]
     length = MOTION_LEFT * np.sqrt(branch.dot(moved, 0.0, moved, 0.0))
-    branch.weight /= min(max(length, SMALLEST_MOTION), 1.0) ** 2
+    branch.weight /= min(max(length, SMALLEST_MOTION_OF_ARC), 1.0) ** 2
 
 
 def follow_time(stepper: TimeStepper, sentinel: Sentinel, seconds: float) -> TimeLimit | None:
@@ -120,7 +120,7 @@ def follow_time(stepper: TimeStepper, sentinel: Sentinel, seconds: float) -> Tim
     """
     course = TimeCourse(stepper, seconds)
     with stepper.problem.at(stepper.base):
-        branch = Branch(stepper.solver, course, 1.0)
+        branch = TracedBranch(stepper.solver, course, 1.0)
         _measure(branch, stepper)
         found = follow(branch, sentinel, 1.0)
     stepper.solver.forget_factor()

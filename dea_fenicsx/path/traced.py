@@ -27,7 +27,7 @@ class Traced:
     retries
         How often the step was halved.
     event, mode, held, last
-        As of a `Step`; `last` where the trace has come to its end.
+        As of an `AcceptedStep`; `last` where the trace has come to its end.
     earlier
         The state of the point before it, if the next step follows the cubic through both.
     """

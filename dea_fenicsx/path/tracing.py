@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.arclength import SHORTEST_ARC, Branch, Point
+from dea_fenicsx.path.arclength import SHORTEST_ARC, Point, TracedBranch
 from dea_fenicsx.path.crossing import SOFT_SHAPES, Crossings, Passage
 from dea_fenicsx.path.events import MOST_CHANGES_LOCATED, Passed, Sentinel
 from dea_fenicsx.path.guiding import Guide
@@ -23,7 +23,7 @@ from dea_fenicsx.path.turning import TURN_ASIDE, Turns
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Outcome
 
-END_TOLERANCE = 1e-7
+TRACE_END_TOLERANCE = 1e-7
 """Largest distance from the value at which a trace ends, as a share of the gap of the last step."""
 
 MOST_SETTLING = 0.01
@@ -95,7 +95,7 @@ class Tracer:
         self.solver, self.problem, self.item = solver, solver.problem, item
         self.sentinel, self.gap, self.log = sentinel, gap, log
         self.rates, now = {item.what: 1.0}, self.problem.factors[item.what]
-        self.branch = Branch(solver, LoadCourse(solver, self.rates, now), item.first)
+        self.branch = TracedBranch(solver, LoadCourse(solver, self.rates, now), item.first)
         self.branch.precise = sentinel.stability
         watch = SoftWatch(self.branch)
         self.crossings = Crossings(self.branch, item.longest, watch)
@@ -332,7 +332,7 @@ class Tracer:
             return None
         s, state, held = arc, there.state, 0.0
         bracket = Bracket((0.0, left), (arc, beyond))
-        close = END_TOLERANCE * max(abs(left), abs(beyond))
+        close = TRACE_END_TOLERANCE * max(abs(left), abs(beyond))
         for _ in range(20):
             if abs(bracket.high[1]) <= close:
                 break

@@ -64,7 +64,7 @@ class Turns:
         What the trace does there.  A turn that it follows is told once; with None we do not look.
     """
 
-    def __init__(self, branch: Branch, crossings: Crossings, at_turn: Turn | None) -> None:
+    def __init__(self, branch: TracedBranch, crossings: Crossings, at_turn: Turn | None) -> None:
         self.branch, self.crossings, self.at_turn = branch, crossings, at_turn
         self.forget()
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.cursor import Cursor, Step
+from dea_fenicsx.path.cursor import AcceptedStep, Cursor
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.items import (
     Close,
@@ -64,7 +64,7 @@ class Walk:
     origin: State | None = None
     earlier: Sequence[State] = ()
 
-    def follow(self, resume: Cursor | None = None) -> Iterator[Step]:
+    def follow(self, resume: Cursor | None = None) -> Iterator[AcceptedStep]:
         """Yield each accepted step, that in which the path begins first.
 
         Parameters
@@ -92,7 +92,7 @@ class Walk:
             check_path(scene, self.path, origin.factors)
             cursor = Cursor(start=dict(origin.factors), began=origin.time)
             problem.commit(origin)
-            yield Step(cursor, self.path[0].label(scene), problem.state)
+            yield AcceptedStep(cursor, self.path[0].label(scene), problem.state)
         else:
             check_path(scene, self.path, dict.fromkeys(scene.ramps))
             cursor = resume
@@ -127,7 +127,7 @@ class Walk:
 
     def _steps(
         self, item: Item, cursor: Cursor, is_last: bool, sentinel: Sentinel
-    ) -> Iterator[Step]:
+    ) -> Iterator[AcceptedStep]:
         """The steps of one item of the path; a switch that is moved takes none."""
         if isinstance(item, Switch):
             return iter(())
@@ -155,7 +155,7 @@ class Walk:
 
     def _trace(
         self, item: Trace, cursor: Cursor, is_last: bool, sentinel: Sentinel
-    ) -> Iterator[Step]:
+    ) -> Iterator[AcceptedStep]:
         """Follow one trace from a cursor to its end or until its steps are used up."""
         problem, number = self.solver.problem, cursor.ramp
         done = round(cursor.position * item.steps)
@@ -187,7 +187,7 @@ class Walk:
                 passed=passed,
             )  # fmt: skip
             last = done >= item.steps and is_last
-            yield Step(
+            yield AcceptedStep(
                 cursor, item.what, found.state, found.retries, last, found.event, found.mode,
                 held=found.held, earlier=found.earlier,
             )  # fmt: skip

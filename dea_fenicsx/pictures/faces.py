@@ -20,7 +20,7 @@ _HEX = ((0, 4, 7, 3, 16, 15, 19, 11, 20), (1, 2, 6, 5, 9, 18, 13, 17, 21),
         (0, 3, 2, 1, 11, 10, 9, 8, 24), (4, 5, 6, 7, 12, 13, 14, 15, 25))  # fmt: skip
 _TET = ((0, 1, 3, 4, 8, 7), (1, 2, 3, 5, 9, 8), (2, 0, 3, 6, 7, 9), (0, 2, 1, 6, 5, 4))
 
-FACES = {
+DRAWN_FACES = {
     29: (28, 4, np.array(_HEX)), 12: (9, 4, np.array(_HEX)[:, :4]),
     24: (22, 3, np.array(_TET)), 10: (5, 3, np.array(_TET)[:, :3]),
 }  # fmt: skip
@@ -96,7 +96,7 @@ def _local(stored: Stored) -> tuple[int, np.ndarray]:
     """Corners of a face, and the nodes of each face of a cell; a flat cell is its own face."""
     if stored.cell.flat:
         return (4 if stored.cell.nodes in (4, 9) else 3), np.arange(stored.cell.nodes)[None]
-    _, corners, local = FACES[stored.cell.vtk]
+    _, corners, local = DRAWN_FACES[stored.cell.vtk]
     return corners, local
 
 

@@ -52,7 +52,7 @@ _MANY = 100_000
 """Triangles that are looked at together."""
 
 
-class Body:
+class DrawnBody:
     """A step of a run as it is drawn: its faces and its section in the colours of a field.
 
     Parameters
@@ -256,7 +256,7 @@ def render(
     view
         Colour scale, frame and resolution; by default what fits this step.
     """
-    body = Body(folder, field, step, words.axes)
+    body = DrawnBody(folder, field, step, words.axes)
     if view is None:
         view = View(limits_of(body.values, body.name), *body.seen(warp), _DPI)
     low, high = view.limits
@@ -284,7 +284,7 @@ class _Panel:
 
 
 def _panels(
-    body: Body, warp: float, view: View, axes: tuple[str, str, str]
+    body: DrawnBody, warp: float, view: View, axes: tuple[str, str, str]
 ) -> list[_Panel]:
     """Images of the deformed device and of its section, each over the undeformed edges."""
     if body.flat:
@@ -304,7 +304,7 @@ def _panels(
 
 
 def _draw_device(
-    camera: _Camera, body: Body, warp: float, limits: tuple[float, float]
+    camera: _Camera, body: DrawnBody, warp: float, limits: tuple[float, float]
 ) -> None:
     """Draw the deformed device, its edges, and those of the undeformed one in red."""
     points = body.faces.points
@@ -316,7 +316,7 @@ def _draw_device(
 
 
 def _fill_device(
-    camera: _Camera, body: Body, moved: np.ndarray, limits: tuple[float, float]
+    camera: _Camera, body: DrawnBody, moved: np.ndarray, limits: tuple[float, float]
 ) -> None:
     """Draw the faces of the device in the colours of the field."""
     faces = body.faces

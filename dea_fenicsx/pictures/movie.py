@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.pictures.fields import Body, View, Words, limits_of, render
+from dea_fenicsx.pictures.fields import DrawnBody, View, Words, limits_of, render
 from dea_fenicsx.results.reading import frame_times
 from dea_fenicsx.support.errors import InputError
 
@@ -66,7 +66,7 @@ def _view_of_all(
     outside: list[np.ndarray] = []
     section: list[np.ndarray] = []
     for step in range(count):
-        body = Body(folder, field, step, axes)
+        body = DrawnBody(folder, field, step, axes)
         if np.nanmax(np.abs(body.values), initial=0.0) > 0:
             a, b = limits_of(body.values, body.name)
             low, high = min(low, a), max(high, b)

@@ -11,8 +11,8 @@ import numpy as np
 
 from dea_fenicsx.pictures.curves import spoken, write_whole
 from dea_fenicsx.results.history import field_times
-from dea_fenicsx.results.reading import FIELDS as FIELDS_DOCUMENT
 from dea_fenicsx.results.reading import (
+    FIELDS_DOCUMENT,
     field_names,
     frame_times,
     load_columns,
@@ -27,12 +27,12 @@ LABELS = {
     "field_strength_MV_per_m": "Electric field (MV/m)",
     "field_strength_V_per_m": "Electric field (V/m)",
 }
-FIELDS = tuple(LABELS)
+COLOUR_FIELDS = tuple(LABELS)
 """Fields that colour the device: the first one that a run has.  Earlier runs have V/m only."""
 
 DISPLACEMENT = "displacement_m"
 
-MOST_CELLS = 20_000
+MOST_CELLS_OF_SPLIT_GRID = 20_000
 """Cells beyond which the script colours by cell: ParaView draws inner faces of split grids too."""
 
 _MACRO = '''\
@@ -269,7 +269,7 @@ def is_small(folder: Path) -> bool:
     """Whether a run's device has so few cells that ParaView can draw the faces inside of it too."""
     try:
         grids = read_xml(folder / FIELDS_DOCUMENT).findall("./Domain/Grid/Grid/Topology")
-        return int(grids[-1].attrib["NumberOfElements"]) <= MOST_CELLS
+        return int(grids[-1].attrib["NumberOfElements"]) <= MOST_CELLS_OF_SPLIT_GRID
     except (InputError, IndexError, KeyError, ValueError):
         return False
 
@@ -286,7 +286,7 @@ def write(folder: str | os.PathLike) -> Path:
     """
     place = Path(folder).resolve()
     names = field_names(place)
-    field = next((name for name in FIELDS if name in names), "J")
+    field = next((name for name in COLOUR_FIELDS if name in names), "J")
     text = _MACRO.format(
         folder=str(place), field=field, displacement=DISPLACEMENT, label=LABELS.get(field, "J (-)"),
         written=written(place), loads=loads(place), regions=regions(place), nodal=is_small(place),

@@ -10,7 +10,7 @@ import numpy as np
 CANDIDATES = 100_000
 """Pairs of a triangle and a pixel that are looked at together."""
 
-TRIANGLES = 50_000
+TRIANGLES_AT_ONCE = 50_000
 """Triangles that are looked at together."""
 
 _EDGE = 1e-4
@@ -69,8 +69,8 @@ class Canvas:
             Brightness of each triangle; 1 by default.
         """
         owner = np.full(self.width * self.height, -1, dtype=np.int32)
-        for begin in range(0, len(triangles), TRIANGLES):
-            self._own(owner, at, triangles[begin : begin + TRIANGLES], begin)
+        for begin in range(0, len(triangles), TRIANGLES_AT_ONCE):
+            self._own(owner, at, triangles[begin : begin + TRIANGLES_AT_ONCE], begin)
         mine = np.flatnonzero(owner >= 0)
         low, high = limits
         for begin in range(0, len(mine), CANDIDATES):
@@ -167,8 +167,8 @@ class Canvas:
         hidden
             Whether triangles before a line hide it.
         """
-        for begin in range(0, len(ends), TRIANGLES // 4):
-            some = ends[begin : begin + TRIANGLES // 4]
+        for begin in range(0, len(ends), TRIANGLES_AT_ONCE // 4):
+            some = ends[begin : begin + TRIANGLES_AT_ONCE // 4]
             way = np.abs(some[:, 1, :2] - some[:, 0, :2]).max(axis=1)
             counts = np.ceil(np.minimum(way, 4.0 * (self.width + self.height))).astype(int) + 1
             which = np.repeat(np.arange(len(some)), counts)

@@ -34,7 +34,7 @@ from dea_fenicsx.results.reading import (
 from dea_fenicsx.results.reading_surfaces import read_surfaces
 from dea_fenicsx.support.errors import InputError
 
-FIELDS = (
+REPORT_FIELDS = (
     "field_strength_MV_per_m", "displacement_m", "cauchy_stress_Pa", "J", "potential_V",
 )  # fmt: skip
 """Fields that a report shows unless others are named, as far as a run has them."""
@@ -189,7 +189,7 @@ def _chosen(place: Path, fields: Sequence[str] | None) -> list[str]:
     """The fields to show, each of which is there."""
     if fields is None:
         names = field_names(place)
-        return [name for name in FIELDS if name in names]
+        return [name for name in REPORT_FIELDS if name in names]
     chosen = [fields] if isinstance(fields, str) else list(dict.fromkeys(fields))
     for name in chosen:
         check_field(place, name)

@@ -18,14 +18,14 @@ from dea_fenicsx.pictures.stored import DISPLACEMENT, Stored, stored_step
 from dea_fenicsx.results.reading import frame_times
 from dea_fenicsx.results.reading_surfaces import Facets
 
-MOST_POINTS = 20_000
+MOST_POINTS_OF_REPORT = 20_000
 """Points to which the surface of a device is thinned."""
 
-MOST_BYTES = 20_000_000
+MOST_BYTES_OF_REPORT = 20_000_000
 """Bytes of all steps in single precision, beyond which steps are left out evenly."""
 
 _RING = [(k, 4 + k, 8) for k in range(4)] + [(4 + k, (k + 1) % 4, 8) for k in range(4)]
-TRIANGLES = {
+TRIANGLES_OF_CELLS = {
     28: _RING, 9: [(0, 1, 2), (0, 2, 3)],
     22: [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)], 5: [(0, 1, 2)],
 }  # fmt: skip
@@ -82,7 +82,7 @@ def skin_of(
     kept, asked = _Rows(ids, last.size), _Rows(where, last.size)
     times = frame_times(folder)
     each = 4 * (len(ids) * (3 + len(fields)) + 3 * len(wanted))
-    steps = _chosen(len(times), max(2, MOST_BYTES // max(each, 1)))
+    steps = _chosen(len(times), max(2, MOST_BYTES_OF_REPORT // max(each, 1)))
     found = Skin(kept.of(last.points), triangles, last.flat, steps, [times[k] for k in steps],
                  lines=asked.of(last.points))  # fmt: skip
     for step in steps:
@@ -142,14 +142,14 @@ def _thinned(stored: Stored) -> tuple[np.ndarray, np.ndarray]:
     ids = np.flatnonzero(faces.kept)
     table = ids[faces.nodes[faces.seen]]
     corners = faces.corners
-    simple = TRIANGLES[9] if corners == 4 else TRIANGLES[5]
-    many = len(np.unique(table)) > MOST_POINTS
+    simple = TRIANGLES_OF_CELLS[9] if corners == 4 else TRIANGLES_OF_CELLS[5]
+    many = len(np.unique(table)) > MOST_POINTS_OF_REPORT
     kind = {(4, 9): 28, (3, 6): 22}.get((corners, table.shape[1]))
-    local = simple if many or kind is None else TRIANGLES[kind]
+    local = simple if many or kind is None else TRIANGLES_OF_CELLS[kind]
     triangles = table[:, np.array(local)].reshape(-1, 3)
     kept, numbers = np.unique(triangles.ravel(), return_inverse=True)
     triangles = numbers.reshape(-1, 3)
-    if len(kept) > MOST_POINTS:
+    if len(kept) > MOST_POINTS_OF_REPORT:
         points = faces.points[np.searchsorted(ids, kept)]
         kept, triangles = _decimated(points, triangles, kept)
     return kept, triangles
@@ -165,10 +165,10 @@ def _decimated(
     mesh = pyvista.PolyData(points, rows)
     mesh.point_data["kept"] = ids
     for _ in range(4):
-        reduction = 1 - 0.95 * MOST_POINTS / mesh.n_points
+        reduction = 1 - 0.95 * MOST_POINTS_OF_REPORT / mesh.n_points
         mesh = mesh.decimate_pro(min(0.99, reduction), preserve_topology=False)
         used, numbers = np.unique(mesh.faces.reshape(-1, 4)[:, 1:], return_inverse=True)
-        if len(used) <= MOST_POINTS:
+        if len(used) <= MOST_POINTS_OF_REPORT:
             break
     return np.asarray(mesh.point_data["kept"])[used].astype(np.int64), numbers.reshape(-1, 3)
 

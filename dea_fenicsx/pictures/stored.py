@@ -15,7 +15,7 @@ import numpy as np
 
 from dea_fenicsx.results.axes import FIXED
 from dea_fenicsx.results.components import component
-from dea_fenicsx.results.reading import FIELDS, grid_element, grid_time
+from dea_fenicsx.results.reading import FIELDS_DOCUMENT, grid_element, grid_time
 from dea_fenicsx.results.surface_names import NODAL_DOCUMENT, ORIGIN
 from dea_fenicsx.results.untrusted import read_blocks, read_data, shape_of
 from dea_fenicsx.support.cell_types import BY_XDMF, LINES, WrittenCell
@@ -217,7 +217,7 @@ def stored_step(folder: Path, step: int, field: str, axes: tuple[str, str, str])
     InputError
         If there are no fields, or no such step.
     """
-    whole = Stored(folder, FIELDS, grid_element(folder, step))
+    whole = Stored(folder, FIELDS_DOCUMENT, grid_element(folder, step))
     if (folder / NODAL_DOCUMENT).is_file():
         with suppress(InputError):
             grid = grid_element(folder, step, NODAL_DOCUMENT, whole.time)

@@ -15,13 +15,13 @@ import numpy as np
 
 from dea_fenicsx.pictures.curves import write_whole
 from dea_fenicsx.pictures.stored import Stored
-from dea_fenicsx.results.reading import FIELDS, frame_times, grid_element, read_summary
+from dea_fenicsx.results.reading import FIELDS_DOCUMENT, frame_times, grid_element, read_summary
 from dea_fenicsx.results.reading_surfaces import Facets, read_surfaces
 from dea_fenicsx.results.surface_names import NODAL_DOCUMENT, ORIGIN
 from dea_fenicsx.results.untrusted import read_data
 from dea_fenicsx.support.errors import InputError
 
-VERSION = (2, 0)
+FORMAT_VERSION = (2, 0)
 """Version of the format, the first one with steps."""
 
 
@@ -45,10 +45,10 @@ def export_vtkhdf(folder: str | os.PathLike, out: str | os.PathLike | None = Non
         If there are no fields, or they are damaged.
     """
     place = Path(folder)
-    name = NODAL_DOCUMENT if (place / NODAL_DOCUMENT).is_file() else FIELDS
+    name = NODAL_DOCUMENT if (place / NODAL_DOCUMENT).is_file() else FIELDS_DOCUMENT
     times = frame_times(place)
     if not times:
-        raise InputError(f"There are no steps in {place / FIELDS} yet.")
+        raise InputError(f"There are no steps in {place / FIELDS_DOCUMENT} yet.")
     steps = [Stored(place, name, grid_element(place, 0, name, time)) for time in times]
     if out is None:
         (place / "export").mkdir(exist_ok=True)
@@ -66,7 +66,7 @@ def export_vtkhdf(folder: str | os.PathLike, out: str | os.PathLike | None = Non
 def _put(root: Any, place: Path, steps: list[Stored]) -> None:
     """Write the group of the format."""
     first, count = steps[0], len(steps)
-    root.attrs["Version"] = np.array(VERSION, dtype=np.int64)
+    root.attrs["Version"] = np.array(FORMAT_VERSION, dtype=np.int64)
     root.attrs["Type"] = np.bytes_(b"UnstructuredGrid")
     cells = np.concatenate([table for _, table in first.tables()])
     every = np.ones(first.size, dtype=bool)

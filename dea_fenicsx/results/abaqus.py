@@ -21,7 +21,7 @@ PLANE_CELL_NODES = {QUAD: ("4", "8"), TRIANGLE: ("3", "6")}
 FAMILIES = {"Axisymmetric": "CAX", "PlaneStress": "CPS"}
 """Beginning of the name of a flat element; CPE, plane strain, for all other kinematics."""
 
-FACES = {
+ABAQUS_FACES = {
     HEX: ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
     TET: ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
     QUAD: ((0, 1), (1, 2), (2, 3), (3, 0)), TRIANGLE: ((0, 1), (1, 2), (2, 0)),
@@ -117,7 +117,7 @@ def _sides(mesh: NamedMesh, cells: np.ndarray) -> dict[str, tuple[np.ndarray, np
 
     Of two cells it is the first one.
     """
-    table = np.array(FACES[mesh.kind])
+    table = np.array(ABAQUS_FACES[mesh.kind])
     faces = np.sort(cells[:, table], axis=2).reshape(-1, table.shape[1])
     wanted = [np.sort(facets, axis=1) for facets in mesh.surfaces.values()]
     if not wanted:

@@ -18,7 +18,7 @@ LEADING_COLUMNS = ("step", "time", "ramp", "event")
 TIME = ("time_s",)
 """Columns of a path with time."""
 
-FIELD = ("max_field_V_per_m", "max_field_x_m", "max_field_y_m", "max_field_z_m")
+FIELD_COLUMNS = ("max_field_V_per_m", "max_field_x_m", "max_field_y_m", "max_field_z_m")
 WORK = (
     "min_J", "volume_error", "residual", "newton_iterations", "krylov_iterations",
     "factorisations", "retries", "inertia", "inertia_is_of_this_step", "negative_modes", "wall_s",
@@ -71,7 +71,7 @@ def names(
         *(TIME if timed else ()),
         *(load_column(scene, ramp)[0] for ramp in scene.ramps),
         *(column_of(name, observable) for name, observable in record.items()),
-        *(FIELD if potential else ()),
+        *(FIELD_COLUMNS if potential else ()),
         *(failure.column for failure in failures),
         *WORK,
     ]
@@ -132,7 +132,7 @@ def check_names(scene: Scene, record: Mapping[str, Any], failures: Iterable[Any]
     for ramp in scene.ramps:
         _check_plain(ramp, "The name of a ramp")
     watched = (*failures, ElectricalBreakdown, LossOfTension, StretchLimit)
-    taken = dict.fromkeys((*LEADING_COLUMNS, *TIME, *FIELD, *WORK), "the history")
+    taken = dict.fromkeys((*LEADING_COLUMNS, *TIME, *FIELD_COLUMNS, *WORK), "the history")
     for failure in failures:
         _check_plain(failure.column, "The column of a failure")
     taken |= {failure.column: "the history" for failure in watched}

@@ -19,7 +19,7 @@ from dea_fenicsx.model.state import State
 from dea_fenicsx.model.viscous_history import ViscousHistory
 from dea_fenicsx.support.errors import InputError
 
-MOST_BYTES = 200_000_000
+MOST_BYTES_OF_STATES = 200_000_000
 """Memory of the states that are kept, on each rank.  The last one is always kept."""
 
 MOST_BYTES_OF_MARCH = 2_000_000_000
@@ -37,7 +37,7 @@ class KeptStates:
     """
 
     def __init__(
-        self, most_bytes: int = MOST_BYTES, most_bytes_of_march: int = MOST_BYTES_OF_MARCH
+        self, most_bytes: int = MOST_BYTES_OF_STATES, most_bytes_of_march: int = MOST_BYTES_OF_MARCH
     ) -> None:
         self._most, self._most_of_march = most_bytes, most_bytes_of_march
         self._states = dict[int, State]()

@@ -18,11 +18,11 @@ from dea_fenicsx.support.later import Later
 
 spatial = Later("scipy.spatial")
 
-FIELD = "field_strength_V_per_m"
+FIELD_NAME = "field_strength_V_per_m"
 
 
 @dataclass(frozen=True)
-class Turns:
+class TurnTable:
     """What each turn does, from the bottom up.
 
     Attributes
@@ -50,7 +50,7 @@ class Turns:
         return float(self.contraction[k]), float(self.twist_rad[k])
 
 
-def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> Turns:
+def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> TurnTable:
     """Measure each turn of a device around the z axis, as `geometry.HDEA` makes it.
 
     Parameters
@@ -74,8 +74,8 @@ def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> Turns:
     found = measure_turns(
         np.asarray(grid.points), grid.point_data["displacement_m"], pitch, volume
     )
-    if FIELD in grid.cell_data:
-        field = np.asarray(grid.cell_data[FIELD])
+    if FIELD_NAME in grid.cell_data:
+        field = np.asarray(grid.cell_data[FIELD_NAME])
         of = np.floor(_height(np.asarray(grid.cell_centers().points), pitch)).astype(int)
         peak = np.array([field[of == k].max() for k in range(of.max() + 1)])
         found = replace(found, peak_field_V_per_m=peak)
@@ -84,7 +84,7 @@ def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> Turns:
 
 def measure_turns(
     x: np.ndarray, u: np.ndarray, pitch: float, volume: np.ndarray | None = None
-) -> Turns:
+) -> TurnTable:
     """The same from nodes and their displacements, each (n, 3), in metres; without a field.
 
     `volume` is what each node stands for, by default the same.  A rotation of the whole, as that of
@@ -113,7 +113,7 @@ def measure_turns(
     share = volume[lower] / np.bincount(turn, volume[lower])[turn]
     mean = np.bincount(turn, share * shorter)
     square = np.bincount(turn, share * (shorter - mean[turn]) ** 2)
-    return Turns(mean, np.bincount(turn, share * turned), np.sqrt(square), np.empty(0))
+    return TurnTable(mean, np.bincount(turn, share * turned), np.sqrt(square), np.empty(0))
 
 
 def _sizes(corners: np.ndarray) -> np.ndarray:

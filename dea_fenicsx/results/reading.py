@@ -23,7 +23,7 @@ from dea_fenicsx.support.cell_types import BY_XDMF, LINES
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean, listed
 
-FIELDS = "fields.xdmf"
+FIELDS_DOCUMENT = "fields.xdmf"
 """The document of a run's fields on the whole device."""
 
 
@@ -120,7 +120,7 @@ class Frame:
     time: float
 
 
-def _grids(folder: Path, name: str = FIELDS) -> list[ET.Element]:
+def _grids(folder: Path, name: str = FIELDS_DOCUMENT) -> list[ET.Element]:
     """The steps in fields.xdmf, or in another document of a run."""
     file = folder / name
     if not file.is_file():
@@ -144,7 +144,7 @@ def grid_time(file: Path, grid: ET.Element) -> float:
 
 
 def grid_element(
-    folder: Path, step: int, name: str = FIELDS, time: float | None = None
+    folder: Path, step: int, name: str = FIELDS_DOCUMENT, time: float | None = None
 ) -> ET.Element:
     """One of the steps in fields.xdmf, or in another document of a run.
 
@@ -226,7 +226,7 @@ def read_frame(
     import pyvista
 
     folder = Path(folder)
-    whole = NODAL_DOCUMENT if nodal else FIELDS
+    whole = NODAL_DOCUMENT if nodal else FIELDS_DOCUMENT
     file = folder / (whole if surface is None else surface_document(surface))
     xml = grid_element(folder, step, file.name)
 
@@ -263,7 +263,7 @@ def frame_for(folder: str | os.PathLike, step: int, field: str) -> Frame:
     Both are of the same time, so that a run that is writing at this moment gives no other step.
     """
     folder = Path(folder)
-    time = grid_time(folder / FIELDS, grid_element(folder, step))
+    time = grid_time(folder / FIELDS_DOCUMENT, grid_element(folder, step))
     if (folder / NODAL_DOCUMENT).is_file():
         with suppress(InputError):
             grids = _grids(folder, NODAL_DOCUMENT)

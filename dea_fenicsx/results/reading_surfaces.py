@@ -13,7 +13,7 @@ import numpy as np
 from dea_fenicsx.results.untrusted import read_data, read_xml
 from dea_fenicsx.support.cell_types import BY_XDMF, LINES
 
-DOCUMENTS = ("electrodes.xdmf", "surfaces.xdmf")
+SURFACE_DOCUMENTS = ("electrodes.xdmf", "surfaces.xdmf")
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Facets:
 def read_surfaces(folder: str | os.PathLike) -> dict[str, Facets]:
     """The named surfaces of a run; none of a run that has not written them."""
     folder, found = Path(folder), {}
-    for document in DOCUMENTS:
+    for document in SURFACE_DOCUMENTS:
         if not (folder / document).is_file():
             continue
-        is_electrode = document == DOCUMENTS[0]
+        is_electrode = document == SURFACE_DOCUMENTS[0]
         for name, block in _blocks(read_xml(folder / document)):
             topology = block.find("Topology")
             kind = "" if topology is None else topology.attrib.get("TopologyType", "")

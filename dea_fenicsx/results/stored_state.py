@@ -38,7 +38,7 @@ from dea_fenicsx.support.validation import whole
 MOST_NAMES = 10_000
 """Most fields, ramps or amounts that a checkpoint may speak of."""
 
-MOST_STEPS = 1_000_000_000
+LARGEST_STEP_NUMBER = 1_000_000_000
 """Largest number of a step."""
 
 
@@ -65,9 +65,10 @@ class StoredStep:
                 "folder of a run, as a text or a path."
             )
         whole(self.step, "The step of StoredStep", 0)
-        if self.step > MOST_STEPS:
+        if self.step > LARGEST_STEP_NUMBER:
             raise InputError(
-                f"The step of StoredStep is {shown(self.step)}, but a run has at most {MOST_STEPS}."
+                f"The step of StoredStep is {shown(self.step)}, but a run has at most "
+                f"{LARGEST_STEP_NUMBER}."
             )
 
 

@@ -31,7 +31,7 @@ FIRST = "first"
 
 
 @dataclass(frozen=True)
-class Branch:
+class DiagramBranch:
     """A branch of a diagram.
 
     Attributes
@@ -100,11 +100,11 @@ class Diagram:
         The folder, with a results folder for each branch, or None.
     """
 
-    branches: tuple[Branch, ...]
+    branches: tuple[DiagramBranch, ...]
     load: str
     out: Path | None
 
-    def __getitem__(self, name: str) -> Branch:
+    def __getitem__(self, name: str) -> DiagramBranch:
         """A branch by its name."""
         found = {branch.name: branch for branch in self.branches}
         known(name, found, "branch", "the diagram")
@@ -191,7 +191,9 @@ def branches(
     folder = None if out is None else Path(out)
     load = load_column(scene, trace.what)[0] if trace.what in scene.ramps else ""
 
-    def follow(name: str, path: list[Any], start: Any, leave: int, leaves: str) -> Branch | None:
+    def follow(
+        name: str, path: list[Any], start: Any, leave: int, leaves: str
+    ) -> DiagramBranch | None:
         where = None if folder is None else folder / name
         given = options if start is None else options | {"start": start}
         end = ""
@@ -231,7 +233,7 @@ def branches(
 
 
 def _way(
-    parent: Branch, number: int, items: Sequence[Any], load: str
+    parent: DiagramBranch, number: int, items: Sequence[Any], load: str
 ) -> tuple[list[Any], Any, int]:
     """How to come to a bifurcation of a branch and leave it there.
 
@@ -304,11 +306,11 @@ def _bifurcations(run: Run, items: int) -> list[int]:
 
 def _branch(
     name: str, run: Run, begins: int, rows: Sequence[int], load: str, end: str, leaves: str
-) -> Branch:
+) -> DiagramBranch:
     intervals = stability_intervals(run.history, load, begins)
     run.add(branch_begins_at_step=begins, stability_intervals=intervals)
     met = [(row, multiplicity(run.history, row)) for row in rows]
-    return Branch(name, run, begins, intervals, met, end, leaves)
+    return DiagramBranch(name, run, begins, intervals, met, end, leaves)
 
 
 def _write(diagram: Diagram, rank: int) -> None:

@@ -14,7 +14,7 @@ from dea_fenicsx.measure.observables import Observable
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.stability import Spectrum
+from dea_fenicsx.path.stability import CriticalEigenvalue
 from dea_fenicsx.results.columns import column_of
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.run.modes import checked_problem
@@ -163,7 +163,7 @@ def _from_given(finder: Deflation, starts: Sequence[State]) -> Iterator[Search]:
 
 def _from_known(finder: Deflation, modes: int, aside: float) -> Iterator[Search]:
     """Searches beside each state that is known by the time that it is reached."""
-    spectrum = Spectrum(finder.solver)
+    spectrum = CriticalEigenvalue(finder.solver)
     motion = finder.problem.roles.free(Role.MOTION)
     reached = 0
     while reached < len(finder.known):
@@ -188,7 +188,7 @@ def _described(finder: Deflation, record: Mapping[str, Observable]) -> list[Equi
     """The states that are known, with what is measured on them."""
     problem, first = finder.problem, finder.known[0]
     measures = {column_of(n, o): bind_alike(problem, n, o) for n, o in record.items()}
-    spectrum = Spectrum(finder.solver)
+    spectrum = CriticalEigenvalue(finder.solver)
     unit, found = problem.scales.length, []
     for state in finder.known:
         count = spectrum.count(state)

@@ -24,7 +24,7 @@ from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 
-QUADRATURE_DEGREE = 8
+QUADRATURE_OF_VOLUME = 8
 """Degree of a quadrature that is exact for det F of quadratic displacements."""
 
 VOLUME_TOLERANCE = 1e-8
@@ -144,7 +144,7 @@ class _Chamber:
         inside.x.array[inside.function_space.dofmap.list[cells].ravel()] = 1.0
         inside.x.scatter_forward()
         weight = problem.scene.kinematics.weight(ufl.SpatialCoordinate(mesh))
-        dx = measure(device, [k.cells for k in problem.kernels], QUADRATURE_DEGREE)
+        dx = measure(device, [k.cells for k in problem.kernels], QUADRATURE_OF_VOLUME)
         self.volume = self._total(
             sum(inside * weight * dx(k) for k in range(len(problem.kernels)))
         )

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dea_fenicsx.drives.trial import MOST_STEPS
+from dea_fenicsx.drives.trial import MOST_STEPS_OF_MARCH
 from dea_fenicsx.measure.harmonic import Harmonic, check_linear
 from dea_fenicsx.measure.observables import Charge, Observable, electrode_named
 from dea_fenicsx.measure.vibration import vibration_solver
@@ -227,7 +227,7 @@ def _checked(hertz: Sequence[float]) -> list[float]:
         if not is_number(f) or not 0 <= f < math.inf:
             raise InputError(f"A frequency is {shown(f)}, but must be a number >= 0 in Hz.")
         found.append(float(f))
-    if not 1 <= len(found) <= MOST_STEPS:
+    if not 1 <= len(found) <= MOST_STEPS_OF_MARCH:
         raise InputError(f"There are {len(found)} frequencies, but must be at least 1.")
     return found
 

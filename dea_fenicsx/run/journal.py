@@ -13,7 +13,7 @@ import numpy as np
 from dea_fenicsx.measure.failures import Gauge, Worst
 from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.motion import MOTION
-from dea_fenicsx.path.cursor import Cursor, Step
+from dea_fenicsx.path.cursor import AcceptedStep, Cursor
 from dea_fenicsx.path.items import Item, Trace
 from dea_fenicsx.path.marching import LOST
 from dea_fenicsx.results import columns
@@ -25,7 +25,7 @@ from dea_fenicsx.results.stored_state import about, keep_state
 from dea_fenicsx.results.trail import Trail
 from dea_fenicsx.run.step_checks import CheckedStep, check_step
 from dea_fenicsx.solvers.newton import NewtonSolver
-from dea_fenicsx.solvers.outcome import Inertia
+from dea_fenicsx.solvers.outcome import NegativePivots
 from dea_fenicsx.support.errors import MachineError
 from dea_fenicsx.support.progress import Progress, step_line
 
@@ -119,7 +119,7 @@ class Journal:
         self._step_started = time.perf_counter()
         self.progress.begin(self.share(cursor) if cursor else 0.0)
 
-    def accept(self, step: Step) -> None:
+    def accept(self, step: AcceptedStep) -> None:
         """Measure, write and tell of an accepted step.  Collective."""
         solver, cursor = self.solver, step.cursor
         known = solver.inertia.is_of(step.state)
@@ -127,7 +127,7 @@ class Journal:
         counting = time.perf_counter()
         moves = MOTION in step.state.history
         if moves:  # a count tells nothing of a body in motion
-            solver.inertia = Inertia()
+            solver.inertia = NegativePivots()
         elif wanted and not known:
             self.progress.stage("counting negative modes")
             solver.refresh_inertia(last=step.last)
@@ -168,7 +168,7 @@ class Journal:
         self._counts = (counters.newton, counters.krylov, counters.factorisations)
         return [now - then for now, then in zip(self._counts, before, strict=True)]
 
-    def _place(self, step: Step) -> dict[str, Any]:
+    def _place(self, step: AcceptedStep) -> dict[str, Any]:
         """Where on the path a step lies, and its loads."""
         cursor = step.cursor
         row: dict[str, Any] = {
@@ -195,7 +195,9 @@ class Journal:
             **{f"max_field_{axis}_m": float(x) * problem.scales.length for axis, x in places},
         }
 
-    def _effort(self, step: Step, checked: CheckedStep, spent: Sequence[int]) -> dict[str, Any]:
+    def _effort(
+        self, step: AcceptedStep, checked: CheckedStep, spent: Sequence[int]
+    ) -> dict[str, Any]:
         """The errors of a step, and the work that it took."""
         inertia = self.solver.inertia
         return {
@@ -214,7 +216,7 @@ class Journal:
     # ------------------------------------------------------------------ writing and telling
 
     def _write(
-        self, step: Step, row: dict[str, Any], by_cell: Mapping[str, np.ndarray]
+        self, step: AcceptedStep, row: dict[str, Any], by_cell: Mapping[str, np.ndarray]
     ) -> None:
         """Write an accepted step.  A run can be resumed from it unless it is an event."""
         assert self.folder and self.writer
@@ -277,7 +279,7 @@ class Journal:
             entry |= {"region": worst.region, "place_m": [float(x) for x in worst.place]}
         self.found.append(entry)
 
-    def _is_pull_in(self, step: Step) -> bool:
+    def _is_pull_in(self, step: AcceptedStep) -> bool:
         """Whether a step is a maximum of voltages or charges alone, at either polarity."""
         item = self.path[step.cursor.ramp]
         reverse = isinstance(item, Trace) and step.state.factors[item.what] < 0

@@ -8,7 +8,7 @@ from dea_fenicsx.model.state import State
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import SolverError
 
-FIRST_STEP = 0.25
+FIRST_STEP_OF_OBSTACLES = 0.25
 """First step of the obstacles towards their places, as a share of their depth."""
 
 SMALLEST_STEP = 2.0**-10
@@ -30,7 +30,7 @@ def pushed_out(solver: NewtonSolver, log: Callable[[str], None]) -> State | None
     depths = problem.depths
     if not any(depths):
         return None
-    state, share, step = problem.rest, 1.0, FIRST_STEP
+    state, share, step = problem.rest, 1.0, FIRST_STEP_OF_OBSTACLES
     try:
         while share > 0.0:
             goal = max(share - step, 0.0)

@@ -26,7 +26,7 @@ from dea_fenicsx.solvers.linear import MOST_UNKNOWNS_LENT
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.options import NewtonOptions
 
-MOST_KEPT = 3
+MOST_PROBLEMS_KEPT = 3
 """Number of problems that are kept: in a loop the last run is still there while the next begins."""
 
 MOST_UNKNOWNS = 20_000
@@ -98,7 +98,7 @@ def keep(run: Run, solver: NewtonSolver, observables: Iterable[Any]) -> None:
     if problem.unknowns > MOST_UNKNOWNS or not own:
         return
     _kept.append(_Kept(number, solver, solver.options, weakref.ref(run)))
-    del _kept[:-MOST_KEPT]
+    del _kept[:-MOST_PROBLEMS_KEPT]
 
 
 def solver_for(

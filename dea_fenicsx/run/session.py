@@ -161,7 +161,7 @@ class _Session:
     path: list[Item]
     record: dict[str, Observable]
     failures: Sequence[FailureMode]
-    earlier: Sequence[State] = ()  # of a resumed run, see `Step`
+    earlier: Sequence[State] = ()  # of a resumed run, see `AcceptedStep`
 
     @property
     def released(self) -> bool:

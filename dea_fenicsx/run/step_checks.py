@@ -15,7 +15,7 @@ from mpi4py import MPI
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.probe import Probe
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.model.terms.viscous import SMALLEST_SHARE
+from dea_fenicsx.model.terms.viscous import SMALLEST_SHARE_OF_TIME
 from dea_fenicsx.run.short_circuit import short_circuit
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.errors import SolverError
@@ -26,12 +26,13 @@ DETERMINANT_ROUNDING = 1e-12
 RESIDUAL_SUM_MARGIN = 1.001
 """Largest residual, in units of Newton's tolerance: a sum in another order has rounding errors."""
 
-VISCOUS_MARGIN = 10 * SMALLEST_SHARE
+VISCOUS_MARGIN = 10 * SMALLEST_SHARE_OF_TIME
 """Residual that an accepted viscous state may have on top of that.
 
 Newton's method ends with the history of the step.  An accepted state has the viscous strains of its
-own time, and no time passes in it.  Its branches then count as flowing for `SMALLEST_SHARE` of
-their relaxation times, which changes their stress by this share times C, here up to 10.
+own time, and no time passes in it.  Its branches then count as flowing for
+`SMALLEST_SHARE_OF_TIME` of their relaxation times, which changes their stress by this share times
+C, here up to 10.
 """
 
 

@@ -38,7 +38,7 @@ from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 
-QUADRATURE_DEGREE = 6
+QUADRATURE_OF_RIM = 6
 """Degree of a quadrature that integrates the volume behind quadratic facets exactly."""
 
 COPLANAR_TOLERANCE = 1e-9
@@ -255,7 +255,7 @@ def _measures(
     mesh = device.mesh
     ds = ufl.Measure(
         "ds", domain=mesh, subdomain_data=[(0, facets.ravel())],
-        metadata={"quadrature_degree": QUADRATURE_DEGREE},
+        metadata={"quadrature_degree": QUADRATURE_OF_RIM},
     )(0)  # fmt: skip
     x, n = ufl.SpatialCoordinate(mesh), ufl.FacetNormal(mesh)
     weight = kinematics.weight(x)

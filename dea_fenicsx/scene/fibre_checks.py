@@ -9,7 +9,7 @@ from dea_fenicsx.materials.directions import AboutAxis
 from dea_fenicsx.scene.condition import Setting
 from dea_fenicsx.support.errors import InputError
 
-CHECKED_POINT = (0.6180339887, 0.0, 0.3141592654)
+COMPARED_POINT = (0.6180339887, 0.0, 0.3141592654)
 """Where directions are compared, in units of the device's length; no place of symmetry."""
 
 
@@ -17,7 +17,7 @@ def check_fibres(scene: Setting) -> None:
     """Raise InputError for fibres whose effect the kinematics leave out."""
     kinematics = scene.kinematics
     what = kinematics.title or type(kinematics).__name__
-    place = [scene.device.length * x for x in CHECKED_POINT]
+    place = [scene.device.length * x for x in COMPARED_POINT]
     for name, material in scene.materials.items():
         elastic: Any = material.elastic
         if material.is_air or is_isotropic(elastic):

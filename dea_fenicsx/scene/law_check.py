@@ -18,7 +18,7 @@ from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
 
-CHECKED_POINT = (3e-3, 4e-3, 7e-3)
+CHECKED_POINT_M = (3e-3, 4e-3, 7e-3)
 """The point in m at which the law is checked; its directions may differ from point to point."""
 LARGEST_ERROR = 1e-6
 """Largest error of a stress at rest and under rotations, over the shear modulus."""
@@ -120,7 +120,7 @@ def _evaluation(law: Elastic) -> Values:
     """A function (F, G) -> energy, stress P, and change of P with F along G."""
     mesh = dolfinx.mesh.create_unit_interval(MPI.COMM_SELF, 1)
     F, G = (dolfinx.fem.Constant(mesh, np.eye(3)) for _ in range(2))
-    place, length = ufl.as_vector(CHECKED_POINT), dolfinx.fem.Constant(mesh, 1.0)
+    place, length = ufl.as_vector(CHECKED_POINT_M), dolfinx.fem.Constant(mesh, 1.0)
     V = ufl.variable(F)
     energy = law.energy(StrainOf(V, 1, place, length))  # type: ignore[arg-type]
     P = ufl.diff(energy, V)

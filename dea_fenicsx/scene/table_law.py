@@ -18,7 +18,7 @@ from dea_fenicsx.support.units import in_si
 
 interpolate = Later("scipy.interpolate")
 
-MOST_POINTS = 200
+MOST_POINTS_OF_TABLE = 200
 """Largest number of points, each of which makes the compiled forms longer."""
 
 
@@ -57,10 +57,10 @@ class TableLaw:
                     )
             object.__setattr__(self, name, tuple(map(float, values)))
         x, f = self.elongations, self.forces
-        if len(x) != len(f) or not 2 <= len(x) <= MOST_POINTS:
+        if len(x) != len(f) or not 2 <= len(x) <= MOST_POINTS_OF_TABLE:
             raise InputError(
                 f"TableLaw has {len(x)} elongations and {len(f)} forces, but must have as many "
-                f"of both, from 2 to {MOST_POINTS}."
+                f"of both, from 2 to {MOST_POINTS_OF_TABLE}."
             )
         if any(b <= a for a, b in pairwise(x)):
             raise InputError("elongations= of TableLaw must rise from each point to the next.")

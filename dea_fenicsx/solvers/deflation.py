@@ -25,13 +25,13 @@ from dea_fenicsx.model.state import State
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.solvers.outcome import Outcome, fault_of
 
-SOLVE_TOLERANCE = 1e-6
+DEFLATION_SOLVE_TOLERANCE = 1e-6
 """Relative tolerance of each linear solve."""
 
-MOST_ITERATIONS = 60
+MOST_ITERATIONS_FROM_START = 60
 """Most iterations from one start.  Deflation makes Newton's method wander before it converges."""
 
-LONGEST_STEP = 0.3
+LONGEST_DISPLACEMENT = 0.3
 """Largest displacement of one increment, over the device's size and what it has moved so far."""
 
 LEAST_DENOMINATOR = 1e-3
@@ -120,13 +120,13 @@ class Deflation:
         if fault_of(problem.probe()) is not Outcome.CONVERGED:
             return None
         residual = problem.residual()
-        for _ in range(MOST_ITERATIONS):
+        for _ in range(MOST_ITERATIONS_FROM_START):
             norm = solver.residual_of(residual, anew=True)
             if not np.isfinite(norm):
                 return None
             if norm <= solver.options.tolerance:
                 return problem.state
-            step = solver.linear_solve(-problem.unbalanced(residual), SOLVE_TOLERANCE)
+            step = solver.linear_solve(-problem.unbalanced(residual), DEFLATION_SOLVE_TOLERANCE)
             if step is None:
                 return None
             solver.counters.newton += 1
@@ -154,7 +154,7 @@ class Deflation:
             problem.comm.allreduce(float(np.max(np.abs(x), initial=0.0)), op=MPI.MAX)
             for x in (step[self._motion], start.values[self._places])
         )
-        share = min(1.0, LONGEST_STEP * (1 + so_far) / max(longest, 1e-300))
+        share = min(1.0, LONGEST_DISPLACEMENT * (1 + so_far) / max(longest, 1e-300))
         for _ in range(10):
             problem.show(problem.moved(start, share * step))
             if fault_of(problem.probe()) is Outcome.CONVERGED:

@@ -32,7 +32,7 @@ from dea_fenicsx.support.validation import is_whole
 
 linalg = Later("scipy.linalg")
 
-SOLVE_TOLERANCE = 1e-11
+EIGEN_SOLVE_TOLERANCE = 1e-11
 """Relative tolerance of each linear solve."""
 
 PAIR_TOLERANCE = 1e-10
@@ -142,7 +142,7 @@ class _Inverse:
         """Response of all free unknowns to forces on those of motion (owned).  Collective."""
         load = np.zeros(len(self.solver.problem.free))
         load[self.motion] = forces
-        found = self.solver.linear_solve(load, SOLVE_TOLERANCE)
+        found = self.solver.linear_solve(load, EIGEN_SOLVE_TOLERANCE)
         if found is None:
             self.failed = True
             return np.zeros_like(load)

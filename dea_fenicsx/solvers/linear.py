@@ -20,7 +20,7 @@ from dea_fenicsx.solvers.corotation import Corotation
 from dea_fenicsx.solvers.factors import WholeFactor
 from dea_fenicsx.solvers.multigrid import Multigrid
 from dea_fenicsx.solvers.options import NewtonOptions
-from dea_fenicsx.solvers.outcome import Counters, Inertia, Outcome
+from dea_fenicsx.solvers.outcome import Counters, NegativePivots, Outcome
 from dea_fenicsx.solvers.refinement import Solution, solve_to
 from dea_fenicsx.solvers.split_factor import SPLIT_ROLES, SplitFactor
 from dea_fenicsx.solvers.tangent import SCALAR_MASS, Tangent
@@ -125,7 +125,7 @@ class LinearSolver:
     def _begin(self) -> None:
         """What holds before the first solve.  A split factor depends on the moduli."""
         self.counters = Counters()
-        self.inertia = Inertia()
+        self.inertia = NegativePivots()
         self.trouble = Outcome.CONVERGED
         self.notify: Callable[[str], None] = silent
         precise = self.options.factor == "precise"
@@ -250,9 +250,9 @@ class LinearSolver:
         self.counters.factor_s += time.perf_counter() - start
         return ok
 
-    def _counted(self, excess: int | None, settled: bool = False) -> Inertia:
+    def _counted(self, excess: int | None, settled: bool = False) -> NegativePivots:
         """A count of negative eigenvalues beyond those of a stable state, at the present one."""
-        return Inertia(excess, self.problem.factors, settled, time=self.problem.time)
+        return NegativePivots(excess, self.problem.factors, settled, time=self.problem.time)
 
     def _assemble(self, counting: bool) -> Any:
         """The tangent as a matrix, which the caller destroys."""
@@ -285,7 +285,7 @@ class LinearSolver:
         elif self._factorise(self._whole, counting=True):
             self.inertia.settled = True
         else:
-            self.inertia = Inertia()
+            self.inertia = NegativePivots()
 
     def _proves_stable(self, split: SplitFactor) -> bool:
         matrix = self._assemble(counting=True)

@@ -33,7 +33,7 @@ MEAN_STEP_TOLERANCE = 1e-12
 RESIDUAL_OF_ROUNDING = 1e-10
 """Scaled residual that rounding may leave, where a further iteration does not halve it."""
 
-MOST_ITERATIONS = 15
+MOST_ITERATIONS_OF_MEAN_STEP = 15
 """Newton iterations of one step."""
 
 
@@ -68,7 +68,7 @@ class MeanSteps:
     def _iterate(self) -> Attempt:
         """Newton's method from the present state of the problem."""
         problem, before = self.problem, np.inf
-        for iteration in range(MOST_ITERATIONS + 1):
+        for iteration in range(MOST_ITERATIONS_OF_MEAN_STEP + 1):
             fault = fault_of(problem.probe())
             if fault is not Outcome.CONVERGED:
                 return Attempt(fault, iteration, np.inf)
@@ -80,11 +80,11 @@ class MeanSteps:
             if not np.isfinite(size):
                 return Attempt(Outcome.DIVERGED, iteration, size)
             before = size
-            if iteration < MOST_ITERATIONS:
+            if iteration < MOST_ITERATIONS_OF_MEAN_STEP:
                 here = problem.state
                 problem.show(problem.moved(here, self._change(residual)))
                 self.solver.counters.newton += 1
-        return Attempt(Outcome.SLOW, MOST_ITERATIONS, before)
+        return Attempt(Outcome.SLOW, MOST_ITERATIONS_OF_MEAN_STEP, before)
 
     def _residual(self) -> np.ndarray:
         """The residual at all owned degrees of freedom.  Collective."""

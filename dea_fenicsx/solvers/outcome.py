@@ -91,7 +91,7 @@ class Counters:
 
 
 @dataclass
-class Inertia:
+class NegativePivots:
     """Negative pivots of the latest factor beyond those of a stable state.
 
     Zero on a stable path.  It belongs to the tangent that was factorised, at the ramp factors

@@ -32,7 +32,7 @@ LEAST_PIVOT = 1e-12
 SYSTEM_TOLERANCE = 1e-13
 """Residual at which GMRES ends, as a share of the right-hand side."""
 
-MOST_ITERATIONS = 6
+MOST_ITERATIONS_OF_GMRES = 6
 """Most iterations of GMRES.  It is the flexible one, whose residual is that of the system itself,
 since without pivoting the factor solves less exactly."""
 
@@ -55,7 +55,7 @@ def by_lu(matrix: Any, constraints: np.ndarray | None = None) -> Any:
         ksp = PETSc.KSP().create(matrix.getComm())
         ksp.setOperators(matrix, factorised)
         ksp.setType("preonly" if constraints is None else "fgmres")
-        ksp.setTolerances(rtol=SYSTEM_TOLERANCE, atol=0.0, max_it=MOST_ITERATIONS)
+        ksp.setTolerances(rtol=SYSTEM_TOLERANCE, atol=0.0, max_it=MOST_ITERATIONS_OF_GMRES)
         pc = ksp.getPC()
         pc.setType("lu")
         pc.setFactorSolverType("mumps")

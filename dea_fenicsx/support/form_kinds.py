@@ -20,7 +20,7 @@ from ufl.classes import ConstantValue, ExprList, ExprMapping, GeometricQuantity,
 from ufl.constantvalue import ScalarValue, Zero
 from ufl.core.multiindex import FixedIndex
 
-MOST_KEPT = 1000
+MOST_KINDS_KEPT = 1000
 """Kinds that a process keeps; a study may give a form to each of its numbers."""
 
 
@@ -240,7 +240,7 @@ def kept(kind: Kind | None, options: Hashable) -> Any:
 
 def keep(kind: Kind, options: Hashable, made: Any) -> None:
     """Keep what has been compiled for a kind."""
-    while len(_kept) >= MOST_KEPT:
+    while len(_kept) >= MOST_KINDS_KEPT:
         del _kept[next(iter(_kept))]
     _kept[kind.key, options] = made
 

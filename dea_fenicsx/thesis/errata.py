@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.origami.kresling import Kresling, State
+from dea_fenicsx.origami.kresling import Kresling, StoreyState
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import check_declared
 from dea_fenicsx.support.units import in_si
 
 
-def torque_as_printed(storey: Kresling, state: State) -> Any:
+def torque_as_printed(storey: Kresling, state: StoreyState) -> Any:
     """Torque of a storey in N m by eq 72b of J. Park's thesis (2019), word for word.
 
     R^2 k (pi/4 + theta0 + dtheta)(1 - c0/c): a sine is missing in it, and two signs are turned.

@@ -26,7 +26,7 @@ from dea_fenicsx.support.errors import InputError
 
 Ints = np.ndarray
 
-FACES: dict[str, tuple[tuple[int, ...], ...]] = {
+CELL_FACES: dict[str, tuple[tuple[int, ...], ...]] = {
     TRIANGLE: ((0, 1), (1, 2), (2, 0)),
     QUAD: ((0, 1), (1, 2), (2, 3), (3, 0)),
     TET: ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)),
@@ -147,7 +147,7 @@ class PlainMesh:
         """All faces of all cells, in blocks of (type of the cells, cells, corners of the face)."""
         found = []
         for number, nodes in self.cells.items():
-            for corners in FACES[element_type(number).shape]:
+            for corners in CELL_FACES[element_type(number).shape]:
                 found.append((number, np.arange(len(nodes)), nodes[:, list(corners)]))
         return found
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from dea_fenicsx.mesh.foreign.arrays import (
-    FACES,
+    CELL_FACES,
     ElementType,
     Ints,
     PlainMesh,
@@ -74,7 +74,7 @@ class _Points:
 def _completed(mesh: PlainMesh, added: _Points, number: int, nodes: Ints) -> Ints:
     """The same elements as rows of nodes of the complete type."""
     old, new = element_type(number), element_type(COMPLETE[number])
-    middles: list[tuple[int, ...]] = [f for f in FACES[old.shape] if len(f) == 4]
+    middles: list[tuple[int, ...]] = [f for f in CELL_FACES[old.shape] if len(f) == 4]
     middles += [tuple(range(old.corners))] if old.shape in (QUAD, HEX) else []
     table = np.full((len(nodes), len(new.local)), -1, dtype=np.int64)
     for k, local in enumerate(new.local):

@@ -18,10 +18,10 @@ from dea_fenicsx.support.subprocesses import environment
 SMALLEST_SCALED_JACOBIAN = 0.02
 """Curved cells with a smaller scaled Jacobian are mended; gmsh's optimisation aims at 0.1."""
 
-ABORT, ORDER = "General.AbortOnError", "Mesh.ElementOrder"
+ABORT, ORDER_OPTION = "General.AbortOnError", "Mesh.ElementOrder"
 """The options of gmsh that say what it does on an error, and the order of cells."""
 
-QUADRATIC = 2
+HIGHEST_ORDER = 2
 """Highest order of cells that gmsh knows of every shape."""
 
 _METHODS = ("HighOrder", "HighOrderElastic", "HighOrder")
@@ -61,7 +61,7 @@ def mesh_drawing(model: Any, path: Any, curved: bool = True, mend: bool = False)
     shapes = {model.getType(*e) for d in (1, 2) for e in model.getEntities(d)}
     try:
         if not curved:
-            with _option(ORDER, 1):
+            with _option(ORDER_OPTION, 1):
                 model.mesh.generate(dim)
             return 0
         _generate(model, dim, path)
@@ -98,11 +98,11 @@ def _generate(model: Any, dim: int, path: Any) -> None:
     error through code that lets none pass, which ends the process.  So these cells are made linear
     first, and raised without errors; `check_known` then finds what gmsh cannot describe.
     """
-    order = round(gmsh_option(ORDER))
-    if order <= QUADRATIC:
+    order = round(gmsh_option(ORDER_OPTION))
+    if order <= HIGHEST_ORDER:
         model.mesh.generate(dim)
         return
-    with _option(ORDER, 1):
+    with _option(ORDER_OPTION, 1):
         model.mesh.generate(dim)
     with _option(ABORT, 0):
         model.mesh.setOrder(order)

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dea_fenicsx.mesh.foreign.arrays import FACES, Ints, PlainMesh, element_type
+from dea_fenicsx.mesh.foreign.arrays import CELL_FACES, Ints, PlainMesh, element_type
 from dea_fenicsx.support.errors import InputError
 
 SIMPLEX = {(1, 1): 1, (1, 2): 8, (2, 1): 2, (2, 2): 9, (3, 1): 4, (3, 2): 11}
@@ -43,7 +43,7 @@ def to_one_shape(mesh: PlainMesh) -> None:
         )
     if len(kinds) == 1 and kinds[0].number in DOLFINX_TYPES:
         return
-    bad = [k.name for k in kinds if k.order > 2 or k.shape not in FACES or (
+    bad = [k.name for k in kinds if k.order > 2 or k.shape not in CELL_FACES or (
         k.order == 2 and len(k.local) != _nodes_of_second_order(k.number))]  # fmt: skip
     if bad:
         raise InputError(
@@ -107,7 +107,7 @@ def _ends(local: np.ndarray, corners: int, k: int) -> tuple[int, ...]:
 
 def _alike(shape: str, corners: Ints) -> Iterator[tuple[Ints, list[tuple[int, ...]]]]:
     """Groups of cells that are divided alike: their numbers, and the corners of their pieces."""
-    faces = FACES[shape]
+    faces = CELL_FACES[shape]
     start = corners.argmin(axis=1)
     code = start.copy()
     for face in faces:

@@ -18,7 +18,7 @@ from dea_fenicsx.scene.torsion import TorsionMoment
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
 
-POINTS, WEIGHTS = np.polynomial.legendre.leggauss(8)
+GAUSS_PLACES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(8)
 """Gauss points on [-1, 1] for the energy of a force law; exact up to the degree 15."""
 
 
@@ -136,7 +136,7 @@ class SpringWork(WorkTerm):
         if isinstance(law, TableLaw):
             work = law.energy(d)
         else:
-            places = zip(POINTS, WEIGHTS, strict=True)
+            places = zip(GAUSS_PLACES, GAUSS_WEIGHTS, strict=True)
             work = sum(float(w / 2) * law(float((1 + x) / 2) * d) for x, w in places) * d
         constant = self._share(at)
         constant.value = self._per_volume[0].value

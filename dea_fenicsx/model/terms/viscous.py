@@ -11,7 +11,7 @@ from dea_fenicsx.model.material_point import MaterialPoint
 from dea_fenicsx.model.terms.base import EnergyTerm, Variation
 from dea_fenicsx.scene.strain import cofactor
 
-SMALLEST_SHARE = 1e-13
+SMALLEST_SHARE_OF_TIME = 1e-13
 """Smallest step of time in units of a relaxation time.
 
 A step of length 0, or a branch that never relaxes, keeps C_v.  The energy then is a quotient 0/0,
@@ -71,7 +71,7 @@ class Viscous(EnergyTerm):
 
 def _share(at: MaterialPoint, branch: BoundBranch) -> Any:
     """Length of the step over the relaxation time at its temperature."""
-    return branch.step * at.heated.rate + SMALLEST_SHARE
+    return branch.step * at.heated.rate + SMALLEST_SHARE_OF_TIME
 
 
 def _factor(at: MaterialPoint) -> Any:
