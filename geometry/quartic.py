@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from ._structured import Floats, Ints, StructuredMesh, compact
 from .base import Geometry
 
-ORDER = 4
+QUARTIC_ORDER = 4
 """Degree of the geometry of these meshes."""
 
 CURVED = 1e-9
@@ -38,11 +38,11 @@ def quartic(family: Geometry) -> StructuredMesh:
 
 def of_order(mesh: StructuredMesh, order: int) -> StructuredMesh:
     """A mesh of fourth order with each second or fourth of its nodes along each axis."""
-    step = ORDER // order
+    step = QUARTIC_ORDER // order
 
     def thinned(blocks: Ints) -> Ints:
         for axis in range(1, blocks.ndim):
-            blocks = np.take(blocks, np.arange(0, ORDER + 1, step), axis=axis)
+            blocks = np.take(blocks, np.arange(0, QUARTIC_ORDER + 1, step), axis=axis)
         return blocks
 
     cells, used = compact(thinned(mesh.cells))
@@ -94,7 +94,7 @@ def _elevated(mesh: StructuredMesh) -> StructuredMesh:
     rows = np.concatenate([k.reshape(-1, widest) for k in padded])
     unique, first, number = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     number = number.ravel()
-    line = lagrange(mesh.order, np.arange(ORDER + 1) / ORDER)
+    line = lagrange(mesh.order, np.arange(QUARTIC_ORDER + 1) / QUARTIC_ORDER)
     places = mesh.points[mesh.cells]
     for axis in range(1, mesh.cells.ndim):
         places = np.moveaxis(np.tensordot(line, places, axes=(1, axis)), 0, axis)
@@ -104,7 +104,8 @@ def _elevated(mesh: StructuredMesh) -> StructuredMesh:
     shaped, at = [], 0
     for block, key in zip(blocks, keys, strict=True):
         size = key.shape[0] * key.shape[1]
-        shaped.append(number[at : at + size].reshape(len(block), *(ORDER + 1,) * (block.ndim - 1)))
+        nodes = (QUARTIC_ORDER + 1,) * (block.ndim - 1)
+        shaped.append(number[at : at + size].reshape(len(block), *nodes))
         at += size
     return StructuredMesh(
         points, shaped[0], dict(mesh.regions), dict(zip(mesh.facets, shaped[1:], strict=True))
@@ -114,9 +115,9 @@ def _elevated(mesh: StructuredMesh) -> StructuredMesh:
 def _keys(mesh: StructuredMesh, block: Ints) -> Ints:
     """For each node of fourth order of each block its corners with its shares, sorted."""
     dim = block.ndim - 1
-    shares = np.rint(_shares(dim, ORDER) * ORDER**dim).astype(np.int64)
+    shares = np.rint(_shares(dim, QUARTIC_ORDER) * QUARTIC_ORDER**dim).astype(np.int64)
     # shares of nodes on a side are the same seen from the side and from the cell
-    shares *= ORDER ** (mesh.dimension - dim)
+    shares *= QUARTIC_ORDER ** (mesh.dimension - dim)
     corners = mesh.corners(block)
-    keys = corners[:, None, :] * (ORDER**mesh.dimension + 1) + shares[None]
+    keys = corners[:, None, :] * (QUARTIC_ORDER**mesh.dimension + 1) + shares[None]
     return np.sort(np.where(shares[None] > 0, keys, -1), axis=2)

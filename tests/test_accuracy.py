@@ -27,7 +27,7 @@ from dea_fenicsx.geometry import (
 )  # fmt: skip
 from dea_fenicsx.geometry.bisected import Bisected, sheets
 from dea_fenicsx.mesh.sheets import over_sheets, with_exact_shape
-from dea_fenicsx.run.accuracy import Search
+from dea_fenicsx.run.accuracy import AccuracySearch
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
@@ -252,7 +252,7 @@ def searched(comm):
         return dea.solve(scene, dea.Ramp(steps=1), WIDER, quiet=True, stability="never")
 
     scene = replace(tube(comm, clamped=True), elements=dea.Discretisation(degree=3))
-    search = Search("wider", WIDER["wider"], 2.5e-2, solved, lambda line: None)
+    search = AccuracySearch("wider", WIDER["wider"], 2.5e-2, solved, lambda line: None)
     search.find(scene)
     return [[one.cells, one.value, one.estimate] for one in search.levels]
 

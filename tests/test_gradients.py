@@ -12,7 +12,7 @@ from rank_scenes import helix, hexahedron, ring, split_factor, triangles
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
-from dea_fenicsx.gradients.variables import Coefficients, Load, variables
+from dea_fenicsx.gradients.variables import Coefficients, LoadVariable, variables
 from dea_fenicsx.solvers.newton import NewtonSolver
 
 pytestmark = pytest.mark.usefixtures("quick_compile")

@@ -87,7 +87,7 @@ def test_small_pieces_stand_for_their_neighbours(monkeypatch):
 
     problem = dea.model.problem.Problem(scene(66, 18, dea.PlaneStrain(1e-2)))
     whole = dissection_of(problem, problem.space.fields).size()
-    monkeypatch.setattr(dissection, "MANY_CELLS", 100)
+    monkeypatch.setattr(dissection, "CELLS_OF_LARGE_MESH", 100)
     monkeypatch.setattr(dissection, "CELLS_WITH_ONE_HALF", 300)
     part = dissection_of(problem, problem.space.fields).size()
     assert part.entries == pytest.approx(whole.entries, rel=0.1)
@@ -105,6 +105,9 @@ def test_a_plan_grows_with_its_model_and_shrinks_with_ranks():
     assert dea.plan(scene(4, 2, depth=4e-2)).seconds is None
     cheap = dea.NewtonOptions(factor="split")
     assert dea.plan(scene(4, 2, depth=4e-2), options=cheap).entries < small.entries
+    levels = dea.plan(scene(12, 2, depth=4e-2), options=dea.NewtonOptions(factor="multigrid"))
+    assert levels.factor == "multigrid" and levels.memory_bytes < large.memory_bytes
+    assert "entries" not in str(levels) and "count" not in str(levels)
 
 
 def test_the_command_runs_a_script_up_to_its_solve(tmp_path, monkeypatch, capsys):

@@ -9,7 +9,7 @@ import numpy as np
 from dea_fenicsx.exact.course import Course
 from dea_fenicsx.exact.film import Film
 from dea_fenicsx.exact.film_drive import checked_seconds
-from dea_fenicsx.exact.integration import TOLERANCE
+from dea_fenicsx.exact.integration import INTEGRATION_TOLERANCE
 from dea_fenicsx.exact.marching import Drive, Drives
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.units import si
@@ -28,7 +28,7 @@ def steady_cycle(
     field: Drive | None = None,
     charge: Drive | None = None,
     sides: tuple[Drive | None, Drive | None] = (None, None),
-    tolerance: float = TOLERANCE,
+    tolerance: float = INTEGRATION_TOLERANCE,
 ) -> Course:
     """The cycle that a film repeats under a periodic drive, after all transients.
 

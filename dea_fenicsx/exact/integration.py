@@ -42,7 +42,7 @@ The chains of a branch's spring may hold it at each instant while the branch flo
 FEWEST_STEPS_OF_COURSE = 32
 """Steps of a course at least, so that what is drawn or integrated between them is exact too."""
 
-TOLERANCE = 1e-11
+INTEGRATION_TOLERANCE = 1e-11
 """Relative error of a step of the explicit method, of order 8."""
 
 IMPLICIT_TOLERANCE = 1e-8
@@ -84,9 +84,11 @@ class Part:
 class Integrator:
     """Integrates one film; see the module."""
 
-    def __init__(self, film: ViscousFilm, loads: FilmLoads, tolerance: float = TOLERANCE):
+    def __init__(
+        self, film: ViscousFilm, loads: FilmLoads, tolerance: float = INTEGRATION_TOLERANCE
+    ) -> None:
         self.film, self.loads = film, loads
-        self.tighten = tolerance / TOLERANCE
+        self.tighten = tolerance / INTEGRATION_TOLERANCE
         self.parts: list[Part] = []
         finite = film.tau[np.isfinite(film.tau)]
         self.shortest = float(finite.min()) if len(finite) else np.inf
@@ -194,7 +196,7 @@ class Integrator:
         if stiffness > LONGEST_EXPLICIT_PIECE:
             error = IMPLICIT_TOLERANCE * self.tighten
             return Radau(rate, p, u, end, max_step=step, rtol=error, atol=error / 10, jac=jacobian)
-        error = TOLERANCE * self.tighten
+        error = INTEGRATION_TOLERANCE * self.tighten
         return DOP853(rate, p, u, end, max_step=step, rtol=error, atol=error / 10)
 
     # ------------------------------------------------------------------ arc length

@@ -15,7 +15,7 @@ from dea_fenicsx.exact.equilibrium import Equations
 from dea_fenicsx.exact.film import FREE, Film, Held, Side
 from dea_fenicsx.exact.film_drive import FilmLoads, as_wave, checked_seconds
 from dea_fenicsx.exact.flowing_film import equations_of
-from dea_fenicsx.exact.integration import TOLERANCE, FilmInTime, Integrator
+from dea_fenicsx.exact.integration import INTEGRATION_TOLERANCE, FilmInTime, Integrator
 from dea_fenicsx.exact.limits import relaxed
 from dea_fenicsx.exact.viscous_film import ViscousFilm
 from dea_fenicsx.support.errors import InputError
@@ -34,7 +34,7 @@ def march(
     charge: Drive | None = None,
     sides: tuple[Drive | None, Drive | None] = (None, None),
     start: Course | Literal["undeformed", "relaxed"] = "undeformed",
-    tolerance: float = TOLERANCE,
+    tolerance: float = INTEGRATION_TOLERANCE,
 ) -> Course:
     """The course of a film in time, from an ordinary differential equation.
 

@@ -18,7 +18,7 @@ import numpy as np
 from dea_fenicsx.gradients.adjoint import Gradients, check_static
 from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.paired import Paired
-from dea_fenicsx.gradients.variables import Load, Told, variables
+from dea_fenicsx.gradients.variables import LoadVariable, Told, variables
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.arclength import Point, TracedBranch
 from dea_fenicsx.path.load_course import LoadCourse

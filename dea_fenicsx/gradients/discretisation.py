@@ -42,7 +42,7 @@ from dea_fenicsx.support.agreement import bind_alike
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError, SolverError
 
-TOLERANCE = 1e-8
+DUAL_TOLERANCE = 1e-8
 """Residual of the dual solution that is aimed at, relative to its right-hand side."""
 
 LARGEST_RESIDUAL = 1e-3
@@ -212,10 +212,10 @@ class ErrorEstimates:
         if total(rhs @ rhs) == 0:
             return np.zeros(len(rhs))
         if transposed:
-            found = solver.solve_transposed(rhs, TOLERANCE)
+            found = solver.solve_transposed(rhs, DUAL_TOLERANCE)
         else:
             times, comm = solver.tangent.times, self.enriched.problem.comm
-            found = solve_to(rhs, TOLERANCE, solver.linear_solve, times, comm)
+            found = solve_to(rhs, DUAL_TOLERANCE, solver.linear_solve, times, comm)
         if found is None or not found.residual < LARGEST_RESIDUAL:
             raise SolverError(
                 "The discretisation error was not found: the linear system is singular or nearly "

@@ -29,7 +29,7 @@ from dea_fenicsx.gradients.gradient import Gradient
 from dea_fenicsx.gradients.paired import Paired
 from dea_fenicsx.gradients.variables import (
     Coefficients,
-    Load,
+    LoadVariable,
     Told,
     Variable,
     variables,

@@ -64,7 +64,7 @@ class Paired:
     def size(self, one: Variable) -> float:
         """The sum of the sizes of all parts of which `slope` is the sum.  Collective."""
         kept = self._kept
-        if isinstance(one, Load):
+        if isinstance(one, LoadVariable):
             parts = self.vector * self._tangent.by_load(one.ramp) / one.unit
         elif isinstance(one, Coefficients):
             parts = np.concatenate(self._parts(one))

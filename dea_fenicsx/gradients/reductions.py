@@ -17,7 +17,7 @@ from numpy.polynomial import legendre
 from dea_fenicsx.model.unknowns import Unknowns
 from dea_fenicsx.support.cell_types import SIMPLICES
 
-INTERVAL = basix.CellType.interval
+INTERVAL_CELL = basix.CellType.interval
 
 
 def added_parts(base: Unknowns, richer: Unknowns, cell: str, dim: int) -> list[np.ndarray]:
@@ -78,7 +78,7 @@ def _added(lower: Any, upper: Any, axis: int | None) -> np.ndarray:
 def _lowered_along(degree: int, upper: Any, axis: int) -> np.ndarray:
     """Interpolation of a lower degree along one axis, of an element of nodal values."""
     line = basix.create_element(
-        basix.ElementFamily.P, INTERVAL, degree, basix.LagrangeVariant.gll_warped
+        basix.ElementFamily.P, INTERVAL_CELL, degree, basix.LagrangeVariant.gll_warped
     )
     nodes, places = line.points[:, 0], upper.points
     weights = line.tabulate(0, places[:, [axis]])[0][:, :, 0]

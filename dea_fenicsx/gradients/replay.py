@@ -18,7 +18,7 @@ from dea_fenicsx.gradients.changes import Recorded
 from dea_fenicsx.gradients.differences import OBSERVABLE_STEP
 from dea_fenicsx.gradients.motion_changes import driven
 from dea_fenicsx.gradients.shapes import distortion, most
-from dea_fenicsx.gradients.variables import Load, Shape, Told, Variable, larger
+from dea_fenicsx.gradients.variables import LoadVariable, Shape, Told, Variable, larger
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.items import Item, March, Ramp

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from dea_fenicsx.geometry._structured import StructuredMesh
 from dea_fenicsx.geometry.bisected import Bisected, sheets
-from dea_fenicsx.geometry.quartic import ORDER, is_curved, lagrange, of_order
+from dea_fenicsx.geometry.quartic import QUARTIC_ORDER, is_curved, lagrange, of_order
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.mesh.from_dolfinx import tags_alike
 from dea_fenicsx.support import compat
@@ -91,7 +91,7 @@ def with_exact_shape(device: Device) -> Device:
     def places(points: np.ndarray) -> np.ndarray:
         return _places(fine, found, points)[..., : device.mesh.geometry.dim] / device.length
 
-    mesh = compat.mesh_of_degree(device.mesh, ORDER, places)
+    mesh = compat.mesh_of_degree(device.mesh, QUARTIC_ORDER, places)
     for dim in (device.dim - 1, device.dim):
         mesh.topology.create_connectivity(dim, device.dim)
     mesh.topology.create_connectivity(device.dim, device.dim - 1)
@@ -109,7 +109,7 @@ def _places(mesh: StructuredMesh, found: Matching, points: np.ndarray) -> np.nda
     local = np.where(found.turned[:, None, :], 1 - points, points)
     along = np.empty((cells, len(points), dim))
     np.put_along_axis(along, np.broadcast_to(found.axis[:, None, :], along.shape), local, axis=2)
-    values = [lagrange(ORDER, along[..., a]) for a in range(dim)]
+    values = [lagrange(QUARTIC_ORDER, along[..., a]) for a in range(dim)]
     letters = "abc"[:dim]
     terms = ",".join(f"np{letter}" for letter in letters)
     nodes = mesh.points[mesh.cells[found.cell]]

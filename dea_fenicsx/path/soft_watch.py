@@ -31,7 +31,7 @@ from dea_fenicsx.solvers.outcome import Attempt, Outcome
 LEAST_MISSED = 7.5e-4
 """Motion beside the prediction, as a share of the arc, below which a step is accepted as it is."""
 
-MOST_MISSED = 3e-3
+MOST_MISSED_BY_CUBIC = 3e-3
 """Motion beside the prediction, as a share of the arc, above which a step is always looked at."""
 
 USUAL_GROWTH = 2.0
@@ -46,7 +46,7 @@ SHARES_WITHIN = (0.5, 0.7)
 MOST_ERROR_WITHIN = 0.07, 2e-3
 """Largest error e_t of a step that is accepted, as a share of e and of the arc."""
 
-MOST_DRIVEN = 0.5
+MOST_DRIVEN_BY_SHAPES = 0.5
 """Largest work of the load on a motion aside, over that on the branch's own direction.
 
 Both motions are of the same length, and the part along this direction is left out.
@@ -93,15 +93,16 @@ class SoftWatch:
         missed = size(self.branch, motion)
         back = self.branch.advanced(here, before)
         fourth = missed / (arc * (arc - back)) ** 2  # a multiple of the fourth derivative
-        usual = self._fourth is not None and fourth <= USUAL_GROWTH * self._fourth
-        if missed <= (MOST_MISSED if usual else LEAST_MISSED) * arc:
-            if usual:
-                self._fourth = min(fourth, self._fourth)
+        known = self._fourth
+        usual = known is not None and fourth <= USUAL_GROWTH * known
+        if missed <= (MOST_MISSED_BY_CUBIC if usual else LEAST_MISSED) * arc:
+            if usual and known is not None:
+                self._fourth = min(fourth, known)
             return True
         if not self._is_smooth(here, there, arc, missed):
             return False
         self._fourth = fourth
-        self.is_aside = missed > MOST_MISSED * arc and not self._is_driven(motion, here)
+        self.is_aside = missed > MOST_MISSED_BY_CUBIC * arc and not self._is_driven(motion, here)
         return True
 
     def _is_driven(self, motion: np.ndarray, point: Point) -> bool:
@@ -117,7 +118,7 @@ class SoftWatch:
         works = np.array([across @ load, along @ load])
         works = np.abs(problem.comm.allreduce(works, op=MPI.SUM))
         ways = size(branch, across), ahead
-        return bool(works[0] * ways[1] > MOST_DRIVEN * works[1] * ways[0])
+        return bool(works[0] * ways[1] > MOST_DRIVEN_BY_SHAPES * works[1] * ways[0])
 
     def stays(self, here: Point, there: Point, arc: float, before: Point) -> bool:
         """Whether a step keeps to its branch.  Collective."""

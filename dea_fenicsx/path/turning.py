@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.path.arclength import Branch, Point
+from dea_fenicsx.path.arclength import Point, TracedBranch
 from dea_fenicsx.path.crossing import MOST_POINTS_BACK, POINTS_OF_ONE_TURN, Crossings
 from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.items import Turn

@@ -40,13 +40,13 @@ DOUBT = 0.5
 Where parts of both signs nearly cancel, what the richer elements do not see need not cancel.
 """
 
-MARGIN = 0.6
+SHARE_OF_ASKED = 0.6
 """Share of the asked error at which the search ends: estimates on coarse meshes can be as wrong."""
 
-MOST_LEVELS = 14
+MOST_CHOICES = 14
 """Number of discretisations that are tried."""
 
-MOST_UNKNOWNS = 400_000
+MOST_UNKNOWNS_CHOSEN = 400_000
 """Unknowns beyond which nothing is made finer."""
 
 
@@ -79,7 +79,7 @@ class Level:
         return vars(self) | known
 
 
-class Search:
+class AccuracySearch:
     """The search for a discretisation.
 
     Parameters
@@ -120,9 +120,10 @@ class Search:
         """The scene with the discretisation that is chosen.  Collective."""
         self.found = self._try(scene)
         while True:
-            if self.levels[-1].largest <= MARGIN * self.asked or len(self.levels) >= MOST_LEVELS:
+            reached = self.levels[-1].largest <= SHARE_OF_ASKED * self.asked
+            if reached or len(self.levels) >= MOST_CHOICES:
                 return scene
-            if self.levels[-1].unknowns > MOST_UNKNOWNS or not self.found.value:
+            if self.levels[-1].unknowns > MOST_UNKNOWNS_CHOSEN or not self.found.value:
                 return scene
             finer = self._finer(scene)
             if finer is None:

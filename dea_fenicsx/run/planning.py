@@ -69,8 +69,20 @@ NEWTON_OF_STEP = 2.5
 KRYLOV_OF_NEWTON = 6.5
 """Krylov iterations of a Newton iteration, about the mean of the same scenes."""
 
-FACTORS_OF_STEP = {"whole": 1.0, "split": 0.15, "single": 0.5}
+FACTORS_OF_STEP = {"whole": 1.0, "split": 0.15, "single": 0.5, "multigrid": 0.15}
 """Factorisations of a step, by preconditioner.  A factor of the whole also counts at each step."""
+
+BYTES_OF_UNKNOWN_IN_LEVELS = 2.7e3
+"""Memory of multigrid for each unknown, with all that `BYTES_OF_UNKNOWN` stands for."""
+
+SECONDS_OF_LEVELS = 2e-5
+"""Time to set up the levels of multigrid for each unknown."""
+
+SECONDS_OF_CYCLE = 6e-7
+"""Time of a Krylov iteration with multigrid for each unknown."""
+
+MORE_KRYLOV_IN_LEVELS = 1.5
+"""Krylov iterations with multigrid over those with a factor."""
 
 STEPS_OF_MARCH = 100
 """Steps that a march in adapted steps is taken to need."""
@@ -96,9 +108,9 @@ class Plan:
     factor
         The preconditioner, by its name in `NewtonOptions`.
     entries
-        Entries of the factor that it keeps.
+        Entries of the factor that it keeps; 0 of multigrid.
     operations
-        Floating-point operations of a factorisation.
+        Floating-point operations of a factorisation; 0 of multigrid.
     memory_bytes
         Memory of all ranks together while the path is followed.
     counting_bytes
@@ -128,10 +140,11 @@ class Plan:
     def __str__(self) -> str:
         many = f"{self.ranks} rank{'s' * (self.ranks > 1)}"
         each = f" ({self.memory_bytes / self.ranks / 1e9:.2g} GB a rank)" if self.ranks > 1 else ""
+        size = f", {self.entries:.2g} entries, {self.operations:.2g} operations"
+        size = size if self.entries else ""
         lines = [
             f"{self.unknowns} unknowns, {self.cells} cells, {many}",
-            f"preconditioner: {self.factor}, {self.entries:.2g} entries, "
-            f"{self.operations:.2g} operations",
+            f"preconditioner: {self.factor}{size}",
             f"memory: {self.memory_bytes / 1e9:.2g} GB{each}",
         ]
         if self.counting_bytes > self.memory_bytes:
@@ -183,31 +196,62 @@ def plan(
             "without mpirun, and give ranks= the number of ranks of the run."
         )
     problem = Problem(scene)
-    solver = NewtonSolver(problem, options)
-    factor = solver.factor_kind
-    dim = problem.mesh.topology.dim
+    factor = NewtonSolver(problem, options).factor_kind
+    n, dim = problem.unknowns, problem.mesh.topology.dim
+    cost = _in_levels(n, ranks) if factor == "multigrid" else _with_factor(problem, factor, ranks)
+    faster = GAIN_OF_SECOND_RANK ** math.log2(ranks)
+    factorise = cost.factorise / faster
+    newton = KRYLOV_OF_NEWTON * cost.krylov / faster
+    step = NEWTON_OF_STEP * newton + FACTORS_OF_STEP[factor] * factorise
+    steps = None if path is None else _steps(path)
+    begin = n * SECONDS_OF_SETTING_UP[dim] / faster + factorise
+    return Plan(
+        n, problem.mesh.topology.index_map(dim).size_global, ranks, factor, cost.size.entries,
+        cost.size.operations, cost.memory, cost.counting, factorise, step, steps,
+        None if steps is None else begin + steps * step,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Cost:
+    """What a preconditioner costs: its size, bytes of all ranks, and seconds on one rank.
+
+    Attributes
+    ----------
+    size : its entries and operations
+    memory, counting : bytes while the path is followed, and while negative eigenvalues are counted
+    factorise, krylov : seconds to make it, and of one Krylov iteration
+    """
+
+    size: FactorSize
+    memory: float
+    counting: float
+    factorise: float
+    krylov: float
+
+
+def _in_levels(unknowns: int, ranks: int) -> _Cost:
+    """The cost of multigrid, which does not count."""
+    memory = ranks * BYTES_OF_RANK + unknowns * BYTES_OF_UNKNOWN_IN_LEVELS
+    return _Cost(
+        FactorSize(unknowns, 0.0, 0.0), memory, memory, unknowns * SECONDS_OF_LEVELS,
+        unknowns * SECONDS_OF_CYCLE * MORE_KRYLOV_IN_LEVELS,
+    )  # fmt: skip
+
+
+def _with_factor(problem: Problem, factor: str, ranks: int) -> _Cost:
+    """The cost of a factor."""
+    n, dim = problem.unknowns, problem.mesh.topology.dim
     precision: Precision = "double"
     if factor in ("single", "split") and compat.keeps_single():
         precision = "single"
-    kept, counted = _sizes(problem, factor)
-    memory = _memory(problem.unknowns, dim, kept, precision, ranks)
-    faster = GAIN_OF_SECOND_RANK ** math.log2(ranks)
-    factorise = (
+    kept, whole_tangent = _sizes(problem, factor)
+    return _Cost(
+        kept, _memory(n, dim, kept, precision, ranks),
+        _memory(n, dim, whole_tangent, "double", ranks),
         kept.operations / OPERATIONS_PER_S[precision]
-        + kept.entries * SECONDS_OF_ENTRY[precision]
-        + problem.unknowns * SECONDS_OF_ASSEMBLY[dim]
-    ) / faster
-    krylov = (
-        kept.entries * SECONDS_OF_SOLVE[precision] + problem.unknowns * SECONDS_OF_PRODUCT[dim]
-    ) / faster
-    step = NEWTON_OF_STEP * KRYLOV_OF_NEWTON * krylov + FACTORS_OF_STEP[factor] * factorise
-    steps = None if path is None else _steps(path)
-    begin = problem.unknowns * SECONDS_OF_SETTING_UP[dim] / faster + factorise
-    return Plan(
-        problem.unknowns, problem.mesh.topology.index_map(dim).size_global, ranks, factor,
-        kept.entries, kept.operations, memory,
-        _memory(problem.unknowns, dim, counted, "double", ranks), factorise, step, steps,
-        None if steps is None else begin + steps * step,
+        + kept.entries * SECONDS_OF_ENTRY[precision] + n * SECONDS_OF_ASSEMBLY[dim],
+        kept.entries * SECONDS_OF_SOLVE[precision] + n * SECONDS_OF_PRODUCT[dim],
     )  # fmt: skip
 
 

@@ -29,7 +29,7 @@ from dea_fenicsx.solvers.options import NewtonOptions
 MOST_PROBLEMS_KEPT = 3
 """Number of problems that are kept: in a loop the last run is still there while the next begins."""
 
-MOST_UNKNOWNS = 20_000
+MOST_UNKNOWNS_REUSED = 20_000
 """Unknowns up to which a problem is kept; it then takes some ten MB, with its factor."""
 
 MOST_CHANGE = 100.0
@@ -95,7 +95,7 @@ def keep(run: Run, solver: NewtonSolver, observables: Iterable[Any]) -> None:
     own = all(type(o).__module__.startswith("dea_fenicsx.") for o in observables)
     device = problem.scene.device
     number = _runs[device] = _runs.get(device, 0) + 1
-    if problem.unknowns > MOST_UNKNOWNS or not own:
+    if problem.unknowns > MOST_UNKNOWNS_REUSED or not own:
         return
     _kept.append(_Kept(number, solver, solver.options, weakref.ref(run)))
     del _kept[:-MOST_PROBLEMS_KEPT]

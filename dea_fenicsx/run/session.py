@@ -29,7 +29,7 @@ from dea_fenicsx.results.summary import (
     unstable_from,
 )  # fmt: skip
 from dea_fenicsx.results.surface_blocks import Blocks, electrode_surfaces
-from dea_fenicsx.run.accuracy import Search
+from dea_fenicsx.run.accuracy import AccuracySearch
 from dea_fenicsx.run.arguments import DEFAULTS, Arguments, SolveOptions, check_arguments
 from dea_fenicsx.run.closing import Closing
 from dea_fenicsx.run.enclosed_volume import check_volume
@@ -138,7 +138,7 @@ def _solved_to(given: Arguments, accuracy: tuple[str, float]) -> Run:
     coarse = replace(
         given, out=None, quiet=True, stability=counts, keep_states=False, estimate=False
     )
-    search = Search(
+    search = AccuracySearch(
         name, observable, float(accuracy[1]),
         lambda scene: _solved(replace(coarse, scene=scene)), progress.say,
     )  # fmt: skip

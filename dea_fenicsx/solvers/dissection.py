@@ -35,10 +35,10 @@ MORE_ENTRIES, MORE_OPERATIONS = 1.15, 1.2
 CELLS_WITH_ONE_HALF = 2_000
 """Pieces of at most this number of cells stand for their neighbours: only one half is cut on.
 
-It holds for meshes of at least `MANY_CELLS` cells.
+It holds for meshes of at least `CELLS_OF_LARGE_MESH` cells.
 """
 
-MANY_CELLS = 20_000
+CELLS_OF_LARGE_MESH = 20_000
 """Number of cells from which small pieces of a mesh stand for their neighbours."""
 
 
@@ -102,7 +102,7 @@ class Dissection:
         entries = operations = 0.0
         groups = np.unique(self.cells)
         stack = [_Piece(np.arange(len(self.cells)), groups, np.zeros(len(groups), bool), 1.0)]
-        few = CELLS_WITH_ONE_HALF if len(self.cells) >= MANY_CELLS else 0
+        few = CELLS_WITH_ONE_HALF if len(self.cells) >= CELLS_OF_LARGE_MESH else 0
         while stack:
             piece = stack.pop()
             halves, separator = self._halves(piece)

@@ -32,7 +32,7 @@ COARSENING = {"pc_gamg_threshold": "0.02", "pc_gamg_aggressive_coarsening": "0"}
 The iterations with and without are in docs/developers/solver.md, "Measured constants".
 """
 
-PREFIX = "dea_multigrid_"
+OPTIONS_PREFIX = "dea_multigrid_"
 """What the names of options begin with."""
 
 
@@ -216,7 +216,7 @@ class FieldMultigrid:
 
     def _cycle(self) -> Any:
         """One V-cycle over the levels, as a preconditioner of PETSc that is ready."""
-        prefix = f"{PREFIX}{self._field.name}_"
+        prefix = f"{OPTIONS_PREFIX}{self._field.name}_"
         options = PETSc.Options()
         for name, value in COARSENING.items():
             options.setValue(prefix + name, value)

@@ -147,6 +147,8 @@ class LinearSolver:
     @property
     def factor_kind(self) -> str:
         """What is kept as the preconditioner, by its name in `NewtonOptions`."""
+        if self._multigrid:
+            return "multigrid"
         if self._preferred is self._whole:
             return "whole"
         return "split" if self._preferred is self._split else "single"
@@ -243,9 +245,9 @@ class LinearSolver:
         elif factor is self._whole:
             self.inertia = self._counted(self._whole.excess)
         elif factor is self._split and self._split.precise:
-            self.inertia = self._counted(0) if self._split.proves_stable else Inertia()
+            self.inertia = self._counted(0) if self._split.proves_stable else NegativePivots()
         elif factor is self._multigrid:
-            self.inertia = Inertia()
+            self.inertia = NegativePivots()
         self._stale, self._wasted, self._best_rate = not ok, 0.0, np.inf
         self.counters.factor_s += time.perf_counter() - start
         return ok
@@ -274,7 +276,7 @@ class LinearSolver:
             True if no solve follows: then a large kept factor is deleted first to save memory.
         """
         if not self.problem.forms.is_symmetric or self._multigrid:
-            self.inertia = Inertia()
+            self.inertia = NegativePivots()
             return
         if last and self.problem.unknowns > MOST_UNKNOWNS_LENT:
             self._factor.make_room()

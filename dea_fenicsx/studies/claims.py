@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-PREFIX = "claims-"
+CLAIMS_PREFIX = "claims-"
 
 
 class Claims:
@@ -33,9 +33,9 @@ class Claims:
         self._count, self._comm, self._group = count, comm, group
         place = None
         if comm.rank == 0:
-            for old in folder.glob(f"{PREFIX}*"):  # a killed study has left them
+            for old in folder.glob(f"{CLAIMS_PREFIX}*"):  # a killed study has left them
                 shutil.rmtree(old, ignore_errors=True)
-            place = tempfile.mkdtemp(prefix=PREFIX, dir=folder)
+            place = tempfile.mkdtemp(prefix=CLAIMS_PREFIX, dir=folder)
         self._place = Path(comm.bcast(place, root=0))
 
     def __iter__(self) -> Iterator[int]:
