@@ -93,10 +93,11 @@ class SoftWatch:
         missed = size(self.branch, motion)
         back = self.branch.advanced(here, before)
         fourth = missed / (arc * (arc - back)) ** 2  # a multiple of the fourth derivative
-        usual = self._fourth is not None and fourth <= USUAL_GROWTH * self._fourth
+        known = self._fourth
+        usual = known is not None and fourth <= USUAL_GROWTH * known
         if missed <= (MOST_MISSED if usual else LEAST_MISSED) * arc:
-            if usual:
-                self._fourth = min(fourth, self._fourth)
+            if known is not None and usual:
+                self._fourth = min(fourth, known)
             return True
         if not self._is_smooth(here, there, arc, missed):
             return False
