@@ -222,7 +222,7 @@ class Sized(TriangleStrip):
 
 def test_sizes_for_a_mesh_from_elsewhere(tmp_path, monkeypatch):
     """Cells of the sizes that a run asks for take the error down, most of all at the corner."""
-    monkeypatch.setattr("dea_fenicsx.run.accuracy.MOST_LEVELS", 1)
+    monkeypatch.setattr("dea_fenicsx.run.accuracy.MOST_CHOICES", 1)
 
     def error(sizes, out):
         scene = replace(tube(clamped=True), device=dea.device(Sized(2, sizes), MPI.COMM_SELF))
@@ -237,7 +237,7 @@ def test_sizes_for_a_mesh_from_elsewhere(tmp_path, monkeypatch):
 
 
 def test_an_accuracy_that_is_not_reached_is_told(monkeypatch):
-    monkeypatch.setattr("dea_fenicsx.run.accuracy.MOST_LEVELS", 1)
+    monkeypatch.setattr("dea_fenicsx.run.accuracy.MOST_CHOICES", 1)
     run = dea.solve(
         tube(), dea.Ramp(steps=4), WIDER, quiet=True, accuracy=("wider_m", 1e-6)
     )  # fmt: skip

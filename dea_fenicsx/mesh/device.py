@@ -68,7 +68,7 @@ class Device:
     quality: dict[str, float] = field(default_factory=dict)
     further: dict[str, tuple[int, ...]] = field(default_factory=dict)
     checked_cells: dict[int, str] = field(default_factory=dict, repr=False)
-    family: Geometry | None = field(default=None, repr=False)
+    family: Geometry | None = field(default=None, repr=False, metadata={"checked": False})
     rebuilt: Callable[[Geometry], Device] | None = field(default=None, repr=False)
 
     @property

@@ -90,6 +90,11 @@ class Passage:
     done: float
     guide: Guide | None = None
 
+    @property
+    def has_limit(self) -> bool:
+        """Whether a limit point lies within the step."""
+        return self.start.slope * self.there.slope < 0
+
 
 class Crossings:
     """Passes crossings of a branch that steps shorter than usual announce.
@@ -165,9 +170,11 @@ class Crossings:
     def passage(self, here: Point) -> Passage | None:
         """A step from an anchor that passes what lies ahead of a point; None if there is none.
 
-        Its last point must lie on a smooth curve with its first one.
+        Its last point must lie on a smooth curve with its first one.  The shapes of a limit point
+        are soft, too, and a step over it must not hold them.  There a step without guiding forces
+        is taken even if the watch doubts it.
         """
-        branch = self.branch
+        branch, doubted = self.branch, None
         for anchor, before in self._anchors:
             done = branch.advanced(anchor, here)
             for ahead in AHEAD:
@@ -176,10 +183,13 @@ class Crossings:
                 if there is None:
                     continue
                 turn = branch.dot(anchor.direction, anchor.slope, there.direction, there.slope)
-                stays = self.watch is None or self.watch.stays(anchor, there, arc, before)
-                if turn > STRAIGHT and stays and branch.is_smooth(anchor, there, arc):
-                    return Passage(attempt, anchor, there, arc, done)
-        return self._guided_passage(here)
+                if turn > STRAIGHT and branch.is_smooth(anchor, there, arc):
+                    found = Passage(attempt, anchor, there, arc, done)
+                    if self.watch is None or self.watch.stays(anchor, there, arc, before):
+                        return found
+                    doubted = doubted or found
+        guided = self._guided_passage(here)
+        return doubted if guided is not None and doubted and guided.has_limit else guided
 
     def held_passage(self, here: Point, arc: float) -> Passage | None:
         """A step from a point with the soft shapes held, if the watch has seen a motion aside.

@@ -24,6 +24,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.path.arclength import Point, TracedBranch
+from dea_fenicsx.path.bends import contact_changes
 from dea_fenicsx.path.cubic import Cubic
 from dea_fenicsx.path.soft_shapes import size
 from dea_fenicsx.solvers.outcome import Attempt, Outcome
@@ -45,6 +46,9 @@ SHARES_WITHIN = (0.5, 0.7)
 
 MOST_ERROR_WITHIN = 0.07, 2e-3
 """Largest error e_t of a step that is accepted, as a share of e and of the arc."""
+
+SHORTEST_WATCHED = 2.0**-6
+"""Shortest step that is judged, in units of arc."""
 
 MOST_DRIVEN_BY_SHAPES = 0.5
 """Largest work of the load on a motion aside, over that on the branch's own direction.
@@ -89,6 +93,9 @@ class SoftWatch:
 
     def _continues(self, here: Point, there: Point, arc: float, before: Point) -> bool:
         """As of `stays`, but costs little as long as the cubic is as good as before."""
+        if self._has_own_kink(here, there, arc):
+            self._fourth = None
+            return True
         motion = self._missed(here, there, arc, before)
         missed = size(self.branch, motion)
         back = self.branch.advanced(here, before)
@@ -122,8 +129,20 @@ class SoftWatch:
 
     def stays(self, here: Point, there: Point, arc: float, before: Point) -> bool:
         """Whether a step keeps to its branch.  Collective."""
+        if self._has_own_kink(here, there, arc):
+            return True
         missed = size(self.branch, self._missed(here, there, arc, before))
         return missed <= LEAST_MISSED * arc or self._is_smooth(here, there, arc, missed)
+
+    def _has_own_kink(self, here: Point, there: Point, arc: float) -> bool:
+        """Whether the branch itself may have a kink in a step.  Collective.
+
+        It has one where points of a contact touch, leave or slide.  Other laws have kinks, too,
+        such as that of a spring with a table of forces.  Such a kink stays however short a step is.
+        So steps of less than `SHORTEST_WATCHED` are not judged.
+        """
+        solver = self.branch.solver
+        return arc < SHORTEST_WATCHED or contact_changes(solver, here.state, there.state)
 
     def _missed(self, here: Point, there: Point, arc: float, before: Point) -> np.ndarray:
         """How a point lies beside its prediction; the size of this is the error e."""

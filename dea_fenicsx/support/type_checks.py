@@ -37,13 +37,14 @@ def raised(error: BaseException) -> str:
 def check_declared(item: Any) -> None:
     """Raise InputError unless each field of a dataclass holds what is declared, deeply.
 
-    What is no dataclass, and a class whose annotations cannot be read, are left alone.
+    What is no dataclass, a class whose annotations cannot be read, and a field with the metadata
+    ``checked=False`` are left alone.
     """
     if not is_dataclass(item) or isinstance(item, type):
         return
     hints = _hints(type(item))
     for field in fields(item):
-        if not field.init:
+        if not field.init or not field.metadata.get("checked", True):
             continue
         value = getattr(item, field.name)
         hint = hints.get(field.name, Any)
