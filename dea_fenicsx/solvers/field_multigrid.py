@@ -85,7 +85,7 @@ class _Level:
         else:
             self.matrix = whole.createSubMatrix(self.free, self.free, submat=self.matrix)
             whole.destroy()
-        self.matrix.setOption(PETSc.Mat.Option.SPD, True)
+        compat.mark_positive(self.matrix)
 
     @property
     def _is_fine(self) -> bool:

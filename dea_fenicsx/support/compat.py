@@ -372,6 +372,12 @@ def interpolation_matrix(coarse: Any, fine: Any) -> Any:
     return made
 
 
+def mark_positive(matrix: Any) -> None:
+    """Tell PETSc that a matrix is positive definite; blocks on ranks take it from 3.24 on."""
+    blocks = matrix.getType() == "mpibaij" and PETSc.Sys.getVersion() < (3, 24)
+    matrix.setOption(PETSc.Mat.Option.SYMMETRIC if blocks else PETSc.Mat.Option.SPD, True)
+
+
 def set_precision(pc: Any, single: bool) -> None:
     """Let MUMPS keep this factor in single precision, where PETSc can (3.24), or in double.
 
