@@ -69,14 +69,18 @@ AROUND = {
     # closed forms, and laws one after another, of which other files ask the main ones
     "changing_permittivity", "elastic_laws", "exact", "exact_time", "geometry", "hertz",
     "round_balloon",
-    # long paths: what `march`, `path`, `tracing` and `evidence` ask for in short
+    # long paths and close looks: what `march`, `path` and `tracing` ask for in short
     "blister", "branches", "bridging", "charge_in_time", "crushing", "energy_conserving",
     "event_loads", "knock_down", "local_flow", "march_orders", "pull_in_time", "resumed_alike",
-    "snap_in_motion", "viscous_branches",
+    "snap_in_motion", "viscous_branches", "evidence", "stability_count", "air",
+    "obstacles", "energy_observables", "reuse", "temperature",
     # what stands on solved scenes: fits, designs, studies, derivatives in time
-    "calibration", "gradients_in_time", "improving", "place", "study",
+    "accuracy", "calibration", "density", "gradients_in_time", "improving", "nodal_fields", "place",
+    "plan", "start_from", "study",
     # the package as a text
-    "contributing", "homonyms", "structure",
+    "contributing", "homonyms", "markers", "structure",
+    # very large problems
+    "multigrid",
     # searches, tables, and inputs at random
     "design", "fit_uncertainty", "fitting", "fuzz", "fuzz_readers", "hard", "ladder", "thesis",
 }  # fmt: skip
