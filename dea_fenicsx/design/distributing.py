@@ -19,9 +19,10 @@ from dea_fenicsx.design.improving import (
     ImproveOptions,
     check_quantities,
     checked_options,
+    listed,
 )
 from dea_fenicsx.design.kept_designs import KeptDesigns
-from dea_fenicsx.design.variables import goals, limits
+from dea_fenicsx.design.variables import check_resumable, goals, limits
 from dea_fenicsx.design.variations import Build
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.results.identity import described
@@ -110,11 +111,10 @@ def distribute(
         For wrong input, a quantity without a derivative, and if the start cannot be solved.
     """
     chosen = checked_options("distribute", options)
-    comm, runs = chosen["comm"], _listed(analyses)
+    comm, runs = chosen["comm"], listed(analyses)
     wanted, bounds = goals(objective), limits(constraints or {})
     check_quantities(runs, wanted, bounds, [FILLED])
-    if resume and out is None:
-        raise InputError("A search can be resumed from a folder only; give out=.")
+    check_resumable(resume, out)
     scene = build(comm) if callable(build) else build
     if not isinstance(scene, Scene):
         raise InputError(f"build returned {shown(scene)}, but must return a Scene.")
@@ -143,10 +143,6 @@ def distribute(
         sum(one["evaluations"] for one in told), sum(one["solved"] for one in told),
         last["converged"], last["feasible"], last["message"], x, filled_scene(scene, layout, rho),
     )  # fmt: skip
-
-
-def _listed(analyses: Analysis | Sequence[Analysis]) -> list[Analysis]:
-    return [analyses] if isinstance(analyses, Analysis) else list(analyses)
 
 
 def filled_scene(scene: Scene, layout: Layout, rho: np.ndarray) -> Scene:

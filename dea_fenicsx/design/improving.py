@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 from dea_fenicsx.design.descent import METHODS, MMA, SLSQP, Descent, Sample, mma_library
 from dea_fenicsx.design.kept_designs import KeptDesigns
-from dea_fenicsx.design.variables import goals, limits, one_of, ranges
+from dea_fenicsx.design.variables import check_resumable, goals, limits, one_of, ranges
 from dea_fenicsx.design.variations import Build, Variation, variation
 from dea_fenicsx.gradients.critical import limit_row
 from dea_fenicsx.path.items import Item, Ramp, Trace
@@ -179,11 +179,10 @@ def improve(
     if not callable(build):
         raise InputError(f"build is {shown(build)}, but must be a function that returns a scene.")
     free, fixed, start = _given(variables)
-    runs = [analyses] if isinstance(analyses, Analysis) else list(analyses)
+    runs = listed(analyses)
     wanted, bounds = goals(objective), limits(constraints or {})
     check_quantities(runs, wanted, bounds)
-    if resume and out is None:
-        raise InputError("A search can be resumed from a folder only; give out=.")
+    check_resumable(resume, out)
     facts = {
         "function": getattr(build, "__qualname__", type(build).__name__),
         "variables": {**free, **fixed},
@@ -240,6 +239,11 @@ def _given(
             )
         start[name] = float(at)
     return free, fixed, start
+
+
+def listed(analyses: Analysis | Sequence[Analysis]) -> list[Analysis]:
+    """The analyses of a search, of which one may stand alone."""
+    return [analyses] if isinstance(analyses, Analysis) else list(analyses)
 
 
 def check_quantities(

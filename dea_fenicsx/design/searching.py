@@ -18,7 +18,7 @@ from dea_fenicsx.design.helical import (
     HelicalModel,
     material_of,
 )
-from dea_fenicsx.design.variables import Range, goals, limits, one_of, ranges
+from dea_fenicsx.design.variables import Range, check_resumable, goals, limits, one_of, ranges
 from dea_fenicsx.materials import Material
 from dea_fenicsx.support.errors import DeaError, InputError
 from dea_fenicsx.support.validation import keywords
@@ -208,8 +208,7 @@ def optimise(
     comm, quiet, failures = chosen["comm"], chosen.pop("quiet"), chosen.pop("failures")
     free, fixed = ranges(variables)
     wanted, bounds = goals(objectives), limits(constraints or {})
-    if resume and out is None:
-        raise InputError("A search can be resumed from a folder only; give out=.")
+    check_resumable(resume, out)
     facts = {
         "function": getattr(function, "__qualname__", type(function).__name__),
         "variables": {**free, **fixed},

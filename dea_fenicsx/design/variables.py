@@ -115,3 +115,9 @@ def one_of(name: str, names: Iterable[str], what: str) -> str:
         return name
     hint = f"{did_you_mean(name, names)} ".lstrip()
     raise InputError(f"There is no {what} {name!r}; {hint}there are: {', '.join(names)}.")
+
+
+def check_resumable(resume: bool, out: Any) -> None:
+    """Raise InputError for a search that is to be resumed without the folder of its designs."""
+    if resume and out is None:
+        raise InputError("A search can be resumed from a folder only; give out=.")

@@ -106,7 +106,7 @@ class Crossings:
     longest
         Longest step in units of arc; a step over a crossing may begin farther back.
     watch
-        Tells whether a step leaves the branch along a soft shape; None if nobody asks for it.
+        Takes the steps, and refuses those to another branch.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class Crossings:
         Whether the last step turns aside, and no way leads straight on.
     """
 
-    def __init__(self, branch: TracedBranch, longest: float, watch: SoftWatch | None) -> None:
+    def __init__(self, branch: TracedBranch, longest: float, watch: SoftWatch) -> None:
         self.branch, self.longest, self.watch = branch, longest, watch
         self.forget()
 
@@ -124,8 +124,7 @@ class Crossings:
         """Begin anew, as on another branch."""
         self._anchors: list[tuple[Point, Point]] = []
         self._arc, self._short, self._next = 0.0, 0, 0.0
-        if self.watch is not None:
-            self.watch.forget()
+        self.watch.forget()
         self.trail: list[Point] = []
         self._held: Point | None = None
         self._open = self.turns_aside = False
@@ -135,7 +134,7 @@ class Crossings:
         self, here: Point, arc: float, before: Point | None
     ) -> tuple[Attempt, Point | None]:
         """As of `TracedBranch.advance`; a watched step must not leave the branch.  Collective."""
-        return (self.watch or self.branch).advance(here, arc, before)
+        return self.watch.advance(here, arc, before)
 
     def reached(self, point: Point, before: Point, arc: float) -> None:
         """Take note of an accepted point, of the one before it, and of the arc between the two."""
@@ -185,7 +184,7 @@ class Crossings:
                 turn = branch.dot(anchor.direction, anchor.slope, there.direction, there.slope)
                 if turn > STRAIGHT and branch.is_smooth(anchor, there, arc):
                     found = Passage(attempt, anchor, there, arc, done)
-                    if self.watch is None or self.watch.stays(anchor, there, arc, before):
+                    if self.watch.stays(anchor, there, arc, before):
                         return found
                     doubted = doubted or found
         guided = self._guided_passage(here)
@@ -198,7 +197,7 @@ class Crossings:
         `turns_aside` is set.
         """
         self.turns_aside = False
-        if self.watch is None or not self.watch.is_aside:
+        if not self.watch.is_aside:
             return None
         if self._held is not here:
             self._held, self._open = here, self._is_unstable(here)
