@@ -165,6 +165,39 @@ def lattice(
     return StructuredMesh(points, cells), cell
 
 
+def part_of_lattice(
+    ends: Sequence[Floats], order: int, cell: Sequence[Ints], part: int, parts: int
+) -> StructuredMesh:
+    """Some cells of `lattice`, with one of several equal parts of all its nodes.
+
+    Parameters
+    ----------
+    ends, order
+        As of `lattice`.
+    cell
+        Logical indices of the cells.
+    part, parts
+        Which part of the nodes, from 0, and how many there are.
+
+    Returns
+    -------
+    StructuredMesh
+        Without groups.  Its cells have the numbers of nodes of the whole lattice.
+    """
+    lines = [lattice_points(e, order) for e in ends]
+    shape = tuple(len(line) for line in lines)
+    dim, cells = len(ends), np.zeros((len(cell[0]),) + (order + 1,) * len(ends), dtype=np.int64)
+    for axis, local in enumerate(np.indices((order + 1,) * dim, dtype=np.int64)):
+        index = order * cell[axis][(slice(None),) + (None,) * dim] + local
+        cells = cells * shape[axis] + index
+    total = int(np.prod(shape, dtype=np.int64))
+    mine = np.arange(total * part // parts, total * (part + 1) // parts)
+    points = np.zeros((len(mine), 3))
+    for axis, index in enumerate(np.unravel_index(mine, shape)):
+        points[:, axis] = lines[axis][index]
+    return StructuredMesh(points, cells)
+
+
 def sweep(plane: Ints, layers: int, order: int) -> tuple[Ints, Ints, Ints]:
     """Hexahedra from quadrilaterals ``plane``, shape (m, q, q), through ``layers`` cells.
 

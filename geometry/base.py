@@ -6,7 +6,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
@@ -43,6 +43,31 @@ class Geometry(ABC):
     @abstractmethod
     def refine(self, factor: int) -> Geometry:
         """The same device with all divisions multiplied by ``factor``."""
+
+    makes_shares: ClassVar[bool] = False
+    """Whether several ranks can make the mesh together, by `share`."""
+
+    def share(self, part: int, parts: int) -> StructuredMesh:
+        """What one of several ranks makes of the mesh.
+
+        Its cells are an equal part of those of `mesh`, in the order of the regions there, and its
+        points an equal part of the points; the numbers in `cells` and `facets` are those of the
+        whole mesh.  Groups in which the part has nothing may be missing.
+
+        Parameters
+        ----------
+        part, parts
+            Which part, from 0, and how many there are.
+        """
+        raise NotImplementedError(f"{type(self).__name__} makes no shares.")
+
+    def groups_of_shares(self) -> dict[str, int]:
+        """Of a family with shares: what `groups` gives, without making a mesh."""
+        raise NotImplementedError(f"{type(self).__name__} makes no shares.")
+
+    def shape(self) -> dict[str, float]:
+        """``least_scaled_jacobian`` and ``largest_aspect`` of the cells of a family with shares."""
+        raise NotImplementedError(f"{type(self).__name__} makes no shares.")
 
     def build(self, name: str | None = None) -> Any:
         """Add a gmsh model, make it current, and return ``gmsh.model``.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._structured import Floats, Ints, StructuredMesh, joined_ends, lattice
+from ._structured import Floats, Ints, StructuredMesh, joined_ends, lattice, part_of_lattice
 from .base import FlatStack, Layer, checked_layers, refuse_clash, sizes_of_layers
 from .grading import check_ends, graded
 
@@ -60,6 +61,7 @@ class BoxStack(FlatStack):
     grading: float | tuple[float, ...] = 1.0
     ends: str | tuple[str, ...] = "both"
     x0: float = 0.0
+    makes_shares: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check.length("BoxStack", "length", self.length)
@@ -128,6 +130,40 @@ class BoxStack(FlatStack):
         mesh, cell = lattice(self.cell_ends(), self.order)
         self.name_parts(mesh, cell)
         return mesh
+
+    def share(self, part: int, parts: int) -> StructuredMesh:
+        """See `Geometry.share`."""
+        ends, bounds = self.cell_ends(), np.cumsum([0] + [one.divisions for one in self.layers])
+        base = tuple(len(e) - 1 for e in ends[:-1])
+        total = int(np.prod(base)) * int(bounds[-1])
+        first, last = total * part // parts, total * (part + 1) // parts
+        names = [one.name for one in self.layers]
+        cell: list[list[Ints]] = [[] for _ in ends]
+        start = 0
+        for k in sorted(range(len(names)), key=lambda k: names.index(names[k])):
+            count = int(np.prod(base)) * self.layers[k].divisions
+            mine = np.arange(max(first - start, 0), min(last - start, count))
+            column, level = np.divmod(mine, self.layers[k].divisions)
+            indices = (*np.unravel_index(column, base), bounds[k] + level)
+            for index, found in zip(cell, indices, strict=True):
+                index.append(found)
+            start += count
+        joined = [np.concatenate(index) for index in cell]
+        mesh = part_of_lattice(ends, self.order, joined, part, parts)
+        self.name_parts(mesh, joined)
+        return mesh
+
+    def groups_of_shares(self) -> dict[str, int]:
+        """See `Geometry.groups_of_shares`."""
+        regions = dict.fromkeys((layer.name for layer in self.layers), self.dimension)
+        return regions | dict.fromkeys(self._facet_names(), self.dimension - 1)
+
+    def shape(self) -> dict[str, float]:
+        """The cells are boxes; the longest over the shortest edge that meet in one."""
+        edges = [np.diff(e) for e in self.cell_ends()]
+        pairs = [(a, b) for i, a in enumerate(edges) for k, b in enumerate(edges) if i != k]
+        aspect = max(float(a.max() / b.min()) for a, b in pairs)
+        return {"least_scaled_jacobian": 1.0, "largest_aspect": max(aspect, 1.0)}
 
     def cell_ends(self) -> list[Floats]:
         """Ends of the cells in m along x, y (in space only) and through the layers."""

@@ -21,6 +21,7 @@ import json
 import math
 import zipfile
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import IO, Any
 
@@ -32,6 +33,7 @@ from dea_fenicsx.path.items import Close, Item, March, Open, Trace
 from dea_fenicsx.results.columns import COUNTS, load_column
 from dea_fenicsx.results.history import TEXTS
 from dea_fenicsx.results.moment import moment_told
+from dea_fenicsx.results.spread import Table, pieces
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean
@@ -60,15 +62,31 @@ class Unusable(Exception):
 # --------------------------------------------------------------------------------------- the file
 
 
-def write(target: Path, states: Sequence[np.ndarray], told: Mapping[str, Any]) -> None:
-    """Write a checkpoint: the last accepted state, earlier ones after it, and what is told."""
+def write(target: Path, states: Sequence[Table], told: Mapping[str, Any]) -> None:
+    """Write a checkpoint: the last accepted state, earlier ones after it, and what is told.
+
+    The file is one of `numpy.savez`, but no table need be in memory as a whole.
+    """
     text = json.dumps({"format": FORMAT, **told}, allow_nan=True)
-    state, *others = (np.ascontiguousarray(values, dtype=float) for values in states)
-    arrays: dict[str, Any] = {"state": state, "told": text}
-    if others:
-        arrays["earlier"] = np.stack(others)
-    with open(target, "wb") as file:
-        np.savez(file, **arrays, digest=digest(state, text, arrays.get("earlier")))
+    found = hashlib.sha256(text.encode())
+    state, *others = states
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
+
+        def put(name: str, shape: tuple[int, ...], tables: Sequence[Table]) -> None:
+            head = {"descr": "<f8", "fortran_order": False, "shape": shape}
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                npy.write_array_header_1_0(file, head)
+                for part in chain.from_iterable(map(pieces, tables)):
+                    data = np.ascontiguousarray(part, dtype="<f8").data.cast("B")
+                    found.update(data)
+                    file.write(data)
+
+        put("state", state.shape, [state])
+        if others:
+            put("earlier", (len(others), *state.shape), others)
+        for name, words in (("told", text), ("digest", found.hexdigest())):
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                npy.write_array(file, np.asanyarray(words), allow_pickle=False)
 
 
 def digest(state: np.ndarray, text: str, earlier: np.ndarray | None = None) -> str:

@@ -1,15 +1,16 @@
 """Fields of a state for pictures: at the nodes of a grid, and one value a cell.
 
 The grid is of first or second degree, see `FieldWriter`.  It is numbered by the mesh file's own
-order of cells, so results are the same on any number of ranks.
+order of cells, so results are the same on any number of ranks.  Each rank has a block of the rows;
+small tables are gathered on rank 0, large ones stay spread (`dea_fenicsx.results.spread`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-import basix
 import numpy as np
 from mpi4py import MPI
 
@@ -19,9 +20,19 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.results.axes import axes_of_fields
 from dea_fenicsx.results.contact_pressure import contact_pressure
-from dea_fenicsx.results.grids import Grid, SurfaceGrid, surface_grid
+from dea_fenicsx.results.file_order import FileOrder, by_first_appearance
+from dea_fenicsx.results.grids import Grid, SurfaceGrid, quadratic_from_linear, surface_grid
 from dea_fenicsx.results.moment import NO_MOMENT, MomentInTime, history_of, table_of, width
 from dea_fenicsx.results.split_grid import SplitGrid, count_is_small, split
+from dea_fenicsx.results.spread import (
+    MOST_WHOLE,
+    Spread,
+    collected,
+    dealt,
+    pieces,
+    serving,
+    whole,
+)
 from dea_fenicsx.results.within_cells import Evaluated, Fields, WithinCells
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.cell_types import BY_DEGREE
@@ -33,9 +44,10 @@ __all__ = ["FieldWriter", "Fields", "Grid", "SurfaceGrid"]
 
 
 class FieldWriter:
-    """Evaluates the fields of a problem and gathers them on rank 0, in the grid's order.
+    """Evaluates the fields of a problem and gives them to rank 0, in the grid's order.
 
-    Every method is collective; results are None on all ranks but 0.
+    Every method is collective.  Tables of a small grid are gathered on rank 0, and None on all
+    others.  Those of a grid of more than `MOST_WHOLE` nodes on several ranks are `Spread`.
 
     The cells of the grid are of second degree if the geometry, the displacement or the potential is
     of second degree or higher, else of first.  A field of lower degree is exact on them.  Fields
@@ -52,7 +64,7 @@ class FieldWriter:
     Attributes
     ----------
     grid
-        The grid of the whole device, on rank 0.
+        The grid of the whole device, on rank 0; if its tables are spread, on all ranks.
     surface_grids
         The grid of each of the surfaces, on rank 0; empty on all others.
 
@@ -68,13 +80,14 @@ class FieldWriter:
         self.kind = mesh.topology.cell_name()
         self.parts = problem.displacement
         self.owned_cells = problem.scene.device.owned_cells()
-        self.original = np.asarray(mesh.topology.original_cell_index)[: self.owned_cells]
+        original = np.asarray(mesh.topology.original_cell_index)[: self.owned_cells]
+        self.order = FileOrder(problem.comm, original)
         names = (surfaces,) if isinstance(surfaces, str) else tuple(dict.fromkeys(surfaces))
         self._check_surfaces(names)
         self._choose_nodes()
         self._within = WithinCells(problem, self.owned_cells)
         self.split_grid: SplitGrid | None = None
-        self._has_split = False
+        self._has_split, self._large = False, False
         self.grid = self._build_grid()
         self.surface_grids = self._build_surfaces(names)
 
@@ -100,13 +113,12 @@ class FieldWriter:
         element = ("Lagrange", self.degree)
         self._nodes = fitting[0] if fitting else dolfinx.fem.functionspace(mesh, element)
 
-    def gather(self, values: np.ndarray) -> np.ndarray | None:
-        """Cell-wise values of all ranks on rank 0, sorted by the cells' numbers in the file."""
-        parts = self.problem.comm.gather((self.original, values), root=0)
-        if parts is None:
-            return None
-        order = np.argsort(np.concatenate([p[0] for p in parts]))
-        return np.concatenate([p[1] for p in parts])[order]
+    def gather(self, values: np.ndarray) -> Any:
+        """Values of the owned cells of all ranks as a table in the order of the mesh file."""
+        return self._table(self.order.rows(values))
+
+    def _table(self, block: np.ndarray) -> Any:
+        return collected(self.problem.comm, block, self._large)
 
     def _nodal(self, part: Any, array: np.ndarray) -> np.ndarray:
         """Values of a field at the grid's nodes of each owned cell, in basix's order.
@@ -132,7 +144,7 @@ class FieldWriter:
         values = array[part.dofs[table]]
         if degree == 0:  # the voltage through a membrane, one number in each cell
             return np.repeat(values, self._nodes.dofmap.list.shape[1], axis=1)
-        return values if degree == self.degree else values @ _quadratic_from_linear(self.kind).T
+        return values if degree == self.degree else values @ quadratic_from_linear(self.kind).T
 
     def _build_grid(self) -> Grid | None:
         problem = self.problem
@@ -145,39 +157,33 @@ class FieldWriter:
         cells = problem.scene.device.cells
         tags = np.zeros(int(cells.indices.max(initial=-1)) + 1, dtype=np.int32)
         tags[cells.indices] = cells.values
-        gathered = [
-            self.gather(a) for a in (numbers, coordinates, tags[: self.owned_cells])
-        ]
-        if problem.comm.rank != 0:
-            return None
-        numbers, coordinates, regions = (np.asarray(g) for g in gathered)
-        # number the nodes by their first appearance in the file's order of cells
-        _, first, inverse = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
-        rank = np.empty(len(first), dtype=np.int64)
-        rank[np.argsort(first)] = np.arange(len(first))
-        self._connectivity = rank[inverse].reshape(numbers.shape)
-        points = np.empty((len(first), 3))
-        points[self._connectivity.ravel()] = coordinates.reshape(-1, 3)
+        regions, comm = tags[: self.owned_cells].astype(np.int64), problem.comm
+        table, self._first = by_first_appearance(comm, self.order.rows(numbers), self.order.start)
+        nodes = comm.allreduce(len(self._first), op=MPI.SUM)
+        self._large = comm.size > 1 and nodes > MOST_WHOLE
+        self._points = self.order.rows(coordinates).reshape(-1, 3)[self._first]
         order = BY_DEGREE[self.degree][self.kind].vtk_order
         names = {tag: name for name, tag in problem.scene.device.regions.items()}
         axes = axes_of_fields(problem.scene.kinematics)
-        return Grid(
-            points, self._connectivity[:, order], self.kind, regions, self.degree, names, axes
-        )
+        points, cells = self._table(self._points), self._table(table[:, order])
+        self._connectivity, tags = self._table(table), self.gather(regions)
+        if points is None:
+            return None
+        return Grid(points, cells, self.kind, tags, self.degree, names, axes)
 
     def _build_surfaces(self, names: tuple[str, ...]) -> dict[str, SurfaceGrid]:
         """The grid of each surface on rank 0.  Collective."""
         device, comm = self.problem.scene.device, self.problem.comm
-        numbers = self.gather(self.original) if names else None
-        found = {}
-        for name in names:
-            sides = comm.gather(self._sides(device.facets_by_surface[name]), root=0)
-            if sides is None or self.grid is None or numbers is None:
-                continue
-            pairs = np.concatenate(sides)
-            pairs[:, 0] = np.searchsorted(numbers, pairs[:, 0])
-            found[name] = surface_grid(self.grid, self._connectivity, pairs)
-        return found
+        sides = {n: comm.gather(self._sides(device.facets_by_surface[n]), root=0) for n in names}
+
+        def build() -> dict[str, SurfaceGrid]:
+            assert self.grid is not None
+            return {
+                name: surface_grid(self.grid, self._connectivity, np.concatenate(parts))
+                for name, parts in sides.items()
+            }
+
+        return serving(comm, build) or {} if names else {}
 
     def named_facets(self) -> dict[str, SurfaceGrid]:
         """The grid of each facet group of the mesh that has facets, on rank 0.  Collective."""
@@ -198,7 +204,7 @@ class FieldWriter:
         to_cells = topology.connectivity(dim - 1, dim)
         to_facets = topology.connectivity(dim, dim - 1)
         pairs = [
-            (self.original[cell], int(np.flatnonzero(to_facets.links(cell) == facet)[0]))
+            (self.order.places[cell], int(np.flatnonzero(to_facets.links(cell) == facet)[0]))
             for facet in facets
             for cell in to_cells.links(facet)
             if cell < self.owned_cells
@@ -222,60 +228,58 @@ class FieldWriter:
             behind it.  Of two cells it is the one that comes first in the mesh file.  Empty on all
             ranks but 0.
         """
-        if nodes is None or cells is None:
-            return {}
 
         def part(fields: Mapping[str, np.ndarray], rows: np.ndarray) -> Fields:
             return {name: values[rows] for name, values in fields.items()}
 
-        return {
-            name: (part(nodes, grid.nodes), part(cells, grid.parents))
-            for name, grid in self.surface_grids.items()
-        }
+        def take() -> dict[str, tuple[Fields, Fields]]:
+            return {
+                name: (part(nodes or {}, grid.nodes), part(cells or {}, grid.parents))
+                for name, grid in self.surface_grids.items()
+            }
 
-    def vector(self, state: np.ndarray) -> np.ndarray | None:
-        """The displacement part of a state, dimensionless, at the grid's nodes."""
-        components = [self.gather(self._nodal(c, state)) for c in self.parts]
-        if self.problem.comm.rank != 0:
-            return None
-        assert self.grid is not None
-        u = np.zeros((len(self.grid.points), 3))
-        for a, values in enumerate(components):
-            assert values is not None
-            u[self._connectivity.ravel(), a] = values.ravel()
+        return serving(self.problem.comm, take) or {}
+
+    def vector(self, state: np.ndarray) -> Any:
+        """The displacement part of a state, dimensionless, as a table at the grid's nodes."""
+        return self._table(self._vector(state))
+
+    def _vector(self, state: np.ndarray) -> np.ndarray:
+        """The same at the nodes of this rank's block."""
+        u = np.zeros((len(self._first), 3))
+        for a, part in enumerate(self.parts):
+            u[:, a] = self._at_nodes(part, state)
         return u
 
-    def node_fields(self) -> dict[str, np.ndarray] | None:
+    def _at_nodes(self, part: Component, state: np.ndarray) -> np.ndarray:
+        """Values of a displacement component or the potential at the nodes of this rank's block."""
+        return self.order.rows(self._nodal(part, state)).ravel()[self._first]
+
+    def node_fields(self) -> Any:
         """Displacement (m) and potential (V) at the grid's nodes.
 
         Of a helical cell the displacement is that of the section Theta = 0, along (r, z, hoop).
         """
-        problem = self.problem
-        u = self.vector(problem.w.x.array)
+        problem, state = self.problem, self.problem.w.x.array
         overall = problem.space.global_values(problem.scales.length)
-        potential = self._potential()
-        if u is None:
-            return None
-        assert self.grid is not None
-        u = u * problem.scales.length
-        u = problem.scene.kinematics.section(self.grid.points, u, overall)
-        fields: dict[str, np.ndarray] = {"displacement_m": u}
-        if potential is not None:
-            phi = np.zeros(len(self.grid.points))
-            phi[self._connectivity.ravel()] = potential.ravel() * problem.scales.potential
-            fields |= {"potential_V": phi}
-        return fields
+        u = self._vector(state) * problem.scales.length
+        u = problem.scene.kinematics.section(self._points, u, overall)
+        fields = {"displacement_m": u}
+        if problem.potential is not None:
+            phi = self._at_nodes(problem.potential, state) * problem.scales.potential
+            fields["potential_V"] = phi
+        return self._tables(fields)
 
-    def _potential(self) -> np.ndarray | None:
-        """Potential at the grid's nodes of each cell."""
-        part = self.problem.potential
-        return None if part is None else self.gather(self._nodal(part, self.problem.w.x.array))
+    def _tables(self, fields: Fields) -> Any:
+        """Fields of this rank's block as tables; None if they were gathered on another rank."""
+        found = {name: self._table(values) for name, values in fields.items()}
+        return found if all(one is not None for one in found.values()) else None
 
     def evaluate(self) -> Evaluated:
         """J, the electric field and the stress of the present state in the owned cells."""
         return self._within.evaluate()
 
-    def cell_fields(self, values: Evaluated | None = None) -> Fields | None:
+    def cell_fields(self, values: Evaluated | None = None) -> Any:
         """J, true field (V/m), Cauchy stress and pressure (Pa): values at the cells' middles.
 
         The stress includes its electrostatic part; the pressure is minus a third of its trace.
@@ -289,23 +293,30 @@ class FieldWriter:
             What `evaluate` gave, if it has been called for this state.
         """
         values = self.evaluate() if values is None else values
-        gathered, live = self.gather(values.middle), self.gather(values.live)
+        rows = self.order.rows
+        fields = self._within.named(rows(values.middle), rows(values.live))
         pressed = contact_pressure(self.problem, self.owned_cells)
-        pressing = None if pressed is None else self.gather(pressed)
-        if gathered is None or live is None:
-            return None
-        fields = self._within.named(gathered, live)
-        return fields if pressing is None else fields | {"contact_pressure_Pa": pressing}
+        if pressed is not None:
+            fields["contact_pressure_Pa"] = rows(pressed)
+        return self._tables(fields)
 
     def split(self, surfaces: Mapping[str, SurfaceGrid]) -> SplitGrid | None:
         """The grid for `nodal_fields`, split at the faces of regions and at surfaces (rank 0).
 
         None on all other ranks, and if it would have too many nodes.
         """
-        self.split_grid = None
-        if self.grid is not None and count_is_small(self._connectivity):
+
+        def make() -> SplitGrid | None:
+            grid = self.grid
+            if grid is None or not count_is_small(len(grid.points)):
+                return None
+            if isinstance(grid.points, Spread):
+                points, cells, regions = map(whole, (grid.points, grid.cells, grid.regions))
+                grid = replace(grid, points=points, cells=cells, regions=regions)
             tables = [surface.nodes[surface.cells] for surface in surfaces.values()]
-            self.split_grid = split(self.grid, self._connectivity, tables)
+            return split(grid, whole(self._connectivity), tables)
+
+        self.split_grid = serving(self.problem.comm, make)
         self._has_split = bool(self.problem.comm.bcast(self.split_grid is not None, root=0))
         return self.split_grid
 
@@ -328,19 +339,22 @@ class FieldWriter:
             return None
         values = self.evaluate() if values is None else values
         inner, live = self.gather(values.inner), self.gather(values.live)
-        if inner is None or live is None or nodes is None or self.split_grid is None:
-            return None
-        grid, to_nodes = self.split_grid, self._within.to_nodes(self.degree)
-        lives = np.zeros(len(grid.origin))
-        lives[grid.table.ravel()] = np.repeat(live, grid.table.shape[1])
-        named = self._within.named(grid.averages(inner, to_nodes), lives)
-        found = {name: field[grid.origin] for name, field in nodes.items()} | named
-        return {name: field.astype(np.float32) for name, field in found.items()}
+
+        def make() -> Fields:
+            assert self.split_grid is not None
+            grid, to_nodes = self.split_grid, self._within.to_nodes(self.degree)
+            lives = np.zeros(len(grid.origin))
+            lives[grid.table.ravel()] = np.repeat(whole(live), grid.table.shape[1])
+            found = {name: field[grid.origin] for name, field in (nodes or {}).items()}
+            found |= self._within.named(grid.averages(pieces(inner), to_nodes), lives)
+            return {name: field.astype(np.float32) for name, field in found.items()}
+
+        return serving(self.problem.comm, make)
 
     # -------------------------------------------------------------- whole states
 
-    def gather_state(self) -> np.ndarray | None:
-        """The mixed function's values in each cell, in the order of the mesh file, on rank 0.
+    def gather_state(self) -> Any:
+        """The mixed function's values in each cell, as a table in the order of the mesh file.
 
         Behind them stands the history, if the problem keeps one.
         """
@@ -348,29 +362,26 @@ class FieldWriter:
         values = self.problem.w.x.array[table]
         return self.gather(np.hstack([values, table_of(self.problem, self.owned_cells)]))
 
-    def fits(self, values: np.ndarray | None, moment: MomentInTime = NO_MOMENT) -> bool:
-        """Whether what `gather_state` gave (on rank 0) is a state of this problem.  Collective."""
+    def fits(self, values: Any, moment: MomentInTime = NO_MOMENT) -> bool:
+        """Whether what `gather_state` gave is a state of this problem.  Collective."""
         columns, more = self.problem.W.dofmap.list.shape[1], width(self.problem, moment)
-        cells = self.problem.comm.allreduce(self.owned_cells, op=MPI.SUM)
-        good = values is None or (
-            more is not None and values.shape == (cells, columns + more)
-            and bool(np.isfinite(values).all())
-        )  # fmt: skip
-        return bool(self.problem.comm.bcast(good, root=0))
+
+        def good() -> bool:
+            return values is None or (
+                more is not None and values.shape == (self.order.count, columns + more)
+                and all(bool(np.isfinite(part).all()) for part in pieces(values))
+            )  # fmt: skip
+
+        return bool(self.problem.comm.bcast(serving(self.problem.comm, good), root=0))
 
     def scattered(
-        self, values: np.ndarray | None, factors: Factors, moment: MomentInTime = NO_MOMENT
+        self, values: Any, factors: Factors, moment: MomentInTime = NO_MOMENT
     ) -> State:
-        """The state that `gather_state` gave (on rank 0) at a load, on any number of ranks."""
+        """The state that `gather_state` gave at a load, on any number of ranks."""
         problem = self.problem
-        shape = problem.comm.bcast(None if values is None else values.shape, root=0)
-        if problem.comm.rank != 0:
-            values = np.empty(shape)
-        values = np.ascontiguousarray(values)
-        problem.comm.Bcast(values, root=0)
         table = problem.W.dofmap.list[: self.owned_cells]
         carry = dolfinx.fem.Function(problem.W)
-        mine = values[self.original]
+        mine = self.order.back(dealt(problem.comm, values))
         carry.x.array[table.ravel()] = mine[:, : table.shape[1]].ravel()
         carry.x.scatter_forward()
         history = history_of(problem, mine[:, table.shape[1] :], moment)
@@ -380,15 +391,3 @@ class FieldWriter:
 def _degree(part: Component) -> int:
     """Polynomial degree of a scalar part's element."""
     return int(part.space.ufl_element().basix_element.degree)
-
-
-def _quadratic_from_linear(kind: str) -> np.ndarray:
-    """Matrix from vertex values to the values at the nodes of the quadratic cell."""
-    cell = getattr(basix.CellType, kind)
-    linear = basix.create_element(basix.ElementFamily.P, cell, 1)
-    quadratic = basix.create_element(
-        basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped
-    )
-    return np.asarray(linear.tabulate(0, quadratic.points)[0, :, :, 0])
-
-

@@ -366,7 +366,7 @@ class Folder(SharedFolder):
         def put(h5: Any) -> None:
             hdf5.put_grid(h5, grid)
             for name, values in (nodes | {"mode": mode}).items():
-                h5[f"node/{name}"] = values
+                hdf5.put_table(h5, f"node/{name}", values)
 
         replace_file(file, hdf5.image(put))
         grid_xml = xdmf.grid_xml(f"mode of step {step}", 0.0, (file, ""), (file, ""), folder)

@@ -16,6 +16,8 @@ from dea_fenicsx.support.cell_types import BY_DEGREE, CORNERS, POINT, SHAPES
 class Grid:
     """A grid of cells of first or second degree, on rank 0.
 
+    The tables of a large one may be spread over the ranks (`dea_fenicsx.results.spread`).
+
     Attributes
     ----------
     points : ndarray (nodes, 3), undeformed, m
@@ -65,7 +67,7 @@ def surface_grid(grid: Grid, connectivity: np.ndarray, pairs: np.ndarray) -> Sur
     """
     facet, closure = facet_nodes(grid.kind, grid.degree)
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-    table = connectivity[pairs[:, 0][:, None], closure[pairs[:, 1]]]
+    table = np.take_along_axis(connectivity[pairs[:, 0]], closure[pairs[:, 1]], axis=1)
     _, first = np.unique(np.sort(table, axis=1), axis=0, return_index=True)
     kept = np.sort(first)
     table, parents = table[kept], pairs[kept, 0]
@@ -111,3 +113,13 @@ def _nodes(cell: basix.CellType, degree: int) -> np.ndarray:
     """Nodes of the Lagrange element of a cell in basix's order, shape (nodes, dimension)."""
     variant = basix.LagrangeVariant.gll_warped
     return np.asarray(basix.create_element(basix.ElementFamily.P, cell, degree, variant).points)
+
+
+def quadratic_from_linear(kind: str) -> np.ndarray:
+    """Matrix from vertex values to the values at the nodes of the quadratic cell."""
+    cell = getattr(basix.CellType, kind)
+    linear = basix.create_element(basix.ElementFamily.P, cell, 1)
+    quadratic = basix.create_element(
+        basix.ElementFamily.P, cell, 2, basix.LagrangeVariant.gll_warped
+    )
+    return np.asarray(linear.tabulate(0, quadratic.points)[0, :, :, 0])

@@ -14,6 +14,7 @@ import numpy as np
 
 from dea_fenicsx.results.grids import Grid
 from dea_fenicsx.results.split_grid import SplitGrid
+from dea_fenicsx.results.spread import Table, pieces
 from dea_fenicsx.results.surface_names import ORIGIN
 from dea_fenicsx.support.later import Later
 
@@ -23,19 +24,85 @@ PACKED_FROM = 32_768
 """Bytes from which on fields at nodes are packed."""
 
 
-def image(put: Callable[[Any], None]) -> Callable[[Path], None]:
-    """A writer of HDF5 files that builds them in memory.
+class _Patient(io.RawIOBase):
+    """A file that keeps the first error of writing for later, since HDF5 cannot close one else.
 
-    HDF5 cannot close a file on a full disk.
+    Parameters
+    ----------
+    target
+        The file, which is emptied.
     """
 
+    def __init__(self, target: Path) -> None:
+        self._file = open(target, "w+b", buffering=0)  # noqa: SIM115 - closed in `close`
+        self.fault: OSError | None = None
+
+    def readable(self) -> bool:
+        return True
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        view = memoryview(buffer).cast("B")
+        found = self._file.readinto(view) or 0
+        view[found:] = bytes(len(view) - found)
+        return len(view)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def write(self, data: Any) -> int:
+        rest = memoryview(data).cast("B")
+        size = len(rest)
+        try:
+            while len(rest):
+                rest = rest[self._file.write(rest) :]
+        except OSError as error:
+            self.fault = self.fault or error
+        return size
+
+    def truncate(self, size: int | None = None) -> int:
+        try:
+            return self._file.truncate(size)
+        except OSError as error:
+            self.fault = self.fault or error
+            return size or 0
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
+
+
+def image(put: Callable[[Any], None]) -> Callable[[Path], None]:
+    """A writer of HDF5 files, which raises what went wrong after HDF5 has closed the file."""
+
     def write(target: Path) -> None:
-        image = io.BytesIO()
-        with h5py.File(image, "w") as h5:
-            put(h5)
-        target.write_bytes(image.getbuffer())
+        with _Patient(target) as file:
+            try:
+                with h5py.File(file, "w") as h5:
+                    put(h5)
+            finally:
+                if file.fault is not None:
+                    raise file.fault
 
     return write
+
+
+def put_table(h5: Any, name: str, table: Table, **packing: Any) -> None:
+    """Write a table as a data set, one piece after another if it is spread over the ranks."""
+    data = h5.create_dataset(name, table.shape, table.dtype, **packing)
+    start = 0
+    for part in pieces(table):
+        if part.size:
+            data[start : start + len(part)] = part
+        start += len(part)
 
 
 def reason(error: Exception) -> str:
@@ -47,9 +114,9 @@ def reason(error: Exception) -> str:
 
 def put_grid(h5: Any, grid: Grid) -> None:
     """Write an undeformed grid."""
-    h5["points"] = grid.points
-    h5["cells"] = grid.cells
-    h5["regions"] = grid.regions.astype(np.int64)
+    put_table(h5, "points", grid.points)
+    put_table(h5, "cells", grid.cells)
+    put_table(h5, "regions", grid.regions)
     h5.attrs["cell"] = grid.kind
     if grid.degree != 2:  # 2 where nothing is said
         h5.attrs["degree"] = grid.degree
@@ -64,11 +131,11 @@ def put_split_grid(h5: Any, split: SplitGrid) -> None:
     h5[ORIGIN] = split.origin.astype(np.int64)
 
 
-def put_fields(h5: Any, nodes: Mapping[str, np.ndarray], cells: Mapping[str, np.ndarray]) -> None:
+def put_fields(h5: Any, nodes: Mapping[str, Table], cells: Mapping[str, Table]) -> None:
     """Write fields at the nodes and of the cells of a grid."""
     for group, fields in (("node", nodes), ("cell", cells)):
         for name, values in fields.items():
-            h5[f"{group}/{name}"] = values
+            put_table(h5, f"{group}/{name}", values)
 
 
 def put_nodal_fields(h5: Any, fields: Mapping[str, np.ndarray]) -> None:

@@ -17,6 +17,7 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.path.items import March
 from dea_fenicsx.results.columns import column_of
 from dea_fenicsx.results.fields import Grid
+from dea_fenicsx.results.spread import Table, pieces, serving
 from dea_fenicsx.scene.elements import Discretisation
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.type_checks import plain
@@ -138,15 +139,20 @@ def _definition(observable: Any) -> Any:
 def mesh_facts(problem: Problem, grid: Grid | None) -> dict[str, Any]:
     """Size, shape, cells and names of a mesh, the same on any number of ranks.  Collective."""
     device, comm = problem.scene.device, problem.comm
-    facts: dict[str, Any] = {}
-    if comm.rank == 0:
+
+    def look() -> dict[str, Any]:
         assert grid is not None
-        low, high = grid.points.min(axis=0), grid.points.max(axis=0)
+        corners = [(part.min(axis=0), part.max(axis=0)) for part in pieces(grid.points)]
+        low, high = (f([c[k] for c in corners], axis=0) for k, f in enumerate((np.min, np.max)))
         size = float((high - low).max())
         # Weights that are random, and the same each time, let every node count.
-        weights = np.random.default_rng(0).standard_normal((2, len(grid.points)))
-        sums = weights @ ((grid.points - low) / size)
-        facts = {
+        weights = np.random.default_rng(0)
+        sums = np.array([
+            sum(weights.standard_normal(len(part)) @ ((part - low) / size)
+                for part in pieces(grid.points))
+            for _ in range(2)
+        ])  # fmt: skip
+        return {
             "kind": grid.kind,
             "cells": len(grid.cells),
             "nodes": len(grid.points),
@@ -156,17 +162,19 @@ def mesh_facts(problem: Problem, grid: Grid | None) -> dict[str, Any]:
             "log_size_m": math.log(size),
             "shape": sums.ravel().tolist(),
         }
-    facts = comm.bcast(facts, root=0)
+
+    facts = comm.bcast(serving(comm, look), root=0)
     return facts | {
         "regions": dict(device.regions),
         "surfaces": {name: _surface(problem, name) for name in sorted(device.surfaces)},
     }
 
 
-def _digest(*arrays: np.ndarray) -> str:
+def _digest(*tables: Table) -> str:
     found = hashlib.sha256()
-    for array in arrays:
-        found.update(np.ascontiguousarray(array, dtype=np.int64).tobytes())
+    for table in tables:
+        for part in pieces(table):
+            found.update(np.ascontiguousarray(part, dtype=np.int64).tobytes())
     return found.hexdigest()
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from mpi4py import MPI
 
 from dea_fenicsx.results import hdf5
+from dea_fenicsx.results.spread import serving
 from dea_fenicsx.support.errors import InputError, MachineError
 from dea_fenicsx.support.file_lock import FolderLock
 
@@ -77,16 +78,23 @@ class SharedFolder:
         return result
 
     def write(self, action: Callable[[], None], together: bool = True) -> None:
-        """Write on rank 0; if that fails, raise `MachineError` on all ranks.
+        """Write on rank 0, from tables that may be spread; a fault is `MachineError` on all ranks.
 
         Collective, unless `together` is False: then it is raised on rank 0 alone.
         """
-        fault = ""
-        if self.comm.rank == 0:
+
+
+        def attempt() -> str:
             try:
                 action()
             except (OSError, RuntimeError, KeyError) as error:  # h5py raises any of them
-                fault = hdf5.reason(error)
+                return hdf5.reason(error)
+            return ""
+
+        if together:
+            fault = serving(self.comm, attempt)
+        else:
+            fault = attempt() if self.comm.rank == 0 else ""
         if together:
             fault = self.comm.bcast(fault, root=0)
         if fault:

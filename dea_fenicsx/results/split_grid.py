@@ -6,7 +6,7 @@ smearing the jump, and take far less room than nodes of its own for each cell.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,13 +37,13 @@ class SplitGrid:
     origin: np.ndarray
     table: np.ndarray
 
-    def averages(self, inner: np.ndarray, to_nodes: np.ndarray) -> np.ndarray:
+    def averages(self, inner: Iterable[np.ndarray], to_nodes: np.ndarray) -> np.ndarray:
         """Values at the nodes: means over the cells that have the node.
 
         Parameters
         ----------
         inner
-            Values at the inner points of each cell, shape (cells, points, numbers).
+            Values at the inner points of each cell, shape (cells, points, numbers), in pieces.
         to_nodes
             Matrix from them to the nodes of a cell, in basix's order, shape (nodes, points).
 
@@ -51,12 +51,16 @@ class SplitGrid:
         -------
         ndarray of shape (nodes of the grid, numbers)
         """
-        where, size = self.table.ravel(), len(self.origin)
-        counts = np.bincount(where, minlength=size)
-        return np.column_stack([
-            np.bincount(where, (inner[:, :, k] @ to_nodes.T).ravel(), minlength=size) / counts
-            for k in range(inner.shape[2])
-        ])  # fmt: skip
+        size, start = len(self.origin), 0
+        total = np.float64(0)
+        for part in inner:
+            where = self.table[start : start + len(part)].ravel()
+            start += len(part)
+            total = total + np.column_stack([
+                np.bincount(where, (part[:, :, k] @ to_nodes.T).ravel(), minlength=size)
+                for k in range(part.shape[2])
+            ])  # fmt: skip
+        return total / np.bincount(self.table.ravel(), minlength=size)[:, None]
 
 
 def split(grid: Grid, table: np.ndarray, surfaces: Sequence[np.ndarray]) -> SplitGrid:
@@ -144,6 +148,6 @@ def _numbered(grid: Grid, table: np.ndarray, numbers: np.ndarray) -> SplitGrid:
     return SplitGrid(made, origin, own)
 
 
-def count_is_small(table: np.ndarray) -> bool:
-    """Whether a grid with these nodes of cells gets fields at its nodes."""
-    return int(table.max(initial=-1)) < MOST_NODES
+def count_is_small(nodes: int) -> bool:
+    """Whether a grid of so many nodes gets fields at its nodes."""
+    return nodes <= MOST_NODES

@@ -79,7 +79,8 @@ class StoredState:
     Attributes
     ----------
     values
-        What `FieldWriter.gather_state` gave, on rank 0 alone: shape (cells, unknowns of a cell).
+        What `FieldWriter.gather_state` gave, or an array on rank 0 alone: shape (cells, unknowns
+        of a cell).
     factors
         Factor of each of the run's ramps.
     about

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from dea_fenicsx.model.state import State
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.moment import moment_of
+from dea_fenicsx.results.spread import Table
 
-Gathered = tuple[np.ndarray | None, dict[str, Any]]
-"""Values of a state in each cell, on rank 0 alone, and what is told of its load and time."""
+Gathered = tuple[Table | None, dict[str, Any]]
+"""Values of a state in each cell, and what is told of its load and time."""
 
 
 class Trail:
-    """Gathers states on rank 0, each of them once.
+    """Makes tables of states, of each of them once.
 
     A state belongs to the checkpoints of several steps: first as the last accepted one, then as an
     earlier one.  So what was gathered is kept as long as the next checkpoint holds it.

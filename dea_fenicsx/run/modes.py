@@ -26,6 +26,7 @@ from dea_fenicsx.path.items import Response
 from dea_fenicsx.results import hdf5, xdmf
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.finished import Run
+from dea_fenicsx.results.spread import serving
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import replace_file
@@ -161,12 +162,15 @@ class Modes:
         writer, problem = FieldWriter(self._problem), self._problem
         nodes = writer.node_fields()
         shapes = [writer.vector(shape) for shape in self.shapes]
-        folder = Path(folder)
-        if problem.comm.rank == 0:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._put(folder, writer.grid, nodes or {}, shapes)
+        place = Path(folder)
+
+        def put() -> None:
+            place.mkdir(parents=True, exist_ok=True)
+            self._put(place, writer.grid, nodes or {}, shapes)
+
+        serving(problem.comm, put)
         problem.comm.barrier()
-        return folder / "modes.xdmf"
+        return place / "modes.xdmf"
 
     def _put(self, folder: Path, grid: Any, nodes: dict[str, np.ndarray], shapes: Any) -> None:
         """Write the files on rank 0."""

@@ -1,4 +1,4 @@
-"""The one place where DOLFINx 0.9 and 0.11 differ, and where DOLFINx and PETSc are imported.
+"""Where DOLFINx 0.9 and 0.11 differ (meshes: `dolfinx_meshes`), and where they are imported.
 
 All other modules take `dolfinx` and `PETSc` from here: with the PyPI wheel the shared libraries are
 found only once ``dolfinx_solver`` has been imported.
@@ -41,7 +41,7 @@ from dea_fenicsx.support.form_cache import cache_dir, compiling
 
 __all__ = ["PETSc", "add_assembled", "collapse", "compile_form", "compile_together",
            "coordinate_element", "copied_mesh", "create_vector", "dolfinx", "expression",
-           "geometry_dofmap", "interpolation_matrix", "jit_options", "model_to_mesh"]  # fmt: skip
+           "geometry_dofmap", "interpolation_matrix", "jit_options"]  # fmt: skip
 
 _objects = DolfinxObjects(dolfinx)
 VERSION = _objects.version
@@ -123,31 +123,6 @@ def jit_options() -> dict[str, Any]:
     flags = os.environ.get("DEA_FENICSX_CFLAGS", "").split() or list(_COMPILE_FLAGS)
     # another run may be compiling the same form: wait for it
     return {"cffi_extra_compile_args": flags, "cache_dir": cache_dir(), "timeout": 300}
-
-
-def model_to_mesh(model: Any, comm: MPI.Comm, gdim: int) -> tuple[Any, Any, Any]:
-    """Distribute the gmsh model of rank 0: mesh, cell tags, facet tags (None if there are none).
-
-    Cells behind shared facets are ghosted, so that an interior surface is seen from both sides.
-    """
-    ghosts = dolfinx.mesh.GhostMode.shared_facet
-    if VERSION >= (0, 11):
-        from dolfinx.io import gmsh as io
-
-        partitioner = dolfinx.mesh.create_cell_partitioner(ghosts, 2)
-        data = io.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner)
-        return data.mesh, data.cell_tags, data.facet_tags
-    if VERSION >= (0, 10):
-        from dolfinx.io import gmsh as io
-
-        partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
-        data = io.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner)
-        return data.mesh, data.cell_tags, data.facet_tags
-    from dolfinx.io import gmshio
-
-    partitioner = dolfinx.mesh.create_cell_partitioner(ghosts)
-    mesh, cells, facets = gmshio.model_to_mesh(model, comm, 0, gdim=gdim, partitioner=partitioner)
-    return mesh, cells, facets
 
 
 def copied_mesh(mesh: Any) -> Any:
