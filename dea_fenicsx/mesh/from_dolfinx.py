@@ -14,6 +14,7 @@ from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import check_same, together
 from dea_fenicsx.support.cell_types import HEX, INTERVAL, QUAD, TET, TRIANGLE
 from dea_fenicsx.support.errors import InputError, install_hook
+from dea_fenicsx.support.exchange import ghosts_at_owners
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.validation import is_whole, positive
 
@@ -150,13 +151,11 @@ def tags_alike(mesh: Any, tags: Any, dim: int) -> Any:
     values = compat.dolfinx.la.vector(imap, 1, dtype=np.float64)
     values.array[:] = NO_TAG
     values.array[tags.indices] = tags.values
-    numbers = imap.local_to_global(np.arange(owned + imap.num_ghosts, dtype=np.int32))
-    ghosts = owned + np.flatnonzero(values.array[owned:] != NO_TAG)
-    for theirs, found in mesh.comm.allgather((numbers[ghosts], values.array[ghosts].copy())):
-        here = (theirs >= imap.local_range[0]) & (theirs < imap.local_range[1])
-        mine = theirs[here] - imap.local_range[0]
-        open_ = values.array[mine] == NO_TAG
-        values.array[mine[open_]] = found[here][open_]
+    ghosts = np.flatnonzero(values.array[owned:] != NO_TAG)
+    mine, found = ghosts_at_owners(imap, mesh.comm, ghosts, values.array[owned + ghosts])
+    open_ = values.array[mine] == NO_TAG
+    mine, found = mine[open_][::-1], found[open_][::-1]  # the first rank that tells a tag counts
+    values.array[mine] = found
     values.scatter_forward()
     indices = np.flatnonzero(values.array != NO_TAG).astype(np.int32)
     return compat.dolfinx.mesh.meshtags(

@@ -22,6 +22,7 @@ from dea_fenicsx.model.motion_words import BoundingCube, in_words
 from dea_fenicsx.scene.kinematics_base import Kinematics
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.exchange import ghosts_at_owners
 from dea_fenicsx.support.later import Later
 
 csgraph = Later("scipy.sparse.csgraph")
@@ -220,12 +221,9 @@ def joined_parts(
     of_node = of_node + offset
 
     # A vertex that a rank shares with another rank connects the parts on both ranks.
-    number = imap.local_to_global(np.arange(n_vertices, dtype=np.int32))
     of_vertex = of_node[n_cells:]
-    seen = np.vstack(comm.allgather(np.column_stack([number[owned:], of_vertex[owned:]])))
-    start = imap.local_range[0]
-    here = (seen[:, 0] >= start) & (seen[:, 0] < start + owned)
-    ties = np.column_stack([of_vertex[seen[here, 0] - start], seen[here, 1]])
+    here, theirs = ghosts_at_owners(imap, comm, np.arange(imap.num_ghosts), of_vertex[owned:])
+    ties = np.column_stack([of_vertex[here], theirs])
     ties = np.vstack(comm.allgather(np.unique(ties, axis=0)))
     _, joined = components(total, ties[:, 0], ties[:, 1])
 

@@ -345,9 +345,9 @@ class FieldWriter:
             grid, to_nodes = self.split_grid, self._within.to_nodes(self.degree)
             lives = np.zeros(len(grid.origin))
             lives[grid.table.ravel()] = np.repeat(whole(live), grid.table.shape[1])
-            found = {name: field[grid.origin] for name, field in (nodes or {}).items()}
-            found |= self._within.named(grid.averages(pieces(inner), to_nodes), lives)
-            return {name: field.astype(np.float32) for name, field in found.items()}
+            taken = {name: field[grid.origin] for name, field in (nodes or {}).items()}
+            found = {name: field.astype(np.float32) for name, field in taken.items()}
+            return found | self._within.named_short(grid.averages(pieces(inner), to_nodes), lives)
 
         return serving(self.problem.comm, make)
 

@@ -24,6 +24,9 @@ VOIGT = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 SIZE = 4 + len(VOIGT)
 """Numbers at a point: J, the electric field, the stress."""
 
+ROWS_AT_A_TIME = 20_000
+"""Rows of which `named_short` makes fields in double precision at a time."""
+
 Fields = dict[str, np.ndarray]
 """Values by the name of the field."""
 
@@ -98,6 +101,17 @@ class WithinCells:
         nodes = basix.create_element(basix.ElementFamily.P, cell, degree, variant).points
         tensor = self.kind not in SIMPLICES
         return linear_terms(nodes, tensor) @ np.linalg.pinv(linear_terms(self.points, tensor))
+
+    def named_short(self, values: np.ndarray, live: np.ndarray) -> Fields:
+        """What `named` gives, in single precision and with little memory beside it."""
+        found: Fields = {}
+        for start in range(0, max(len(values), 1), ROWS_AT_A_TIME):
+            rows = slice(start, start + ROWS_AT_A_TIME)
+            for name, part in self.named(values[rows], live[rows]).items():
+                if name not in found:
+                    found[name] = np.empty((len(values), *part.shape[1:]), dtype=np.float32)
+                found[name][rows] = part
+        return found
 
     def named(self, values: np.ndarray, live: np.ndarray) -> Fields:
         """Fields in SI units by their names, from rows of values.

@@ -23,6 +23,7 @@ from dea_fenicsx.path.items import Item, March, Open, Trace
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.exchange import ghosts_at_owners
 
 QUADRATURE_OF_VOLUME = 8
 """Degree of a quadrature that is exact for det F of quadratic displacements."""
@@ -204,7 +205,7 @@ def _closed(problem: Problem) -> list[np.ndarray]:
     mixed = soft[pairs].any(axis=1) & ~joined
     edge = np.concatenate([outer[~held[one]], pairs[mixed & ~held[two]].ravel()]).astype(np.int64)
     edge = edge[soft[edge] & (edge < imap.size_local)]
-    found: dict[bytes, np.ndarray] = {}
+    found: list[np.ndarray] = []
     for inside in (joined, joined & ~held[two]):
         labels, total = _labels(problem, n_cells, pairs[inside])
         opened = np.zeros(total, dtype=bool)
@@ -216,9 +217,12 @@ def _closed(problem: Problem) -> list[np.ndarray]:
             problem.comm.Allreduce(MPI.IN_PLACE, flags, op=MPI.LOR)
         for k in np.flatnonzero(used & ~opened):
             cells = np.flatnonzero((labels[: imap.size_local] == k) & soft[: imap.size_local])
-            key = b"".join(problem.comm.allgather(cells.tobytes()))
-            found.setdefault(key, cells.astype(np.int32))
-    return list(found.values())
+            known = any([
+                problem.comm.allreduce(np.array_equal(cells, one), op=MPI.LAND) for one in found
+            ])  # fmt: skip
+            if not known:
+                found.append(cells.astype(np.int32))
+    return found
 
 
 def _held_facets(problem: Problem) -> np.ndarray:
@@ -257,10 +261,8 @@ def _labels(problem: Problem, n_cells: int, pairs: np.ndarray) -> tuple[np.ndarr
     count, labels = components(n_cells, pairs[:, 0], pairs[:, 1])
     labels = labels + (comm.exscan(count) or 0)
     total = comm.allreduce(count, op=MPI.SUM)
-    number = imap.local_to_global(np.arange(n_cells, dtype=np.int32))
-    owned, start = imap.size_local, imap.local_range[0]
-    seen = np.vstack(comm.allgather(np.column_stack([number[owned:], labels[owned:]])))
-    here = (seen[:, 0] >= start) & (seen[:, 0] < start + owned)
-    ties = np.column_stack([labels[seen[here, 0] - start], seen[here, 1]])
+    ghosts = np.arange(imap.num_ghosts)
+    here, theirs = ghosts_at_owners(imap, comm, ghosts, labels[imap.size_local :])
+    ties = np.column_stack([labels[here], theirs])
     ties = np.vstack(comm.allgather(np.unique(ties, axis=0)))
     return components(total, ties[:, 0], ties[:, 1])[1][labels], total
