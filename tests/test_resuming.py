@@ -16,7 +16,7 @@ from numpy.lib import format as npy
 from stopped_runs import HEIGHT, Stop, contents, refused, reseal, scene, solve
 
 import dea_fenicsx as dea
-from dea_fenicsx.results import checkpoint, columns
+from dea_fenicsx.results import checkpoint, checkpoint_contents, columns
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
@@ -254,12 +254,12 @@ def test_checkpoints_made_up(stopped, whole):
     record = HEIGHT | {"s": Stop(-1)}
     known = columns.names(whole.problem.scene, record, [], True)
     arguments = (whole.problem.scene, [dea.Ramp(steps=4)], known, ["u", "p", "phi"])
-    assert checkpoint.cursor_of(told, *arguments).step == 2
+    assert checkpoint_contents.cursor_of(told, *arguments).step == 2
     for what, change in MADE_UP.items():
         other = json.loads(json.dumps(told))
         change(None, other)
-        with pytest.raises(checkpoint.Unusable):
-            checkpoint.cursor_of(other, *arguments)
+        with pytest.raises(checkpoint_contents.Unusable):
+            checkpoint_contents.cursor_of(other, *arguments)
             pytest.fail(what)
 
 

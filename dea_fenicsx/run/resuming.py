@@ -13,7 +13,7 @@ from dea_fenicsx.measure.observables import Measurement
 from dea_fenicsx.model.scales import Scales
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.cursor import Cursor
-from dea_fenicsx.results.checkpoint import Unusable, cursor_of, earlier_told
+from dea_fenicsx.results.checkpoint_contents import Unusable, cursor_of, earlier_told
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.folder import Folder
 from dea_fenicsx.results.identity import difference

@@ -174,7 +174,7 @@ class SplitFactor:
             thing.destroy()
         # A body that is held at single points has eigenvalues far smaller than those of its cells.
         # The low-rank blocks must be exact enough to keep their signs.
-        factor = _definite(matrix, 0.1 * LOW_RANK_TOLERANCE, single=False)
+        factor = _definite(matrix, 0.1 * LOW_RANK_TOLERANCE, single=False, counted=True)
         made = factor.make()
         expected = sum(self._negative_in[role] for role in (*names, Role.INTERNAL))
         found = factor.negative - expected if made else None
@@ -280,10 +280,14 @@ def _condensed(block: Any, from_p: Any, inverse: Any, to_p: Any) -> Any:
     return block
 
 
-def _definite(matrix: Any, dropped: float, single: bool) -> Mumps:
-    """A factorisation of the block of u with p condensed, with low-rank blocks if it is large."""
+def _definite(matrix: Any, dropped: float, single: bool, counted: bool = False) -> Mumps:
+    """A factorisation of the block of u with p condensed, with low-rank blocks if it is large.
+
+    If its pivots are to be `counted` and nothing is to be solved, it keeps no entries.
+    """
     size = matrix.getSize()[0]
-    icntl = {7: ordering(size, 3)}
+    # ICNTL(31): the factor is thrown away while it is made
+    icntl = {7: ordering(size, 3)} | ({31: 1} if counted else {})
     if size < LOW_RANK_FROM_UNKNOWNS or not dropped:
         return Mumps(matrix, icntl, {}, single)
     # ICNTL(35): low-rank blocks in factorisation and solve; ICNTL(36): blocks are compressed
