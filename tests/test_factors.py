@@ -111,8 +111,7 @@ def test_the_cheap_count_proves_a_stable_state_and_no_other(share, is_stable):
     assert attempt.converged  # the pressure is all that is missing
     problem.commit(attempt.found)
     tangent = Tangent(problem)
-    matrix = tangent.matrix()
-    assert (SplitFactor(problem).excess(matrix) == 0) is is_stable
+    assert (SplitFactor(problem).excess(tangent.matrix) == 0) is is_stable
     whole = WholeFactor(problem)
     assert whole.make(tangent.matrix())
     assert (whole.excess == 0) is is_stable

@@ -18,6 +18,7 @@ Internal fields belong to the block of u.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -29,6 +30,7 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.factors import Mumps, ordering
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc, dolfinx
+from dea_fenicsx.support.free_memory import give_memory_back
 from dea_fenicsx.support.later import Later
 from dea_fenicsx.support.petsc_objects import PetscObjects
 
@@ -125,6 +127,7 @@ class SplitFactor:
             self._vectors[name] = factor.matrix.createVecs()
         self._vectors[P] = blocks["1/C"].createVecs()
         tangent.destroy()  # The factors need the memory.
+        give_memory_back()
         for number, thing in enumerate(self._made()):
             self._petsc.keep(f"part {number}", thing)
         return all([factor.make() for factor in self._factors.values()])
@@ -137,10 +140,11 @@ class SplitFactor:
         expected = self._negative_in[U] + self._negative_in[Role.INTERNAL]
         return self._factors[U].negative == expected
 
-    def excess(self, tangent: Any) -> int | None:
+    def excess(self, assemble: Callable[[], Any]) -> int | None:
         """Negative eigenvalues beyond those of a stable state, for a compressible material.
 
-        The assembled tangent is destroyed.  None if MUMPS fails.
+        None if MUMPS fails.  `assemble` gives the tangent as a matrix, which is destroyed before
+        its block is factorised; so it is asked again for another block, which is rarely needed.
 
         If the compressible device is stable, the incompressible one is stable as well, because
         incompressibility only prevents motions.  So the result 0 proves stability, and any other
@@ -152,26 +156,27 @@ class SplitFactor:
         the device stiffer.  If the block of u has negative eigenvalues, we factorise u and phi
         together.
         """
-        inverse = self._inverse_of_compressibility(tangent)
         found: int | None = None
         for names in ((U,), (U, PHI)):
             if not set(names) <= set(self._rows):
                 break
-            found = self._negative(tangent, names, inverse)
+            found = self._negative(assemble(), names)
             if found == 0:
                 break
-        inverse.destroy()
-        tangent.destroy()
         return found
 
-    def _negative(self, tangent: Any, names: tuple[Role, ...], inverse: Any) -> int | None:
+    def _negative(self, tangent: Any, names: tuple[Role, ...]) -> int | None:
         """Negative eigenvalues of some blocks with p condensed, without those of the phi block."""
         rows = self._index_set(np.sort(np.concatenate([self._on[name] for name in names])))
         from_p = tangent.createSubMatrix(rows, self._rows[P])
         to_p = tangent.createSubMatrix(self._rows[P], rows)
-        matrix = _condensed(tangent.createSubMatrix(rows, rows), from_p, inverse, to_p)
-        for thing in (rows, from_p, to_p):
+        inverse = self._inverse_of_compressibility(tangent)
+        block = tangent.createSubMatrix(rows, rows)
+        tangent.destroy()
+        matrix = _condensed(block, from_p, inverse, to_p)
+        for thing in (rows, from_p, to_p, inverse):
             thing.destroy()
+        give_memory_back()
         # A body that is held at single points has eigenvalues far smaller than those of its cells.
         # The low-rank blocks must be exact enough to keep their signs.
         factor = _definite(matrix, 0.1 * LOW_RANK_TOLERANCE, single=False, counted=True)
@@ -247,6 +252,7 @@ class SplitFactor:
     def make_room(self) -> None:
         """Delete the factors before the matrix of the next ones is assembled."""
         self.release()
+        give_memory_back()
 
     def release(self) -> None:
         for thing in self._made():
