@@ -43,6 +43,7 @@ from dea_fenicsx.run.starting import Beginning, balanced, beginning
 from dea_fenicsx.scene.electrode_checks import without_field
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.linear import silent
+from dea_fenicsx.solvers.multigrid import caution
 from dea_fenicsx.solvers.newton import LINEARISING
 from dea_fenicsx.support.agreement import bind_alike, check_same
 from dea_fenicsx.support.errors import (
@@ -218,6 +219,8 @@ class _Session:
             closing.note_crash(error)
             raise
         status, message = ending(self.scene, journal.history, self.path)
+        if journal.solver.factor_kind == "multigrid" and (told := caution(journal.solver.problem)):
+            self.progress.say(told)
         if self._uncounted(journal):
             message = f"{message} {UNCOUNTED}".strip()
         closing.finish(status, message)
