@@ -39,11 +39,11 @@ from dea_fenicsx.run.pushing_out import pushed_out
 from dea_fenicsx.run.resuming import carry_on
 from dea_fenicsx.run.reuse import keep, lend, solver_for
 from dea_fenicsx.run.size_field import SIZES, write_sizes
+from dea_fenicsx.run.solver_notes import notes_on
 from dea_fenicsx.run.starting import Beginning, balanced, beginning
 from dea_fenicsx.scene.electrode_checks import without_field
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.linear import silent
-from dea_fenicsx.solvers.multigrid import caution
 from dea_fenicsx.solvers.newton import LINEARISING
 from dea_fenicsx.support.agreement import bind_alike, check_same
 from dea_fenicsx.support.errors import (
@@ -219,8 +219,6 @@ class _Session:
             closing.note_crash(error)
             raise
         status, message = ending(self.scene, journal.history, self.path)
-        if journal.solver.factor_kind == "multigrid" and (told := caution(journal.solver.problem)):
-            self.progress.say(told)
         if self._uncounted(journal):
             message = f"{message} {UNCOUNTED}".strip()
         closing.finish(status, message)
@@ -289,11 +287,8 @@ class _Session:
             f"{self.comm.size} rank{'s' * (self.comm.size > 1)}"
             + (f", resumed after step {cursor.step}" if cursor else "")
         )
-        if names := journal.solver.problem.forms.unsymmetric:
-            self.progress.say(
-                f"The tangent of {', '.join(names)} is not symmetric, so that it is factorised as "
-                "L U and its negative eigenvalues are not counted."
-            )
+        for note in notes_on(journal.solver):
+            self.progress.say(note)
         if self._uncounted(journal):
             self.progress.say(UNCOUNTED)
         if begin:

@@ -180,9 +180,9 @@ def caution(problem: Problem) -> str:
     if ratio <= LARGEST_SIDE_RATIO:
         return ""
     return (
-        f"The longest edge of a cell is {ratio:.3g} times as long as its shortest one, and multigrid "
-        f"may not converge beyond {LARGEST_SIDE_RATIO:g}; take more cells across their width, or "
-        'factor="auto".'
+        f"The longest edge of a cell is {ratio:.3g} times as long as its shortest one, and "
+        f"multigrid may not converge beyond {LARGEST_SIDE_RATIO:g}; take more cells along the long "
+        'edges, or factor="auto".'
     )
 
 
