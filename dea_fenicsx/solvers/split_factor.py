@@ -113,15 +113,13 @@ class SplitFactor:
         blocks = self._blocks
         blocks["1/C"] = self._inverse_of_compressibility(tangent)
         blocks["B"] = self._block(tangent, P, U)
-        blocks["Bt"] = self._block(tangent, U, P)
-        stiffness = _condensed(
-            self._block(tangent, U, U), blocks["Bt"], blocks["1/C"], blocks["B"]
-        )
+        from_p = self._block(tangent, U, P)
+        stiffness = _condensed(self._block(tangent, U, U), from_p, blocks["1/C"], blocks["B"])
+        from_p.destroy()
         dropped = 0.0 if self.precise else LOW_RANK_TOLERANCE
         self._factors[U] = _definite(stiffness, dropped, single=not self.precise)
         if PHI in self._rows:
             blocks["G"] = self._block(tangent, PHI, U)
-            blocks["Gt"] = self._block(tangent, U, PHI)
             self._factors[PHI] = Mumps(self._block(tangent, PHI, PHI), {}, {})
         for name, factor in self._factors.items():
             self._vectors[name] = factor.matrix.createVecs()
@@ -225,13 +223,13 @@ class SplitFactor:
         (u, ru), (p, rp) = self._vectors[U], self._vectors[P]
         rp.array[:] = b[on[P]]
         blocks["1/C"].mult(rp, p)
-        blocks["Bt"].mult(p, ru)
+        blocks["B"].multTranspose(p, ru)
         ru.array[:] += b[on[U]]
         if PHI in on:
             phi, rphi = self._vectors[PHI]
             rphi.array[:] = b[on[PHI]]
             self._factors[PHI].pc.apply(rphi, phi)
-            blocks["Gt"].mult(phi, u)
+            blocks["G"].multTranspose(phi, u)
             ru.axpy(-1.0, u)
         self._factors[U].pc.apply(ru, u)
         out[on[U]] = u.array_r
@@ -296,9 +294,19 @@ def _definite(matrix: Any, dropped: float, single: bool, counted: bool = False) 
     icntl = {7: ordering(size, 3)} | ({31: 1} if counted else {})
     if size < LOW_RANK_FROM_UNKNOWNS or not dropped:
         return Mumps(matrix, icntl, {}, single)
+    half = _upper_half(matrix)
     # ICNTL(35): low-rank blocks in factorisation and solve; ICNTL(36): blocks are compressed
     # before they are updated; ICNTL(37): contribution blocks are compressed as well
-    return Mumps(matrix, icntl | {35: 2, 36: 1, 37: 1}, {7: dropped}, single)
+    return Mumps(half, icntl | {35: 2, 36: 1, 37: 1}, {7: dropped}, single)
+
+
+def _upper_half(matrix: Any) -> Any:
+    """The upper triangle of a symmetric matrix, which is used up: MUMPS needs no more of it."""
+    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    half = matrix.convert("sbaij", PETSc.Mat())
+    matrix.destroy()
+    give_memory_back()
+    return half
 
 
 def _pressure_cells(problem: Problem, bulk: float) -> tuple[np.ndarray, np.ndarray]:
