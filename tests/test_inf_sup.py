@@ -25,8 +25,6 @@ from dea_fenicsx.support.compat import dolfinx
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 RUBBER = {"rubber": dea.Material(dea.NeoHookean(1.0))}
-PLANE = {"quadrilateral": "quadrilateral", "triangle": "triangle"}
-SPACE = {"hexahedron": "hexahedron", "tetrahedron": "tetrahedron"}
 
 
 def unit_mesh(cell, divisions):
@@ -65,3 +63,40 @@ def inf_sup(cell, degree, divisions):
     found = scipy.linalg.eigvalsh((inner + inner.T) / 2, M.toarray())
     assert abs(found[0]) < 1e-10  # of a constant pressure
     return float(np.sqrt(max(found[1], 0.0)))
+
+
+SQUARE, CUBE = [(2, 2), (4, 4), (8, 8)], [(1, 1, 1), (2, 2, 2), (3, 3, 3)]
+LONG = [(2, 20), (4, 40), (8, 80)]
+"""Cells ten times as long as high."""
+CASES = [
+    ("quadrilateral", 2, SQUARE, 0.45), ("quadrilateral", 3, SQUARE, 0.45),
+    ("quadrilateral", 4, SQUARE, 0.45), ("quadrilateral", 2, LONG, 0.14),
+    ("quadrilateral", 3, LONG[:2], 0.24), ("quadrilateral", 4, LONG[:2], 0.34),
+    ("triangle", 2, SQUARE, 0.35), ("triangle", 3, SQUARE, 0.26), ("triangle", 4, SQUARE, 0.2),
+    ("triangle", 2, LONG, 0.36), ("triangle", 3, LONG[:2], 0.25), ("triangle", 4, LONG[:2], 0.19),
+    ("hexahedron", 2, CUBE, 0.35), ("hexahedron", 3, CUBE, 0.37), ("hexahedron", 4, CUBE, 0.37),
+    ("hexahedron", 2, [(2, 2, 20), (3, 3, 30)], 0.12),
+    ("hexahedron", 3, [(1, 1, 10), (2, 2, 20)], 0.14),
+    ("hexahedron", 4, [(1, 1, 10), (2, 2, 20)], 0.23),
+    ("tetrahedron", 2, [(2, 2, 2), (3, 3, 3), (4, 4, 4)], 0.17),
+    ("tetrahedron", 3, [(2, 2, 2), (3, 3, 3), (4, 4, 4)], 0.14),
+    ("tetrahedron", 4, [(2, 2, 2), (3, 3, 3)], 0.12),
+    ("tetrahedron", 2, [(2, 2, 20), (3, 3, 30)], 0.14),
+    ("tetrahedron", 3, [(2, 2, 20)], 0.07), ("tetrahedron", 4, [(2, 2, 20)], 0.05),
+]  # fmt: skip
+"""Cell, degree, meshes from coarse to fine, and a bound that all of their constants keep."""
+
+
+def check(cell, degree, meshes, bound):
+    found = [inf_sup(cell, degree, divisions) for divisions in meshes]
+    assert min(found) > bound and found[-1] > 0.9 * found[-2:][0], found
+
+
+def test_quadrilaterals_of_degree_3():
+    check(*CASES[1])
+
+
+@on_demand
+@pytest.mark.parametrize(("cell", "degree", "meshes", "bound"), CASES)
+def test_no_pair_loses_its_constant(cell, degree, meshes, bound):
+    check(cell, degree, meshes, bound)

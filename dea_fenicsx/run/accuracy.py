@@ -23,7 +23,7 @@ from dea_fenicsx.results.columns import column_of
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.scene.elements import Discretisation
 from dea_fenicsx.scene.scene import Scene
-from dea_fenicsx.support.errors import SolverError
+from dea_fenicsx.support.errors import EquilibriumLost, SolverError
 
 HIGHEST_DEGREE = 3
 """Degree up to which mesh families go.  Beyond, singular corners need smaller cells instead."""
@@ -102,13 +102,15 @@ class AccuracySearch:
         self.solved, self.say = solved, say
         self.levels: list[Level] = []
         self.found: DiscretisationError | None = None
+        self.lost = False
         self._quick = True
         self._parts: np.ndarray | None = None
 
     @property
     def reached(self) -> bool:
-        """Whether the last level is as exact as asked."""
-        return bool(self.levels) and self.levels[-1].largest <= self.asked
+        """Whether the last level is as exact as asked, and no finer one says otherwise."""
+        met = bool(self.levels) and self.levels[-1].largest <= self.asked
+        return met and not self.lost
 
     @property
     def wants_sizes(self) -> bool:
@@ -132,6 +134,10 @@ class AccuracySearch:
                 self.found = self._try(finer)
             except SolverError as error:  # cells may have become too thin for Newton's tolerance
                 self.say(f"Nothing finer could be solved: {error}")
+                return scene
+            except EquilibriumLost as error:
+                self.lost = True
+                self.say(f"Finer elements lose equilibrium: {error}")
                 return scene
             scene = finer
 
@@ -194,7 +200,7 @@ class AccuracySearch:
         last = self.levels[-1]
         return {
             "observable": column_of(self.name, self.observable), "asked": self.asked,
-            "reached": self.reached, "error": last.error if last.value else None,
+            "reached": self.reached, "lost": self.lost, "error": last.error if last.value else None,
             "largest": last.largest if last.value else None,
             "degree": last.degree, "cells": last.cells, "unknowns": last.unknowns,
             "levels": [level.told() for level in self.levels],
@@ -207,6 +213,12 @@ class AccuracySearch:
             return (
                 f"{column} is exact to {last.largest:.1e} of its value by estimate, as asked "
                 f"({self.asked:g})."
+            )
+        if self.lost:
+            return (
+                f"{column} is exact to {last.largest:.1e} of its value by estimate, but with finer "
+                "elements equilibrium is lost before the end of the path, so that it is not known "
+                f"whether it is exact to {self.asked:g}."
             )
         return (
             f"{column} is exact to {last.largest:.1e} of its value by estimate, "

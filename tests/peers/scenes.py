@@ -134,11 +134,11 @@ FILM = Case(  # a quarter of a free film, 20 mm wide
     {"top": 20e3, "bottom": 0.0},
     None, "x_max", 0, steps=40, sliding={"x_min": 0, "y_min": 1, "bottom": 2}, reach=51e-3,
 )  # fmt: skip
-BLOCK = Case(  # a quarter of a block between plates that hold it, pressed to 0.7 of its height
-    BoxStack(10e-3, 10e-3, [Layer("block", 10e-3, 8)], (4, 4)),
+BLOCK = Case(  # a quarter of a block between plates that hold it, pressed to 0.85 of its height
+    BoxStack(10e-3, 10e-3, [Layer("block", 10e-3, 6)], (3, 3)),
     {"block": Rubber(80e3, bulk=80e6)},
-    {}, "bottom", "x_max", 0, steps=3, sliding={"x_min": 0, "y_min": 1},
-    pressed=("top", 2, -3e-3), peers=("felupe",),
+    {}, "bottom", "x_max", 0, steps=2, sliding={"x_min": 0, "y_min": 1},
+    pressed=("top", 2, -1.5e-3), peers=("felupe",),
 )  # fmt: skip
 MIDDLE = {"angular": 16, "radial": 8, "rim": 2, "through": 2}
 
