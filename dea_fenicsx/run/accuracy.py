@@ -16,7 +16,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.geometry.base import Geometry
-from dea_fenicsx.geometry.bisected import Bisected
+from dea_fenicsx.geometry.bisected import Bisected, sheets
 from dea_fenicsx.gradients.discretisation import DiscretisationError, ErrorEstimates
 from dea_fenicsx.mesh.sheets import over_sheets
 from dea_fenicsx.results.columns import column_of
@@ -101,16 +101,17 @@ class AccuracySearch:
         self.name, self.observable, self.asked = name, observable, asked
         self.solved, self.say = solved, say
         self.levels: list[Level] = []
+        self.best: Level | None = None
         self.found: DiscretisationError | None = None
         self.lost = False
         self._quick = True
         self._parts: np.ndarray | None = None
+        self._chosen: Scene | None = None
 
     @property
     def reached(self) -> bool:
-        """Whether the last level is as exact as asked, and no finer one says otherwise."""
-        met = bool(self.levels) and self.levels[-1].largest <= self.asked
-        return met and not self.lost
+        """Whether the best level is as exact as asked, and no finer one says otherwise."""
+        return self.best is not None and self.best.largest <= self.asked and not self.lost
 
     @property
     def wants_sizes(self) -> bool:
@@ -119,27 +120,36 @@ class AccuracySearch:
         return not self.reached and known and self._parts is None
 
     def find(self, scene: Scene) -> Scene:
-        """The scene with the discretisation that is chosen.  Collective."""
-        self.found = self._try(scene)
-        while True:
-            reached = self.levels[-1].largest <= SHARE_OF_ASKED * self.asked
-            if reached or len(self.levels) >= MOST_CHOICES:
-                return scene
-            if self.levels[-1].unknowns > MOST_UNKNOWNS_CHOSEN or not self.found.value:
-                return scene
-            finer = self._finer(scene)
-            if finer is None:
-                return scene
+        """The scene with the discretisation that is chosen: that of the best level.  Collective."""
+        self._keep(scene, self._try(scene))
+        while (finer := self._next(scene)) is not None:
             try:
-                self.found = self._try(finer)
+                found = self._try(finer)
             except SolverError as error:  # cells may have become too thin for Newton's tolerance
                 self.say(f"Nothing finer could be solved: {error}")
-                return scene
+                break
             except EquilibriumLost as error:
                 self.lost = True
                 self.say(f"Finer elements lose equilibrium: {error}")
-                return scene
+                break
             scene = finer
+            self._keep(scene, found)
+        assert self._chosen is not None
+        return self._chosen
+
+    def _keep(self, scene: Scene, found: DiscretisationError) -> None:
+        """Keep the level that was tried last, unless one before it was more exact."""
+        last = self.levels[-1]
+        if self.best is None or last.largest <= self.best.largest:
+            self.best, self.found, self._chosen = last, found, scene
+
+    def _next(self, scene: Scene) -> Scene | None:
+        """The scene that is to be tried after this one, or None if the search ends."""
+        last = self.levels[-1]
+        enough = last.largest <= SHARE_OF_ASKED * self.asked or len(self.levels) >= MOST_CHOICES
+        if enough or last.unknowns > MOST_UNKNOWNS_CHOSEN or not last.value:
+            return None
+        return self._finer(scene)
 
     def _try(self, scene: Scene) -> DiscretisationError:
         """Solve a scene, and estimate its error.  Collective."""
@@ -181,23 +191,166 @@ class AccuracySearch:
         highest = HIGHEST_DEGREE if graded else Discretisation.DEGREES[-1]
         if degree < highest and (self._quick or not graded):
             return replace(scene, elements=of_degree(scene.elements, degree + 1))
-        if not graded:
-            return None
-        return self._halved(scene)
+        return self._halved(scene) if scene.device.family is not None else None
 
     def _halved(self, scene: Scene) -> Scene:
-        """The scene on a mesh with those sheets halved that hold most of the error."""
+        """The scene on a mesh with those sheets halved that hold most of the error.
+
+        All are halved if it is not known where the error is.
+        """
+        device, family = scene.device, scene.device.family
+        assert device.rebuilt is not None and family is not None
+        graded = _graded(family)
+        if self._parts is None:
+            chosen = np.unique(sheets(graded.mesh()))
+        else:
+            order = np.argsort(-self._parts, kind="stable")
+            held = np.cumsum(self._parts[order])
+            count = min(int(np.searchsorted(held, SHARE * held[-1])) + 1, len(order))
+            chosen = np.sort(order[:count])
+        finer = device.rebuilt(graded.halved(chosen))
+        return replace(scene, device=replace(finer, source=device.source))
+
+    def told(self) -> dict[str, Any]:
+        """The same for the summary; relative errors of a value of 0 are None."""
+        known = {} if self.value else {"error": None, "largest": None}
+        return vars(self) | known
+
+
+class AccuracySearch:
+    """The search for a discretisation.
+
+    Parameters
+    ----------
+    name, observable
+        What is to be exact.
+    asked
+        The largest relative error.
+    solved
+        Solves a scene along the path, and keeps nothing on disk.
+    say
+        Tells a line.
+    """
+
+    def __init__(
+        self, name: str, observable: Any, asked: float, solved: Callable[[Scene], Run],
+        say: Callable[[str], object],
+    ) -> None:  # fmt: skip
+        self.name, self.observable, self.asked = name, observable, asked
+        self.solved, self.say = solved, say
+        self.levels: list[Level] = []
+        self.best: Level | None = None
+        self.found: DiscretisationError | None = None
+        self.lost = False
+        self._quick = True
+        self._parts: np.ndarray | None = None
+        self._chosen: Scene | None = None
+
+    @property
+    def reached(self) -> bool:
+        """Whether the best level is as exact as asked, and no finer one says otherwise."""
+        return self.best is not None and self.best.largest <= self.asked and not self.lost
+
+    @property
+    def wants_sizes(self) -> bool:
+        """Whether a mesh of other cells is needed, and it is known which ones."""
+        known = self.found is not None and self.found.cells is not None
+        return not self.reached and known and self._parts is None
+
+    def find(self, scene: Scene) -> Scene:
+        """The scene with the discretisation that is chosen: that of the best level.  Collective."""
+        self._keep(scene, self._try(scene))
+        while (finer := self._next(scene)) is not None:
+            try:
+                found = self._try(finer)
+            except SolverError as error:  # cells may have become too thin for Newton's tolerance
+                self.say(f"Nothing finer could be solved: {error}")
+                break
+            except EquilibriumLost as error:
+                self.lost = True
+                self.say(f"Finer elements lose equilibrium: {error}")
+                break
+            scene = finer
+            self._keep(scene, found)
+        assert self._chosen is not None
+        return self._chosen
+
+    def _keep(self, scene: Scene, found: DiscretisationError) -> None:
+        """Keep the level that was tried last, unless one before it was more exact."""
+        last = self.levels[-1]
+        if self.best is None or last.largest <= self.best.largest:
+            self.best, self.found, self._chosen = last, found, scene
+
+    def _next(self, scene: Scene) -> Scene | None:
+        """The scene that is to be tried after this one, or None if the search ends."""
+        last = self.levels[-1]
+        enough = last.largest <= SHARE_OF_ASKED * self.asked or len(self.levels) >= MOST_CHOICES
+        if enough or last.unknowns > MOST_UNKNOWNS_CHOSEN or not last.value:
+            return None
+        return self._finer(scene)
+
+    def _try(self, scene: Scene) -> DiscretisationError:
+        """Solve a scene, and estimate its error.  Collective."""
+        begun = time.perf_counter()
+        run = self.solved(scene)
+        problem = run.problem
+        of = {self.name: self.observable}
+        found = ErrorEstimates(problem).of(problem.state, of, by_cells=True)[self.name]
+        comm, mesh = problem.comm, problem.mesh
+        cells = mesh.topology.index_map(mesh.topology.dim).size_global
+        wall = comm.allreduce(time.perf_counter() - begun, op=MPI.MAX)
+        degree = scene.elements.degree
+        level = Level(
+            degree, cells, found.unknowns, found.value, found.estimate,
+            found.relative, self._largest(scene, found), wall,
+        )  # fmt: skip
+        self.levels.append(level)
+        self.say(
+            f"Degree {degree}, {cells} cells: {column_of(self.name, self.observable)} = "
+            f"{found.value:.7g}, estimated error {level.largest:.1e} of it, {wall:.2g} s."
+        )
+        return found
+
+    def _largest(self, scene: Scene, found: DiscretisationError) -> float:
+        """The estimated relative error, with a doubt where its parts cancel.  Collective."""
+        device, self._parts = scene.device, None
+        if device.family is None or found.cells is None or not found.value:
+            return found.relative
+        mesh = _graded(device.family).mesh()
+        self._parts = np.abs(over_sheets(device, mesh, found.cells))
+        return max(found.relative, DOUBT * float(self._parts.sum()) / abs(found.value))
+
+    def _finer(self, scene: Scene) -> Scene | None:
+        """The scene with a finer discretisation, or None if there is none."""
+        degree, graded = scene.elements.degree, self._parts is not None
+        if len(self.levels) > 1 and self.levels[-2].degree < degree:
+            before, now = (abs(level.estimate) for level in self.levels[-2:])
+            self._quick = before > QUICK * now
+        highest = HIGHEST_DEGREE if graded else Discretisation.DEGREES[-1]
+        if degree < highest and (self._quick or not graded):
+            return replace(scene, elements=of_degree(scene.elements, degree + 1))
+        return self._halved(scene) if scene.device.family is not None else None
+
+    def _halved(self, scene: Scene) -> Scene:
+        """The scene on a mesh with those sheets halved that hold most of the error.
+
+        All are halved if it is not known where the error is.
+        """
         device, family, sizes = scene.device, scene.device.family, self._parts
-        assert device.rebuilt is not None and family is not None and sizes is not None
+        assert device.rebuilt is not None and family is not None
+        if sizes is None:
+            sizes = np.ones(int(sheets(_graded(family).mesh()).max()) + 1)
         order = np.argsort(-sizes, kind="stable")
         held = np.cumsum(sizes[order])
-        count = min(int(np.searchsorted(held, SHARE * held[-1])) + 1, len(order))
+        share = SHARE if self._parts is not None else 1.0
+        count = min(int(np.searchsorted(held, share * held[-1])) + 1, len(order))
         finer = device.rebuilt(_graded(family).halved(np.sort(order[:count])))
         return replace(scene, device=replace(finer, source=device.source))
 
     def told(self) -> dict[str, Any]:
         """What the summary says of the search."""
-        last = self.levels[-1]
+        last = self.best
+        assert last is not None
         return {
             "observable": column_of(self.name, self.observable), "asked": self.asked,
             "reached": self.reached, "lost": self.lost, "error": last.error if last.value else None,
@@ -208,7 +361,8 @@ class AccuracySearch:
 
     def sentence(self) -> str:
         """How exact the observable is, in a sentence."""
-        last, column = self.levels[-1], column_of(self.name, self.observable)
+        last, column = self.best, column_of(self.name, self.observable)
+        assert last is not None
         if self.reached:
             return (
                 f"{column} is exact to {last.largest:.1e} of its value by estimate, as asked "
