@@ -4,8 +4,9 @@
 # make test   the test suite, on all cores
 # make hard   the table of hard cases and the random kills, into hard_cases.csv
 # make fuzz   random scenes, paths near instabilities, and damaged files
-# make peers  the same scenes here, in NGSolve and as plain scripts, timed into peers.csv and
-#             peers_in_time.csv
+# make peers  the same scenes here, in NGSolve, in FElupe and as plain scripts, timed into peers.csv
+#             within ten minutes; make peers-full adds long ones and peers_in_time.csv.  LIMIT=SECONDS
+#             ends a run that takes longer
 # make bench  counts and seconds of ten fixed scenes, into build/bench.json
 # make bench-compare  those beside the committed counts: fails if a count has changed
 # make lint   ruff and mypy
@@ -25,7 +26,7 @@ SHELL := /bin/bash
 READY := .venv/ready-$(firstword $(shell pwd | cksum))
 RUN := PATH="$(CURDIR)/.venv/bin:$$PATH" OMP_NUM_THREADS=1
 
-.PHONY: env demo quick test hard fuzz peers bench bench-compare lint api pictures site gallery docker dist deb clean
+.PHONY: env demo quick test hard fuzz peers peers-full bench bench-compare lint api pictures site gallery docker dist deb clean
 
 env: $(READY)
 
@@ -60,9 +61,13 @@ fuzz: env
 	  exit $$found'
 
 peers: env
-	.venv/bin/python -m pip install --quiet ngsolve
-	$(RUN) .venv/bin/python -m tests.peers.run --out peers.csv
-	$(RUN) .venv/bin/python -m tests.peers.time_run --out peers_in_time.csv
+	.venv/bin/python -m pip install --quiet ngsolve felupe
+	$(RUN) .venv/bin/python -m tests.peers.run --quick --limit $(or $(LIMIT),60) --out peers.csv
+
+peers-full: env
+	.venv/bin/python -m pip install --quiet ngsolve felupe
+	$(RUN) .venv/bin/python -m tests.peers.run --limit $(or $(LIMIT),900) --out peers.csv
+	$(RUN) .venv/bin/python -m tests.peers.time_run --limit $(or $(LIMIT),900) --out peers_in_time.csv
 
 bench: env
 	$(RUN) .venv/bin/python -m tests.bench.run --out build/bench.json

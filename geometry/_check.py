@@ -60,8 +60,14 @@ def ratio(owner: str, name: str, value: Any) -> float:
     return float(value)
 
 
+class HigherOrder(int):
+    """A degree of the cells' geometry that gmsh files do not have, for meshes made here."""
+
+
 def order(owner: str, value: Any) -> int:
     """Degree of the cells' geometry."""
+    if isinstance(value, HigherOrder):
+        return int(value)
     if not isinstance(value, Integral) or isinstance(value, bool) or value not in (1, 2):
         raise InputError(
             f"{owner}: order is {shown(value)}; it must be 1 (straight) or 2 (curved)."

@@ -98,13 +98,12 @@ def _joined(old: Ints | None, new: Ints) -> Ints:
 
 
 def lattice_points(ends: ArrayLike, order: int) -> Floats:
-    """Node positions along one direction: cell ends and, for order 2, cell middles."""
+    """Node positions along one direction: cell ends, and equal steps between them."""
     ends = np.asarray(ends, dtype=float)
-    if order == 1:
-        return ends
-    points = np.empty(2 * len(ends) - 1)
-    points[::2] = ends
-    points[1::2] = 0.5 * (ends[1:] + ends[:-1])
+    points = np.empty(order * (len(ends) - 1) + 1)
+    points[::order] = ends
+    for k in range(1, order):
+        points[k::order] = ((order - k) * ends[:-1] + k * ends[1:]) / order
     return points
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ._check import HigherOrder
 from ._structured import Floats, Ints, StructuredMesh, compact
 from .base import Geometry
 
@@ -20,36 +23,66 @@ CURVED = 1e-9
 def quartic(family: Geometry) -> StructuredMesh:
     """The mesh of a family with cells of fourth order.
 
-    Nodes of curved cells lie where the family has them on a mesh of half the size; if that mesh
-    does not hold the nodes of this one, the cells keep their shape.
+    Nodes of curved cells lie where the family has them: on its own cells of fourth order, or else
+    on a mesh of half the size.  If neither holds the nodes of this mesh, the cells keep their shape.
     """
     mesh = family.mesh()
+    if mesh.order == 1 or not is_curved(mesh):
+        return _elevated(mesh)
+    own = _of_family(family, mesh)
+    if own is not None:
+        return own
     found = _elevated(mesh)
-    if mesh.order == 2 and is_curved(mesh):
-        exact = family.refine(2).mesh().points
-        if len(exact) == len(found.points):
-            room = CURVED * float(np.ptp(exact, axis=0).max())
-            far, which = cKDTree(exact).query(found.points)
-            own, _ = cKDTree(exact).query(mesh.points)
-            if own.max() < room and len(np.unique(which)) == len(which):
-                found.points = exact[which]
+    exact = family.refine(2).mesh().points
+    if len(exact) == len(found.points):
+        room = CURVED * float(np.ptp(exact, axis=0).max())
+        far, which = cKDTree(exact).query(found.points)
+        near, _ = cKDTree(exact).query(mesh.points)
+        if near.max() < room and len(np.unique(which)) == len(which):
+            found.points = exact[which]
     return found
+
+
+def _of_family(family: Geometry, mesh: StructuredMesh) -> StructuredMesh | None:
+    """The family's own mesh of fourth order, or None if it has none that goes through `mesh`."""
+    higher = _higher(family)
+    if higher is None:
+        return None
+    found = higher.mesh()
+    if found.order != QUARTIC_ORDER or len(found.cells) != len(mesh.cells):
+        return None
+    off = found.points[_thinned(found.cells, 2)] - mesh.points[mesh.cells]
+    near = np.abs(off).max() < CURVED * np.ptp(mesh.points, axis=0).max()
+    return found if near else None
+
+
+def _higher(family: Geometry) -> Geometry | None:
+    """A family whose cells are of fourth order, also where it lies around another one."""
+    changed: dict[str, Any] = {}
+    for field in fields(family) if is_dataclass(family) else ():
+        given = getattr(family, field.name)
+        if field.name == "order":
+            changed["order"] = HigherOrder(QUARTIC_ORDER)
+        elif isinstance(given, Geometry) and (inner := _higher(given)) is not None:
+            changed[field.name] = inner
+    return replace(family, **changed) if changed else None  # type: ignore[type-var]
 
 
 def of_order(mesh: StructuredMesh, order: int) -> StructuredMesh:
     """A mesh of fourth order with each second or fourth of its nodes along each axis."""
-    step = QUARTIC_ORDER // order
-
-    def thinned(blocks: Ints) -> Ints:
-        for axis in range(1, blocks.ndim):
-            blocks = np.take(blocks, np.arange(0, QUARTIC_ORDER + 1, step), axis=axis)
-        return blocks
-
-    cells, used = compact(thinned(mesh.cells))
+    cells, used = compact(_thinned(mesh.cells, order))
     number = np.full(len(mesh.points), -1, dtype=np.int64)
     number[used] = np.arange(len(used))
-    facets = {name: number[thinned(faces)] for name, faces in mesh.facets.items()}
+    facets = {name: number[_thinned(faces, order)] for name, faces in mesh.facets.items()}
     return StructuredMesh(mesh.points[used], cells, dict(mesh.regions), facets)
+
+
+def _thinned(blocks: Ints, order: int) -> Ints:
+    """Of blocks of nodes of fourth order those of a lower order."""
+    for axis in range(1, blocks.ndim):
+        kept = np.arange(0, QUARTIC_ORDER + 1, QUARTIC_ORDER // order)
+        blocks = np.take(blocks, kept, axis=axis)
+    return blocks
 
 
 def is_curved(mesh: StructuredMesh) -> bool:

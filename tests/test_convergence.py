@@ -63,14 +63,14 @@ def exact(R, length, k, log):
     return r - R, p, phi
 
 
-def errors(run, radius, direction):
+def errors(run, radius, direction, quadrature=8):
     """L2 errors of u, grad u, p and phi against the exact state."""
     problem = run.problem
     u, p, phi = ufl.split(problem.w)
     k, log = solve_tube()
     u_r, p_exact, phi_exact = exact(radius, problem.scales.length, k, log)
     du = u - u_r * direction
-    dx = ufl.Measure("dx", domain=problem.mesh, metadata={"quadrature_degree": 8})
+    dx = ufl.Measure("dx", domain=problem.mesh, metadata={"quadrature_degree": quadrature})
     weight = problem.scene.kinematics.weight(ufl.SpatialCoordinate(problem.mesh))
 
     def norm(x):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,10 +11,11 @@ from scipy.spatial import cKDTree
 
 from dea_fenicsx.geometry._structured import StructuredMesh
 from dea_fenicsx.geometry.bisected import Bisected, sheets
-from dea_fenicsx.geometry.quartic import QUARTIC_ORDER, is_curved, lagrange, of_order
+from dea_fenicsx.geometry.quartic import QUARTIC_ORDER, is_curved, lagrange
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.mesh.from_dolfinx import tags_alike
 from dea_fenicsx.support import compat
+from dea_fenicsx.support.curved_mesh import mesh_of_degree
 
 
 @dataclass(frozen=True)
@@ -73,25 +75,45 @@ def over_sheets(device: Device, mesh: StructuredMesh, parts: np.ndarray) -> np.n
     return np.asarray(sums)
 
 
-def with_exact_shape(device: Device) -> Device:
-    """The device with curved cells of fourth order, if its family makes curved ones.  Collective.
+def with_exact_shape(device: Device, degree: int = QUARTIC_ORDER) -> Device:
+    """The device with curved cells of a degree, if its family makes curved ones.  Collective.
 
-    Cells, their order and their ranks stay the same.  A device with straight cells, or one that is
+    Cells, their order and their ranks stay the same, and the same device gives the same one again.
+    A device with straight cells, one whose cells have this degree or a higher one, and one that is
     no family, is given back as it is.
+
+    Parameters
+    ----------
+    device
+        The device.
+    degree
+        Degree of the new cells, up to `QUARTIC_ORDER`.
     """
+    made = _made.setdefault(device, {})
+    if degree not in made:
+        made[degree] = _raised(device, degree)
+    return made[degree] or device
+
+
+_made: weakref.WeakKeyDictionary[Device, dict[int, Device | None]] = weakref.WeakKeyDictionary()
+"""The curved cells of each device by their degree; None where the device stays as it is."""
+
+
+def _raised(device: Device, degree: int) -> Device | None:
+    """The device with curved cells of a degree, or None if it stays as it is.  Collective."""
     family = device.family
-    if family is None:
-        return device
-    fine = (family if isinstance(family, Bisected) else Bisected(family)).fine
+    if family is None or compat.coordinate_element(device.mesh).degree >= degree:
+        return None
     coarse = family.mesh()
-    if coarse.order == 1 or not is_curved(of_order(fine, 2)):
-        return device
+    if coarse.order == 1 or not is_curved(coarse):
+        return None
+    fine = (family if isinstance(family, Bisected) else Bisected(family)).fine
     found = matching(device, coarse)
 
     def places(points: np.ndarray) -> np.ndarray:
         return _places(fine, found, points)[..., : device.mesh.geometry.dim] / device.length
 
-    mesh = compat.mesh_of_degree(device.mesh, QUARTIC_ORDER, places)
+    mesh = mesh_of_degree(device.mesh, degree, places)
     for dim in (device.dim - 1, device.dim):
         mesh.topology.create_connectivity(dim, device.dim)
     mesh.topology.create_connectivity(device.dim, device.dim - 1)
@@ -99,7 +121,7 @@ def with_exact_shape(device: Device) -> Device:
     return replace(
         device, mesh=mesh, cells=tags_alike(mesh, device.cells, device.dim),
         facets=None if facets is None else tags_alike(mesh, facets, device.dim - 1),
-        checked_cells={}, family=None, rebuilt=None,
+        checked_cells={},
     )  # fmt: skip
 
 

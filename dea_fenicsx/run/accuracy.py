@@ -16,14 +16,14 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.geometry.base import Geometry
-from dea_fenicsx.geometry.bisected import Bisected
+from dea_fenicsx.geometry.bisected import Bisected, sheets
 from dea_fenicsx.gradients.discretisation import DiscretisationError, ErrorEstimates
 from dea_fenicsx.mesh.sheets import over_sheets
 from dea_fenicsx.results.columns import column_of
 from dea_fenicsx.results.finished import Run
 from dea_fenicsx.scene.elements import Discretisation
 from dea_fenicsx.scene.scene import Scene
-from dea_fenicsx.support.errors import SolverError
+from dea_fenicsx.support.errors import EquilibriumLost, SolverError
 
 HIGHEST_DEGREE = 3
 """Degree up to which mesh families go.  Beyond, singular corners need smaller cells instead."""
@@ -43,6 +43,16 @@ Where parts of both signs nearly cancel, what the richer elements do not see nee
 SHARE_OF_ASKED = 0.6
 """Share of the asked error at which the search ends: estimates on coarse meshes can be as wrong."""
 
+UNCONFIRMED = 3.0
+"""Factor on the error of the first discretisation, whose estimate no other one has confirmed."""
+
+CONFIRMING = 3
+"""Number of discretisations whose predictions of the exact value are compared.
+
+At singular corners one degree more may see a seventh of the error alone.  Then the predictions drift
+from mesh to mesh, and by about as much they are still wrong.
+"""
+
 MOST_CHOICES = 14
 """Number of discretisations that are tried."""
 
@@ -60,7 +70,8 @@ class Level:
     value : the observable, in SI units
     estimate : estimated exact value minus `value`
     error : the estimated error relative to the value
-    largest : the same with a doubt where its parts cancel; what is compared with the asked one
+    largest : the same with doubts where its parts cancel, and where the discretisations before
+        predict another exact value; what is compared with the asked one
     wall_s : wall time of solution and estimate
     """
 
@@ -101,14 +112,17 @@ class AccuracySearch:
         self.name, self.observable, self.asked = name, observable, asked
         self.solved, self.say = solved, say
         self.levels: list[Level] = []
+        self.best: Level | None = None
         self.found: DiscretisationError | None = None
+        self.lost = False
         self._quick = True
         self._parts: np.ndarray | None = None
+        self._chosen: Scene | None = None
 
     @property
     def reached(self) -> bool:
-        """Whether the last level is as exact as asked."""
-        return bool(self.levels) and self.levels[-1].largest <= self.asked
+        """Whether the best level is as exact as asked, and no finer one says otherwise."""
+        return self.best is not None and self.best.largest <= self.asked and not self.lost
 
     @property
     def wants_sizes(self) -> bool:
@@ -117,23 +131,36 @@ class AccuracySearch:
         return not self.reached and known and self._parts is None
 
     def find(self, scene: Scene) -> Scene:
-        """The scene with the discretisation that is chosen.  Collective."""
-        self.found = self._try(scene)
-        while True:
-            reached = self.levels[-1].largest <= SHARE_OF_ASKED * self.asked
-            if reached or len(self.levels) >= MOST_CHOICES:
-                return scene
-            if self.levels[-1].unknowns > MOST_UNKNOWNS_CHOSEN or not self.found.value:
-                return scene
-            finer = self._finer(scene)
-            if finer is None:
-                return scene
+        """The scene with the discretisation that is chosen: that of the best level.  Collective."""
+        self._keep(scene, self._try(scene))
+        while (finer := self._next(scene)) is not None:
             try:
-                self.found = self._try(finer)
+                found = self._try(finer)
             except SolverError as error:  # cells may have become too thin for Newton's tolerance
                 self.say(f"Nothing finer could be solved: {error}")
-                return scene
+                break
+            except EquilibriumLost as error:
+                self.lost = True
+                self.say(f"Finer elements lose equilibrium: {error}")
+                break
             scene = finer
+            self._keep(scene, found)
+        assert self._chosen is not None
+        return self._chosen
+
+    def _keep(self, scene: Scene, found: DiscretisationError) -> None:
+        """Keep the level that was tried last, unless one before it was more exact."""
+        last = self.levels[-1]
+        if self.best is None or last.largest <= self.best.largest:
+            self.best, self.found, self._chosen = last, found, scene
+
+    def _next(self, scene: Scene) -> Scene | None:
+        """The scene that is to be tried after this one, or None if the search ends."""
+        last = self.levels[-1]
+        enough = last.largest <= SHARE_OF_ASKED * self.asked or len(self.levels) >= MOST_CHOICES
+        if enough or last.unknowns > MOST_UNKNOWNS_CHOSEN or not last.value:
+            return None
+        return self._finer(scene)
 
     def _try(self, scene: Scene) -> DiscretisationError:
         """Solve a scene, and estimate its error.  Collective."""
@@ -148,7 +175,7 @@ class AccuracySearch:
         degree = scene.elements.degree
         level = Level(
             degree, cells, found.unknowns, found.value, found.estimate,
-            found.relative, self._largest(scene, found), wall,
+            found.relative, self._drifting(self._largest(scene, found), found), wall,
         )  # fmt: skip
         self.levels.append(level)
         self.say(
@@ -166,6 +193,14 @@ class AccuracySearch:
         self._parts = np.abs(over_sheets(device, mesh, found.cells))
         return max(found.relative, DOUBT * float(self._parts.sum()) / abs(found.value))
 
+    def _drifting(self, largest: float, found: DiscretisationError) -> float:
+        """The estimated relative error, with a doubt where predictions of the exact value differ."""
+        before = self.levels[1 - CONFIRMING :]
+        if not before or not found.value:
+            return UNCONFIRMED * largest
+        exact = [one.value + one.estimate for one in (*before, found)]
+        return largest + (max(exact) - min(exact)) / abs(found.value)
+
     def _finer(self, scene: Scene) -> Scene | None:
         """The scene with a finer discretisation, or None if there is none."""
         degree, graded = scene.elements.degree, self._parts is not None
@@ -175,26 +210,33 @@ class AccuracySearch:
         highest = HIGHEST_DEGREE if graded else Discretisation.DEGREES[-1]
         if degree < highest and (self._quick or not graded):
             return replace(scene, elements=of_degree(scene.elements, degree + 1))
-        if not graded:
-            return None
-        return self._halved(scene)
+        return self._halved(scene) if scene.device.family is not None else None
 
     def _halved(self, scene: Scene) -> Scene:
-        """The scene on a mesh with those sheets halved that hold most of the error."""
-        device, family, sizes = scene.device, scene.device.family, self._parts
-        assert device.rebuilt is not None and family is not None and sizes is not None
-        order = np.argsort(-sizes, kind="stable")
-        held = np.cumsum(sizes[order])
-        count = min(int(np.searchsorted(held, SHARE * held[-1])) + 1, len(order))
-        finer = device.rebuilt(_graded(family).halved(np.sort(order[:count])))
+        """The scene on a mesh with those sheets halved that hold most of the error.
+
+        All are halved if it is not known where the error is.
+        """
+        device, family = scene.device, scene.device.family
+        assert device.rebuilt is not None and family is not None
+        graded = _graded(family)
+        if self._parts is None:
+            chosen = np.unique(sheets(graded.mesh()))
+        else:
+            order = np.argsort(-self._parts, kind="stable")
+            held = np.cumsum(self._parts[order])
+            count = min(int(np.searchsorted(held, SHARE * held[-1])) + 1, len(order))
+            chosen = np.sort(order[:count])
+        finer = device.rebuilt(graded.halved(chosen))
         return replace(scene, device=replace(finer, source=device.source))
 
     def told(self) -> dict[str, Any]:
         """What the summary says of the search."""
-        last = self.levels[-1]
+        last = self.best
+        assert last is not None
         return {
             "observable": column_of(self.name, self.observable), "asked": self.asked,
-            "reached": self.reached, "error": last.error if last.value else None,
+            "reached": self.reached, "lost": self.lost, "error": last.error if last.value else None,
             "largest": last.largest if last.value else None,
             "degree": last.degree, "cells": last.cells, "unknowns": last.unknowns,
             "levels": [level.told() for level in self.levels],
@@ -202,11 +244,18 @@ class AccuracySearch:
 
     def sentence(self) -> str:
         """How exact the observable is, in a sentence."""
-        last, column = self.levels[-1], column_of(self.name, self.observable)
+        last, column = self.best, column_of(self.name, self.observable)
+        assert last is not None
         if self.reached:
             return (
                 f"{column} is exact to {last.largest:.1e} of its value by estimate, as asked "
                 f"({self.asked:g})."
+            )
+        if self.lost:
+            return (
+                f"{column} is exact to {last.largest:.1e} of its value by estimate, but with finer "
+                "elements equilibrium is lost before the end of the path, so that it is not known "
+                f"whether it is exact to {self.asked:g}."
             )
         return (
             f"{column} is exact to {last.largest:.1e} of its value by estimate, "

@@ -9,6 +9,7 @@ from functools import cached_property
 from dea_fenicsx.materials import Material
 from dea_fenicsx.mesh.cell_quality import check_cells
 from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.mesh.sheets import QUARTIC_ORDER, with_exact_shape
 from dea_fenicsx.scene.air_checks import check_air
 from dea_fenicsx.scene.condition import Condition, Load, Prescribed, Support
 from dea_fenicsx.scene.declared import Declared, gathered
@@ -37,7 +38,8 @@ class Scene:
     Parameters
     ----------
     device
-        The mesh with its names, from `device`.
+        The mesh with its names, from `device`.  With elements of degree 3 or 4, the scene takes the
+        curved cells of a mesh family of the same degree in place of quadratic ones.
     materials
         Material of each region; every region must have one.
     electrodes
@@ -85,6 +87,9 @@ class Scene:
         check_same(self.device.comm, {
             f.name: getattr(self, f.name) for f in fields(self) if f.name != "device"
         })  # fmt: skip
+        if (degree := self.elements.degree) in self.elements.DEGREES and degree > 2:
+            curved = with_exact_shape(self.device, min(degree, QUARTIC_ORDER))
+            object.__setattr__(self, "device", curved)
         for item in (*self.electrodes, *self.prescribed, *self.loads):
             if not item.ramp:
                 raise InputError(f"A ramp of {type(item).__name__} has an empty name; give it one.")

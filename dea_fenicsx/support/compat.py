@@ -140,40 +140,6 @@ def copied_mesh(mesh: Any) -> Any:
     return dolfinx.mesh.Mesh(copy, ufl.Mesh(mesh.ufl_domain().ufl_coordinate_element()))
 
 
-def mesh_of_degree(mesh: Any, degree: int, places: Callable[[np.ndarray], np.ndarray]) -> Any:
-    """A mesh with the topology of another one and cells of another degree.  Collective.
-
-    Parameters
-    ----------
-    mesh
-        The mesh.
-    degree
-        Degree of the new cells.
-    places
-        Takes points of the reference cell, shape (n, dim), and gives their positions in each local
-        cell, ghosts included, shape (cells, n, gdim).
-    """
-    name, space = mesh.topology.cell_name(), mesh.geometry.dim
-    variant = basix.LagrangeVariant.gll_warped
-    element = basix.ufl.element("Lagrange", name, degree, variant, shape=(space,))
-    scalar = basix.create_element(
-        basix.ElementFamily.P, getattr(basix.CellType, name), degree, variant
-    )
-    dofmap = dolfinx.fem.functionspace(mesh, element).dofmap
-    nodes = np.array(dofmap.list, dtype=np.int32)
-    size = dofmap.index_map.size_local + dofmap.index_map.num_ghosts
-    x = np.zeros((size, space))
-    x[nodes] = places(scalar.points)
-    kind = getattr(dolfinx.mesh.CellType, name)
-    cmap = dolfinx.fem.coordinate_element(kind, degree, int(variant))
-    numbers = np.array(dofmap.index_map.local_to_global(np.arange(size, dtype=np.int32)))
-    made = dolfinx.cpp.mesh.Geometry_float64(
-        dofmap.index_map, nodes, cmap._cpp_object, x, numbers.astype(np.int64)
-    )
-    new = dolfinx.cpp.mesh.Mesh_float64(mesh.comm, mesh._cpp_object.topology, made)
-    return dolfinx.mesh.Mesh(new, ufl.Mesh(element))
-
-
 def slepc() -> Any:
     """SLEPc, which few runs need: it is imported at the first call.  Collective.
 

@@ -17,15 +17,19 @@ from tests.peers.scenes import Case
 MARK = "found "
 
 
-def tell(solve: Callable[[Case], dict[str, Any]], case: Case, memory: Any = None) -> None:
+def tell(
+    solve: Callable[[Case], dict[str, Any]], case: Case, memory: Any = None, whole: bool = False
+) -> None:
     """In the child: solve a case and print what it took; on several ranks, the one that took most.
 
-    Forms are compiled beforehand, by a run on a few cells that is not counted.  `memory` is how
-    MPI unites the memory of the ranks; without it that of the largest is told.
+    Forms are compiled beforehand, by a run on a few cells that is not counted; not where the time
+    of the whole process is asked for.  `memory` is how MPI unites the memory of the ranks; without
+    it that of the largest is told.
     """
     from mpi4py import MPI  # not in the parent, which may start mpirun
 
-    solve(case.small())
+    if not whole:
+        solve(case.small())
     start, busy = time.perf_counter(), time.process_time()
     found = solve(case)
     comm = MPI.COMM_WORLD
@@ -44,13 +48,15 @@ def ask(
 ) -> dict[str, Any] | None:
     """Run ``python -m module --child ...`` and return what it tells; None if it takes too long.
 
-    Ends the program if it fails.
+    ``process_s`` is the wall time from the start of the process to its end.  Ends the program if it
+    fails.
     """
     command = [sys.executable, "-m", module, "--child", *map(str, child)]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]
     # NGSolve starts threads of its own, which wait for work by spinning
     alone = os.environ | {"NGS_NUM_THREADS": "1"}
+    begun = time.perf_counter()
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=limit, env=alone)
     except subprocess.TimeoutExpired:
@@ -58,7 +64,7 @@ def ask(
     line = next((x for x in done.stdout.splitlines() if x.startswith(MARK)), None)
     if line is None:
         raise SystemExit(f"{' '.join(command[2:])} failed:\n{done.stderr[-2000:]}")
-    return json.loads(line.removeprefix(MARK))
+    return json.loads(line.removeprefix(MARK)) | {"process_s": time.perf_counter() - begun}
 
 
 def write(path: str, columns: Sequence[str], rows: list[dict[str, Any]]) -> None:

@@ -15,7 +15,7 @@ def material(rubber: Rubber) -> Any:
     electric = dea.Conductor() if rubber.conducts else None
     if rubber.eps_r:
         electric = dea.IdealDielectric(rubber.eps_r)
-    return dea.Material(elastic, electric)
+    return dea.Material(elastic, electric, rubber.bulk)
 
 
 def solve(case: Case, own_elements: bool = False, options: Any = None) -> dict[str, Any]:
@@ -28,6 +28,11 @@ def solve(case: Case, own_elements: bool = False, options: Any = None) -> dict[s
     if case.axisymmetric:
         kinematics = dea.Axisymmetric()
     sliding = [dea.Fix(name, kinematics.axes[k]) for name, k in case.slides.items()]
+    plate = []
+    if case.pressed is not None:
+        group, moved, metres = case.pressed
+        sliding += [dea.Fix(group, name) for k, name in enumerate(kinematics.axes) if k != moved]
+        plate = [dea.Displacement(group, kinematics.axes[moved], metres, ramp="press")]
     same = dea.Discretisation(pressure="continuous", augmentation=0.0)
     scene = dea.Scene(
         device,
@@ -35,11 +40,12 @@ def solve(case: Case, own_elements: bool = False, options: Any = None) -> dict[s
         electrodes=[dea.Electrode(name, volts) if volts else dea.Ground(name)
                     for name, volts in case.electrodes.items()],
         supports=[*([dea.Clamp(case.clamped)] if case.clamped else []), *sliding],
+        prescribed=plate,
         kinematics=kinematics,
         elements=dea.Discretisation() if own_elements else same,
     )  # fmt: skip
     along = scene.kinematics.axes[case.axis]
-    path: Any = dea.Ramp("voltage", steps=case.steps)
+    path: Any = dea.Ramp("press" if plate else "voltage", steps=case.steps)
     if case.reach is not None:
         path = dea.Trace("voltage", at=(1.0,), until=("seen_m", case.reach))
     run = dea.solve(

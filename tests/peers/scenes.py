@@ -17,12 +17,17 @@ EPSILON_0 = 8.8541878128e-12
 
 @dataclass(frozen=True)
 class Rubber:
-    """mu in Pa, Jm of Gent's model or None for neo-Hookean, eps_r of a dielectric or None."""
+    """Constants of a material.
+
+    mu in Pa, Jm of Gent's model or None for neo-Hookean, eps_r of a dielectric or None, and the bulk
+    modulus in Pa or None for incompressible rubber.
+    """
 
     mu: float
     Jm: float | None = None
     eps_r: float | None = None
     conducts: bool = False
+    bulk: float | None = None
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,8 @@ class Case:
     alone : compared with no peer, which would take too long or too much memory
     axisymmetric : a flat mesh in (r, z) instead of plane strain; the axis is x_min
     sliding : axis along which a facet group does not move, besides the clamp
+    pressed : facet group that a rigid plate moves, with its axis and the displacement in m
+    peers : codes beside this package that can solve it
     reach : for a branch that is followed through its limit points, displacement in m beyond them;
         the value is that of the last state on the way there that bears the voltages given
     """
@@ -54,6 +61,8 @@ class Case:
     alone: bool = False
     axisymmetric: bool = False
     sliding: dict[str, int] = field(default_factory=dict)
+    pressed: tuple[str, int, float] | None = None
+    peers: tuple[str, ...] = ("ngsolve", "plain")
     reach: float | None = None
 
     def held(self) -> list[tuple[float | None, float | None]]:
@@ -125,11 +134,18 @@ FILM = Case(  # a quarter of a free film, 20 mm wide
     {"top": 20e3, "bottom": 0.0},
     None, "x_max", 0, steps=40, sliding={"x_min": 0, "y_min": 1, "bottom": 2}, reach=51e-3,
 )  # fmt: skip
+BLOCK = Case(  # a quarter of a block between plates that hold it, pressed to 0.85 of its height
+    BoxStack(10e-3, 10e-3, [Layer("block", 10e-3, 6)], (3, 3)),
+    {"block": Rubber(80e3, bulk=80e6)},
+    {}, "bottom", "x_max", 0, steps=2, sliding={"x_min": 0, "y_min": 1},
+    pressed=("top", 2, -1.5e-3), peers=("felupe",),
+)  # fmt: skip
 MIDDLE = {"angular": 16, "radial": 8, "rim": 2, "through": 2}
 
 CASES = {
     "strip in one step": bilayer(BoxStack(20e-3, 5e-3, layers(2), (40, 10), order=1), 6e3, 2, 1),
     "plane-strain bender": BENDER,
+    "pressed block": BLOCK,
     "axisymmetric membrane": replace(BENDER, axisymmetric=True),  # a disc, held along its axis
     "Gent snap-through": FILM,
     "helix, one turn": helix(1, MIDDLE),
