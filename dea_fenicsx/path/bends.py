@@ -47,6 +47,20 @@ def contact_changes(solver: NewtonSolver, first: State, second: State) -> bool:
     return bool(problem.comm.allreduce(bool(np.any(found[0] != found[1])), op=MPI.LOR))
 
 
+def contact_begins(solver: NewtonSolver, first: State, second: State) -> bool:
+    """Whether a point is pressed in one of two states, and none in the other.  Collective."""
+    problem = solver.problem
+    contacts = problem.forms.contacts
+    if not contacts:
+        return False
+    found = []
+    for state in (first, second):
+        with problem.at(state):
+            found.append(bool(np.any(contacts.touching())))
+    before, after = problem.comm.allreduce(np.array(found, dtype=int), op=MPI.MAX)
+    return bool(before != after)
+
+
 @dataclass(frozen=True)
 class Bend:
     """A way between two equilibria with one bend.
