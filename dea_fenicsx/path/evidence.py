@@ -185,31 +185,45 @@ class Evidence:
         same = last is not None and last.factors == found.factors
         return same and self.predictor.moved(last, found) < NEGLIGIBLE_MOTION
 
+    def _bend(self, first: State, last: State) -> Bend | None:
+        return Bend.between(self.solver, self.predictor, first, last)
+
     def _bends(self, first: State, last: State, usual: float) -> bool:
         """Whether a surface closes on an obstacle, or opens, between two states, and no more.
 
         `usual` is the speed of the way before; 0 if it is not known.
         """
         limit = MOST_SPEED_GROWTH_WITHOUT_PROOF * usual if usual else math.inf
-        bend = Bend.between(self.solver, self.predictor, first, last)
+        bend = self._bend(first, last)
         return bend is not None and (
             bend.is_gentle(limit) or bend.is_followed(self.solver, limit)
         )
 
     def _bends_twice(self, found: State, usual: float) -> bool:
-        """The same for both halves of the step, with an equilibrium between them.
+        """Whether a surface closes in the first half of the step, and its contact grows after that.
 
-        A surface closes within the step, and then the contact grows: this is no single bend.  The
-        halves need the same evidence as two steps of half the length would.
+        This is no single bend.  An equilibrium half-way divides it.  The halves need the evidence
+        that two steps of half the length would need; the second one would begin behind a bend, and
+        so it is enough that Newton's method leads from its start to its end in few iterations.
         """
         predictor, last = self.predictor, self.predictor.known[-1]
         place = predictor.between(last, found, HALFWAY_TOLERANCE, patient=True)
         attempt = place(predictor.middle(last, found))
-        if not attempt.converged:
+        if attempt.iterations > MOST_NEWTON_WITHOUT_PROOF or not attempt.converged:
             return False
         middle = attempt.found
-        speed = predictor.speed(last, middle)
-        return self._bends(last, middle, usual) and self._bends(middle, found, speed)
+        if not self._bends(last, middle, usual):
+            return False
+        bend = self._bend(middle, found)
+        limit = MOST_SPEED_GROWTH_WITHOUT_PROOF * predictor.speed(last, middle)
+        return bend is not None and (bend.is_gentle(limit) or self._is_reached(middle, found))
+
+    def _is_reached(self, start: State, found: State) -> bool:
+        """Whether a tangent step from one state ends in another one after few iterations."""
+        attempt = self.solver.solve(start, found.factors, HALFWAY_TOLERANCE, patient=True)
+        if attempt.iterations > MOST_NEWTON_WITHOUT_PROOF or not attempt.converged:
+            return False
+        return self.predictor.moved(attempt.found, found) < NEGLIGIBLE_MOTION
 
     def _is_astray(self, guess: State, found: State) -> bool:
         """Whether a state lies far from its prediction, compared with the motion of the step."""
