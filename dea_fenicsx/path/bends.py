@@ -63,9 +63,9 @@ def contact_begins(solver: NewtonSolver, first: State, second: State) -> bool:
     found = []
     for state in (first, second):
         with problem.at(state):
-            found.append(bool(np.any(contacts.touching())))
-    before, after = problem.comm.allreduce(np.array(found, dtype=int), op=MPI.MAX)
-    return bool(before != after)
+            mine = bool(np.any(contacts.touching()))
+        found.append(problem.comm.allreduce(mine, op=MPI.LOR))
+    return bool(found[0] != found[1])
 
 
 @dataclass(frozen=True)
