@@ -218,7 +218,7 @@ class Contact:
         Collective.
         """
         values = self.points.values()
-        allowed = self._allowed(values.gap)
+        allowed = self.allowed(values.gap)
         gaps = np.where(values.pushed > 0, np.abs(values.gap), 0.0)
         over = gaps / allowed
         mine = (0.0, 0.0, 0.0)
@@ -228,12 +228,7 @@ class Contact:
         worst = max(self._mesh.comm.allgather(mine))
         return worst[1:] if worst[0] > 1 else (0.0, 0.0)
 
-    def is_near(self) -> bool:
-        """Whether a point of this rank is pressed, or not farther away than its tolerance."""
-        values = self.points.values()
-        return bool(np.any((values.pushed > 0) | (values.gap <= self._allowed(values.gap))))
-
-    def _allowed(self, gaps: np.ndarray) -> np.ndarray:
+    def allowed(self, gaps: np.ndarray) -> np.ndarray:
         """The tolerance of each gap at a point, of shape (facets, points)."""
         return np.broadcast_to(self._tolerances[self.facets[:, 0]][:, None], gaps.shape)
 

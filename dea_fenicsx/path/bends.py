@@ -24,13 +24,20 @@ from dea_fenicsx.solvers.newton import NewtonSolver
 MOST_DISTANCE = 0.25
 """Largest distance of a state from the bent way, as a share of the motion there."""
 
-BEND_TOLERANCE = 1e-3
+NEAR = 0.1
+"""Distance of a state from the bent way, as a share of the whole motion, that is always allowed.
+
+Where the contact grows behind the bend, the corner is rounded.  A short straight part then lies off
+the path by much of its own length, but by little of the whole motion.
+"""
+
+TANGENT_TOLERANCE = 1e-3
 """Relative tolerance of the linear solves for both tangents."""
 
 SHORT = 0.05
 """Motion along a straight part, as a share of the whole motion, that needs no state half-way."""
 
-BEND_TOLERANCE = 1e-8
+BEND_TOLERANCE = 1e-6
 """Newton's tolerance for the states between."""
 
 
@@ -45,6 +52,20 @@ def contact_changes(solver: NewtonSolver, first: State, second: State) -> bool:
         with problem.at(state):
             found.append(contacts.touching())
     return bool(problem.comm.allreduce(bool(np.any(found[0] != found[1])), op=MPI.LOR))
+
+
+def contact_begins(solver: NewtonSolver, first: State, second: State) -> bool:
+    """Whether a point is pressed in one of two states, and none in the other.  Collective."""
+    problem = solver.problem
+    contacts = problem.forms.contacts
+    if not contacts:
+        return False
+    found = []
+    for state in (first, second):
+        with problem.at(state):
+            mine = bool(np.any(contacts.touching()))
+        found.append(problem.comm.allreduce(mine, op=MPI.LOR))
+    return bool(found[0] != found[1])
 
 
 @dataclass(frozen=True)
@@ -79,7 +100,7 @@ class Bend:
         problem = solver.problem
         rates = {name: last.factors[name] - f for name, f in first.factors.items()}
         slopes = [
-            path_slope(solver, state, rates, BEND_TOLERANCE) for state in (first, last)
+            path_slope(solver, state, rates, TANGENT_TOLERANCE) for state in (first, last)
         ]
         if slopes[0] is None or slopes[1] is None:
             return None
@@ -153,10 +174,11 @@ class Bend:
         `way` is the motion along the straight part in which it lies.
         """
         predictor = self.predictor
-        if way <= SHORT * predictor.moved(self.first, self.last):
+        whole = predictor.moved(self.first, self.last)
+        if way <= SHORT * whole:
             return True
         guess = self.at(share)
         attempt = solver.solve(guess, None, BEND_TOLERANCE, patient=True)
         if not attempt.converged:
             return False
-        return predictor.moved(guess, attempt.found) <= MOST_DISTANCE * way
+        return predictor.moved(guess, attempt.found) <= max(MOST_DISTANCE * way, NEAR * whole)

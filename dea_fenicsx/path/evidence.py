@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 
 from dea_fenicsx.model.state import State
-from dea_fenicsx.path.bends import Bend, contact_changes
+from dea_fenicsx.path.bends import Bend, contact_begins, contact_changes
 from dea_fenicsx.path.events import Sentinel
 from dea_fenicsx.path.predictor import Predictor
 from dea_fenicsx.path.stability import path_slope
@@ -123,6 +123,7 @@ class Evidence:
         self.predictor, self.sentinel = predictor, sentinel
         self.count: int | None = None
         self.bent = False
+        self._refused: State | None = None
 
     def judge(self, attempt: Attempt, guess: State | None) -> Attempt:
         """Refuse a converged state that does not continue the path.  Collective.
@@ -163,21 +164,66 @@ class Evidence:
             limit = MOST_SPEED_GROWTH_WITHOUT_PROOF * usual
             doubtful = doubtful or predictor.speed(known[-1], found) > limit > 0
             doubtful = doubtful or self._is_astray(guess, found)
-        if doubtful and contact_changes(self.solver, known[-1], found):
-            self.bent = self._bends(found)
+        if not doubtful:
+            self.bent = contact_begins(self.solver, known[-1], found)
+            return True
+        if self._was_refused(found):
+            return False
+        if contact_changes(self.solver, known[-1], found):
+            usual = predictor.speed(known[-2], known[-1]) if len(known) > 1 else 0.0
+            self.bent = self._bends(known[-1], found, usual) or self._bends_twice(found, usual)
             if self.bent:
                 return True
-        return not doubtful or self.leads_to(found)
+        proven = self.leads_to(found)
+        if not proven:
+            self._refused = found
+        return proven
 
-    def _bends(self, found: State) -> bool:
-        """Whether the step is one in which a surface closes on an obstacle, or opens."""
-        predictor, known = self.predictor, self.predictor.known
-        usual = predictor.speed(known[-2], known[-1]) if len(known) > 1 else 0.0
+    def _was_refused(self, found: State) -> bool:
+        """Whether this state was refused before: from another start it is still the same one."""
+        last = self._refused
+        same = last is not None and last.factors == found.factors
+        return same and self.predictor.moved(last, found) < NEGLIGIBLE_MOTION
+
+    def _bend(self, first: State, last: State) -> Bend | None:
+        return Bend.between(self.solver, self.predictor, first, last)
+
+    def _bends(self, first: State, last: State, usual: float) -> bool:
+        """Whether a surface closes on an obstacle, or opens, between two states, and no more.
+
+        `usual` is the speed of the way before; 0 if it is not known.
+        """
         limit = MOST_SPEED_GROWTH_WITHOUT_PROOF * usual if usual else math.inf
-        bend = Bend.between(self.solver, predictor, known[-1], found)
+        bend = self._bend(first, last)
         return bend is not None and (
             bend.is_gentle(limit) or bend.is_followed(self.solver, limit)
         )
+
+    def _bends_twice(self, found: State, usual: float) -> bool:
+        """Whether a surface closes in the first half of the step, and its contact grows after that.
+
+        This is no single bend.  An equilibrium half-way divides it.  The halves need the evidence
+        that two steps of half the length would need; the second one would begin behind a bend, and
+        so it is enough that Newton's method leads from its start to its end in few iterations.
+        """
+        predictor, last = self.predictor, self.predictor.known[-1]
+        place = predictor.between(last, found, HALFWAY_TOLERANCE, patient=True)
+        attempt = place(predictor.middle(last, found))
+        if attempt.iterations > MOST_NEWTON_WITHOUT_PROOF or not attempt.converged:
+            return False
+        middle = attempt.found
+        if not self._bends(last, middle, usual):
+            return False
+        bend = self._bend(middle, found)
+        limit = MOST_SPEED_GROWTH_WITHOUT_PROOF * predictor.speed(last, middle)
+        return bend is not None and (bend.is_gentle(limit) or self._is_reached(middle, found))
+
+    def _is_reached(self, start: State, found: State) -> bool:
+        """Whether a tangent step from one state ends in another one after few iterations."""
+        attempt = self.solver.solve(start, found.factors, HALFWAY_TOLERANCE, patient=True)
+        if attempt.iterations > MOST_NEWTON_WITHOUT_PROOF or not attempt.converged:
+            return False
+        return self.predictor.moved(attempt.found, found) < NEGLIGIBLE_MOTION
 
     def _is_astray(self, guess: State, found: State) -> bool:
         """Whether a state lies far from its prediction, compared with the motion of the step."""

@@ -6,21 +6,23 @@ afterwards.  The images are drawn by `raster`; axes, scales and text are matplot
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from dea_fenicsx.pictures.faces import Faces, edges_of, faces_of, normals, sharp
-from dea_fenicsx.pictures.pieces import lines_of, triangles_of
+from dea_fenicsx.pictures.drawn_body import ISOMETRIC, X, Y, Z, DrawnBody
+from dea_fenicsx.pictures.obstacles import DrawnObstacle
+from dea_fenicsx.pictures.pieces import triangles_of
 from dea_fenicsx.pictures.raster import Canvas
-from dea_fenicsx.pictures.revolved import drawn
-from dea_fenicsx.pictures.section import Section, section_of
-from dea_fenicsx.pictures.stored import stored_step
+from dea_fenicsx.pictures.section import Section
 
 _GREY, _LINE, _RED = (0xB8, 0xB8, 0xB8), (0x40, 0x40, 0x40), (0xD6, 0x27, 0x28)
+_OBSTACLE, _OBSTACLE_EDGE = (0xC6, 0xD8, 0xE8), (0x5B, 0x7C, 0x99)
+_GLAZE = 0.45
+"""Share of an obstacle's colour where it is seen in space; one can look through it."""
+
 _COLOURS = "viridis"
 _WIDTH = 174 / 25.4  # inch: two columns
 _DPI = 300
@@ -39,8 +41,6 @@ _MOST_PIXELS = 6e6
 _LINE_WIDTH = 3
 """Width of a line in pixels of a rendered image."""
 
-_X, _Y, _Z = np.eye(3)
-_ISOMETRIC = np.array([1, 1, 0]) / 2**0.5, np.array([-1, 1, 2]) / 6**0.5
 _LIGHT = np.array([0.2, 0.5, 0.85])
 """Where the light comes from, as seen in a picture: from the right, from above, from the viewer."""
 
@@ -50,76 +50,6 @@ _AMBIENT, _DIFFUSE = 0.5, 0.55
 
 _MANY = 100_000
 """Triangles that are looked at together."""
-
-
-class DrawnBody:
-    """A step of a run as it is drawn: its faces and its section in the colours of a field.
-
-    Parameters
-    ----------
-    folder, field, step, axes
-        The run, one of its fields or a component, the step, and the names of the run's axes.
-
-    Raises
-    ------
-    InputError
-        If there are no fields, no such field or no such step.
-    """
-
-    def __init__(self, folder: Path, field: str, step: int, axes: tuple[str, str, str]) -> None:
-        self._stored = drawn(stored_step(folder, step, field, axes))
-        self.time, self.flat = self._stored.time, self._stored.flat
-        self.values, self.name, self.nodal = self._stored.values(field, axes)
-
-    @cached_property
-    def faces(self) -> Faces:
-        """The faces of the device."""
-        return faces_of(self._stored)
-
-    @cached_property
-    def section(self) -> Section | None:
-        """The section of a device in space, if its plane meets a cell."""
-        if self._stored.cell.flat:
-            return None
-        return section_of(self._stored, self.faces, self.values, self.nodal)
-
-    def outlines(self, shapes: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """Ends of the lines at edges that are sharp, for each position of the nodes."""
-        if self.flat:
-            edges, pairs = edges_of(self.faces, [])
-            return [lines_of(edges[sharp(pairs, None)], points) for points in shapes]
-        turned = [normals(self.faces, points) for points in shapes]
-        edges, pairs = edges_of(self.faces, turned)
-        return [
-            lines_of(edges[sharp(pairs, normal)], points)
-            for normal, points in zip(turned, shapes, strict=True)
-        ]
-
-    def facing(self, points: np.ndarray, towards: np.ndarray) -> np.ndarray:
-        """Numbers of the faces that are drawn.
-
-        Of a solid that has many plane ones these are those that look towards the viewer.
-        """
-        seen = self.faces.seen
-        if not self._stored.cell.flat and self.faces.nodes.shape[1] == self.faces.corners:
-            # the halves of a face with four corners may be turned to each other
-            seen = seen & (normals(self.faces, points) @ towards.astype(np.float32) > -0.1)
-        return np.flatnonzero(seen)
-
-    def seen(self, warp: float) -> tuple[np.ndarray, np.ndarray]:
-        """Outermost points of the device and of its section, deformed and not, shapes (n, 3)."""
-        at, section = self.faces.points, self.section
-        outside = [_extreme(at), _extreme(at + warp * self.faces.moves)]
-        if section is None:
-            return np.vstack(outside), np.empty((0, 3))
-        cut = [section.points, section.points + warp * section.moves]
-        return np.vstack(outside), np.vstack([_extreme(at.reshape(-1, 3)) for at in cut])
-
-
-def _extreme(points: np.ndarray) -> np.ndarray:
-    """The points that lie farthest in the directions of a picture's axes, shape (n, 3)."""
-    along = points @ np.array([_X, _Y, _Z, *_ISOMETRIC, np.cross(*_ISOMETRIC)]).T
-    return points[np.unique([*along.argmin(axis=0), *along.argmax(axis=0)])]
 
 
 # ------------------------------------------------------------------------ images
@@ -262,7 +192,8 @@ def render(
     low, high = view.limits
     text, divisor = words.label(body.name, max(abs(low), abs(high)))
     grey = "" if np.isfinite(body.values).all() else ", no field in grey"
-    title, panels = words.title(body.time) + grey, _panels(body, warp, view, words.axes)
+    blue = ", obstacles in blue" if body.obstacles else ""
+    title, panels = words.title(body.time) + grey + blue, _panels(body, warp, view, words.axes)
     del body  # matplotlib needs the memory
     _compose(panels, (low / divisor, high / divisor), text, title, path, view.dpi)
 
@@ -288,16 +219,16 @@ def _panels(
 ) -> list[_Panel]:
     """Images of the deformed device and of its section, each over the undeformed edges."""
     if body.flat:
-        camera = _Camera(view.outside, _X, _Y, _WIDTH, view.dpi)
+        camera = _Camera(view.outside, X, Y, _WIDTH, view.dpi)
         _draw_device(camera, body, warp, view.limits)
         return [_Panel(camera.image(), axes[:2])]
-    camera = _Camera(view.outside, *_ISOMETRIC, _WIDTH / 2, view.dpi, 0.01)
+    camera = _Camera(view.outside, *ISOMETRIC, _WIDTH / 2, view.dpi, 0.01)
     _draw_device(camera, body, warp, view.limits)
     panels = [_Panel(camera.image(), ())]
     section = body.section
     if section is not None:
-        camera = _Camera(view.section, _X, _Z, _WIDTH / 2, view.dpi)
-        _draw_section(camera, section, warp, view.limits)
+        camera = _Camera(view.section, X, Z, _WIDTH / 2, view.dpi)
+        _draw_section(camera, body, section, warp, view.limits)
         above = f"section y = {round(1e3 * section.at, 4) + 0.0:g} mm"
         panels.append(_Panel(camera.image(), ("x", "z"), above))
     return panels
@@ -310,9 +241,31 @@ def _draw_device(
     points = body.faces.points
     moved = points + points.dtype.type(warp) * body.faces.moves
     _fill_device(camera, body, moved, limits)
+    if body.flat:
+        _paint_obstacles(camera, [one.warped(warp) for one in body.obstacles], 0.0)
     shapes = [moved, points] if warp else [moved]
     for lines, colour in zip(body.outlines(shapes), (_LINE, _RED), strict=False):
         camera.canvas.lines(camera.at(lines), colour, _LINE_WIDTH, not body.flat)
+    for triangles in [] if body.flat else body.shells(warp):
+        at = camera.at(triangles).reshape(-1, 3)
+        corners = np.arange(len(at)).reshape(-1, 3)
+        bright = _brightness(at, corners)
+        camera.canvas.glaze(at, corners, np.array(_OBSTACLE_EDGE), bright, _GLAZE)
+
+
+def _paint_obstacles(camera: _Camera, obstacles: list[DrawnObstacle], at: float) -> None:
+    """Paint obstacles behind what is drawn, in a plane: that of a flat device, or y = `at`."""
+    canvas, rows = camera.canvas, max(_MANY // camera.canvas.width, 1)
+    (low_x, low_y), (by_x, by_y) = camera.low, camera.scale
+    x = low_x + (np.arange(canvas.width) + 0.5) / by_x
+    for row in range(0, canvas.height, rows):
+        y = low_y + (np.arange(row, min(row + rows, canvas.height)) + 0.5) / by_y
+        points = x[None, :, None] * camera.axes[0] + y[:, None, None] * camera.axes[1]
+        points = points - at * camera.axes[2]
+        for obstacle in obstacles:
+            gap = obstacle.gap(points)
+            canvas.paint_behind(gap < 0, row, _OBSTACLE)
+            canvas.paint_behind(np.abs(gap) < _LINE_WIDTH / max(by_x, by_y), row, _OBSTACLE_EDGE)
 
 
 def _fill_device(
@@ -346,7 +299,7 @@ def _brightness(at: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def _draw_section(
-    camera: _Camera, section: Section, warp: float, limits: tuple[float, float]
+    camera: _Camera, body: DrawnBody, section: Section, warp: float, limits: tuple[float, float]
 ) -> None:
     """Draw the deformed section, its edges, and those of the undeformed one in red over it."""
     at = camera.at(section.points + warp * section.moves).reshape(-1, 3)
@@ -355,6 +308,7 @@ def _draw_section(
     camera.canvas.fill(
         at, corners, section.values.ravel(), nodal, _colours(), np.array(_GREY), limits
     )
+    _paint_obstacles(camera, [one.warped(warp) for one in body.obstacles], section.at)
     lines = camera.at(section.lines + warp * section.line_moves)
     camera.canvas.lines(lines, _LINE, _LINE_WIDTH, False)
     if warp:

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from dea_fenicsx.pictures.fields import DrawnBody, View, Words, limits_of, render
+from dea_fenicsx.pictures.drawn_body import DrawnBody
+from dea_fenicsx.pictures.fields import View, Words, limits_of, render
 from dea_fenicsx.results.reading import frame_times
 from dea_fenicsx.support.errors import InputError
 

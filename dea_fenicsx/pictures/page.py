@@ -29,6 +29,7 @@ pre { white-space: pre-wrap; margin: 0; font-size: .85em; max-height: 24em; over
 <label>Field <select id="field"></select></label>
 <label>Displacements &times; <input id="warp" type="number" value="1" step="any"></label>
 <label><input id="electrodes" type="checkbox" checked> electrodes</label>
+<label><input id="obstacles" type="checkbox" checked> obstacles</label>
 </div>
 <div id="device"></div>
 <div class="row">
@@ -188,8 +189,23 @@ function lineOf(pairs, places) {
   return found;
 }
 
+// Lines that move as a rigid body: a rotation by rows, and a shift.
+function turned(ends, motion, factor) {
+  const size = ends.length / 3, found = [[], [], []];
+  for (let k = 0; k < size; k++) {
+    const point = [0, 1, 2].map(axis => ends[axis * size + k]);
+    found.forEach((list, axis) => {
+      const moved = [0, 1, 2].reduce((sum, j) => sum + motion[3 * axis + j] * point[j],
+        motion[9 + axis]);
+      list.push(point[axis] + factor * (moved - point[axis]));
+      if (k % 2) list.push(null);
+    });
+  }
+  return found;
+}
+
 function drawDevice(arrays, shown) {
-  const {fields, electrodes, flat, steps} = data.device;
+  const {fields, electrodes, obstacles, flat, steps} = data.device;
   const [name, label, low, high] = fields.find(([one]) => one === at("field").value)
     || [null, "", 0, 1];
   const factor = Number(at("warp").value);
@@ -213,6 +229,12 @@ function drawDevice(arrays, shown) {
     traces.push({type: "scatter3d", mode: "lines", x: a, y: b, z: c, name: plain(electrode),
       line: {width: 6, color: COLOURS[k % COLOURS.length]}, hoverinfo: "name", showlegend: true,
       visible: at("electrodes").checked});
+  });
+  obstacles.forEach(([surface, motions], k) => {
+    const [a, b, c] = turned(arrays.get(`obstacle/${k}`), motions[shown], factor);
+    traces.push({type: "scatter3d", mode: "lines", x: a, y: b, z: c, hoverinfo: "name",
+      name: plain(`obstacle at ${surface}`), line: {width: 2, color: "#5b7c99"}, showlegend: true,
+      visible: at("obstacles").checked});
   });
   const ends = reach(arrays, factor);
   const sizes = ends.map(([low, high]) => high - low), largest = Math.max(...sizes);
@@ -263,7 +285,7 @@ async function start() {
       return drawDevice(arrays, Number(slider.value));
     };
     slider.oninput = () => { drawCurve(row()); return draw(); };
-    for (const id of ["field", "warp", "electrodes"]) at(id).onchange = draw;
+    for (const id of ["field", "warp", "electrodes", "obstacles"]) at(id).onchange = draw;
     await draw();
   }
   document.body.dataset.ready = "yes";

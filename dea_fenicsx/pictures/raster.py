@@ -88,6 +88,48 @@ class Canvas:
                 drawn *= shade[which][:, None]
             self.pixels[where] = np.clip(np.rint(drawn), 0, 255)
 
+    def paint_behind(
+        self, here: np.ndarray, row: int, colour: tuple[int, int, int]
+    ) -> None:
+        """Paint what no triangle has been drawn on.
+
+        Parameters
+        ----------
+        here
+            Which pixels, shape (rows, width), of the rows from `row` up.
+        row
+            The lowest row.
+        colour
+            From 0 to 255.
+        """
+        some = slice(row * self.width, row * self.width + here.size)
+        empty = np.isneginf(self._depth[some])
+        self.pixels[some][here.ravel() & empty] = colour
+
+    def glaze(
+        self, at: np.ndarray, triangles: np.ndarray, colour: np.ndarray, shade: np.ndarray,
+        share: float,
+    ) -> None:  # fmt: skip
+        """Draw triangles that one can look through; what lies before them hides them.
+
+        Parameters
+        ----------
+        at, triangles, shade
+            As of `fill`.
+        colour
+            Shape (3,), from 0 to 255.
+        share
+            How much of the colour of a pixel is theirs, 0 to 1.
+        """
+        depth, owner = self._depth.copy(), np.full(len(self._depth), -1, dtype=np.int32)
+        for begin in range(0, len(triangles), TRIANGLES_AT_ONCE):
+            self._own(owner, at, triangles[begin : begin + TRIANGLES_AT_ONCE], begin)
+        mine = np.flatnonzero(owner >= 0)
+        own = colour * shade[owner[mine]][:, None]
+        mixed = (1 - share) * self.pixels[mine] + share * own
+        self.pixels[mine] = np.clip(np.rint(mixed), 0, 255)
+        self._depth = depth
+
     def _own(self, owner: np.ndarray, at: np.ndarray, triangles: np.ndarray, begin: int) -> None:
         """Give each pixel to the triangle that is nearest to the viewer there."""
         x, y, z = (at[:, k][triangles] for k in range(3))

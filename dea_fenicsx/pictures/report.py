@@ -48,7 +48,7 @@ def report(
     """Write a run as one HTML file that any browser shows.
 
     It shows the device in three dimensions, turned and zoomed with the mouse, with its steps on a
-    slider and a field on its surface, the electrodes, the curves of the history, events, failures,
+    slider and a field on its surface, the electrodes, obstacles, the curves of the history, events, failures,
     settings, versions and cost.  The surface is thinned to 20 000 points, in single precision; of
     very many steps some are left out evenly.
 
@@ -201,6 +201,7 @@ def _device(
     history: Mapping[str, np.ndarray], arrays: dict[str, np.ndarray],
 ) -> dict[str, Any]:  # fmt: skip
     """What the page says of the device; its numbers go to `arrays`."""
+    from dea_fenicsx.pictures.obstacle_nets import nets_of
     from dea_fenicsx.pictures.skin import outline, skin_of
 
     surfaces = {n: f for n, f in read_surfaces(place).items() if f.is_electrode}
@@ -229,12 +230,15 @@ def _device(
         shown.append([name, label, float(low / unit), float(high / unit)])
         for k, values in enumerate(steps):
             put(f"{name}/{k}", values / unit)
-    places = np.array([skin.points + moved for moved in skin.moved]) * 1e3
-    reach = np.stack([places.min(axis=(0, 1)), places.max(axis=(0, 1))], axis=1).tolist()
+    places = np.vstack([skin.points + moved for moved in skin.moved])
+    obstacles, nets, around = nets_of(place, skin.steps, places, skin.flat)
+    for k, ends in enumerate(nets):
+        put(f"obstacle/{k}", ends.T * 1e3)
+    reach = 1e3 * np.stack([around.min(axis=0), around.max(axis=0)], axis=1)
     for k, (moved, line_moved) in enumerate(zip(skin.moved, skin.line_moved, strict=True)):
         put(f"moved/{k}", moved.T * 1e3)
         put(f"line_moved/{k}", line_moved.T * 1e3)
     rows = np.array(field_times(history))
     return {"flat": skin.flat, "steps": [int(np.abs(rows - t).argmin()) for t in skin.times],
             "fields": shown, "electrodes": list(lines), "points": len(skin.points),
-            "reach": reach}  # fmt: skip
+            "obstacles": obstacles, "reach": reach.tolist()}  # fmt: skip

@@ -90,7 +90,7 @@ def section_of(stored: Stored, faces: Faces, values: np.ndarray, nodal: bool) ->
     points, moves = stored.points(kept), stored.displacements(kept)
     tets = numbers[table][:, np.array(TETRAHEDRA[kind])].reshape(-1, 4)
     of_cell = np.repeat(cells, len(TETRAHEDRA[kind]))
-    ends, share, of_cell = _cut(tets, of_cell, points[:, 1] - plane)
+    ends, share, of_cell = cut(tets, of_cell, points[:, 1] - plane)
 
     if not len(of_cell):
         return None
@@ -118,7 +118,7 @@ def _on_plane(stored: Stored, plane: float) -> tuple[np.ndarray, np.ndarray]:
     return np.vstack(tables), np.concatenate(cells)
 
 
-def _cut(
+def cut(
     tets: np.ndarray, cells: np.ndarray, over: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Triangles in which tetrahedra meet a plane.

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.model.state import State
-from dea_fenicsx.solvers.landing import share_to_land
+from dea_fenicsx.solvers.landing import MOST_LANDINGS, share_to_land
 from dea_fenicsx.solvers.linear import LinearSolver
 from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.solvers.outcome import Attempt, Outcome, fault_of
@@ -285,7 +285,7 @@ class NewtonSolver(LinearSolver):
         """
         problem = self.problem
         size = 1.0
-        if not history:
+        if len(history) < MOST_LANDINGS:
             size = share_to_land(problem, problem.moved(start, increment))
         limit = np.inf  # The first residual after a change of load may be of any size.
         if len(history) > 1:
