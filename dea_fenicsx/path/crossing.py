@@ -20,6 +20,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 
 from dea_fenicsx.path.arclength import Point, TracedBranch
 from dea_fenicsx.path.guiding import Guide
@@ -96,6 +97,31 @@ class Passage:
         return self.start.slope * self.there.slope < 0
 
 
+class TellsOnce:
+    """Counts the points after a turn that has been told, at which no other one is told.
+
+    Attributes
+    ----------
+    is_recent
+        Whether a turn has been told a few points ago.
+    """
+
+    def __init__(self) -> None:
+        self._left = 0
+
+    @property
+    def is_recent(self) -> bool:
+        return self._left > 0
+
+    def begin(self) -> None:
+        """A turn has been told."""
+        self._left = POINTS_OF_ONE_TURN
+
+    def reached(self) -> None:
+        """The trace has come to another point."""
+        self._left = max(0, self._left - 1)
+
+
 class Crossings:
     """Passes crossings of a branch that steps shorter than usual announce.
 
@@ -128,7 +154,7 @@ class Crossings:
         self.trail: list[Point] = []
         self._held: Point | None = None
         self._open = self.turns_aside = False
-        self._quiet = 0
+        self._told = TellsOnce()
 
     def advance(
         self, here: Point, arc: float, before: Point | None
@@ -140,7 +166,7 @@ class Crossings:
         """Take note of an accepted point, of the one before it, and of the arc between the two."""
         arc = min(arc, self.longest)  # a step over a crossing may have been longer
         self._short += 1
-        self._quiet = max(0, self._quiet - 1)
+        self._told.reached()
         # A step over a crossing begins at an earlier point: those after it are on the turn.
         last = next((k for k, p in enumerate(self.trail) if p is before), len(self.trail) - 1)
         kept = self.trail[: last + 1]
@@ -154,9 +180,9 @@ class Crossings:
 
     def is_told(self) -> bool:
         """Whether the last step turns aside and that is to be told, which is done once a turn."""
-        if not self.turns_aside or self._quiet:
+        if not self.turns_aside or self._told.is_recent:
             return False
-        self._quiet = POINTS_OF_ONE_TURN
+        self._told.begin()
         return True
 
     def announced(self, arc: float) -> bool:
@@ -212,13 +238,22 @@ class Crossings:
         return None
 
     def _is_unstable(self, point: Point) -> bool:
-        """Whether a state is unstable, in a problem whose soft shapes can be held.  Collective."""
+        """Whether a device leaves a state by itself even where the load's own amount is held.
+
+        The load's own amount is the charge for a voltage.  It is constant to first order in
+        motions v with v . b = 0, b = dR/df.  With K x' = -b f', these motions and x' are
+        K-orthogonal, so they have all negative eigenvalues of K but one if x' . K x' < 0.  Behind
+        a limit point that one is its own.  False where the soft shapes cannot be held.  Collective.
+        """
         problem, solver = self.branch.problem, self.branch.solver
         if not problem.forms.is_symmetric or not self.trail:
             return False
         with problem.at(point.state):
             solver.refresh_inertia()
-        return bool(solver.inertia.excess)
+            load = self.branch.course.derivative()
+        work = float(problem.comm.allreduce(point.direction @ load, op=MPI.SUM))
+        own = int(point.slope * work > 0)  # x' . K x' = -f' x' . b
+        return (solver.inertia.excess or 0) > own
 
     def straight_on(self, begin: Point, here: Point) -> Passage | None:
         """A step with soft shapes held from before a turn to behind a later point, if there is one.

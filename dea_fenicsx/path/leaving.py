@@ -26,6 +26,7 @@ from dea_fenicsx.model.state import State
 from dea_fenicsx.path.arclength import TracedBranch
 from dea_fenicsx.path.cubic import Point
 from dea_fenicsx.path.items import MOST_SHAPES, Trace
+from dea_fenicsx.path.soft_shapes import SoftShapes
 from dea_fenicsx.path.stability import CriticalEigenvalue
 from dea_fenicsx.support.agreement import together
 from dea_fenicsx.support.errors import InputError, SolverError
@@ -38,12 +39,6 @@ COMPONENTS = (1.0, 0.8, 0.6)
 
 NEUTRAL = 1e-6
 """Largest eigenvalue of a null vector, as a share of the largest one among the softest shapes."""
-
-ITERATIONS = 3
-"""Number of inverse iterations of a block of shapes; each makes the others 1e6 times smaller."""
-
-INDEPENDENT = 1e-13
-"""Least share of a vector that the earlier ones do not explain, for it to be one of its own."""
 
 MODE_SOLVE_TOLERANCE = 1e-10
 """Relative tolerance of their linear solves."""
@@ -59,73 +54,19 @@ def null_shapes(branch: TracedBranch, state: State) -> np.ndarray:
         (n, k).  Their largest displacement is 1.
     """
     problem = branch.problem
+    softest = SoftShapes(branch, MOST_SHAPES, MODE_SOLVE_TOLERANCE)
     with problem.at(state):
-        vectors, sizes = _softest(branch)
+        branch.solver.refresh_inertia()
+        found = softest.here()
+    if found is None:
+        raise SolverError("The null vectors of a bifurcation could not be computed.")
+    vectors, sizes = found[0], softest.sizes
     vectors = vectors[:, sizes <= NEUTRAL * sizes.max()] if len(sizes) > 1 else vectors
     if vectors.shape[1] > 1:
         vectors = _definite(branch, vectors)
     spectrum = CriticalEigenvalue(branch.solver)
     shapes = [spectrum.as_values(v)[problem.free] for v in vectors.T]
     return np.stack(shapes, axis=1)
-
-
-def _softest(branch: TracedBranch) -> tuple[np.ndarray, np.ndarray]:
-    """Some shapes of the present state with the eigenvalues nearest 0, and their sizes.
-
-    By inverse iteration of a block, K v = m M v, which finds null vectors at once, however many.
-    (A Krylov method, which looks for eigenvalues that are not 0 as well, is slow where K is
-    singular.)
-    """
-    problem, solver, products = branch.problem, branch.solver, branch.products
-    solver.refresh_inertia()
-    motion = problem.roles.free(Role.MOTION)
-    rng = np.random.default_rng(problem.comm.rank + 1)
-    block = np.zeros((len(problem.free), MOST_SHAPES))
-    block[motion] = rng.standard_normal((len(motion), MOST_SHAPES))
-
-    def answers(vectors: np.ndarray) -> np.ndarray:
-        columns = []
-        for vector in vectors.T:
-            found = solver.linear_solve(products.times(vector), MODE_SOLVE_TOLERANCE)
-            if found is None:
-                raise SolverError("The null vectors of a bifurcation could not be computed.")
-            columns.append(found)
-        return np.stack(columns, axis=1)
-
-    block = _orthonormal(branch, block)
-    for _ in range(ITERATIONS):
-        block = _orthonormal(branch, answers(block))
-    weighed = np.stack([products.times(v) for v in block.T], axis=1)
-    mine = weighed.T @ answers(block)
-    flexibility = np.asarray(problem.comm.allreduce(mine, op=MPI.SUM))
-    values, turn = np.linalg.eigh((flexibility + flexibility.T) / 2)
-    order = np.argsort(-np.abs(values))
-    return block @ turn[:, order], 1 / np.maximum(np.abs(values[order]), 1e-300)
-
-
-def _orthonormal(branch: TracedBranch, vectors: np.ndarray) -> np.ndarray:
-    """Vectors that span the same space with v_i . M v_j = 1 or 0; those of rounding are left out.
-
-    By Gram and Schmidt, twice, for null vectors are much larger than all others.
-    """
-    problem, products = branch.problem, branch.products
-    found: list[np.ndarray] = []
-    weighed: list[np.ndarray] = []
-
-    def dot(a: np.ndarray, b: np.ndarray) -> float:
-        return float(problem.comm.allreduce(float(a @ b), op=MPI.SUM))
-
-    for vector in vectors.T:
-        before = np.sqrt(max(dot(vector, products.times(vector)), 0.0))
-        for _ in range(2):
-            for v, w in zip(found, weighed, strict=True):
-                vector = vector - dot(w, vector) * v
-        weight = products.times(vector)
-        size = np.sqrt(max(dot(vector, weight), 0.0))
-        if size > INDEPENDENT * before:
-            found.append(vector / size)
-            weighed.append(weight / size)
-    return np.stack(found, axis=1)
 
 
 def _definite(branch: TracedBranch, vectors: np.ndarray) -> np.ndarray:

@@ -24,7 +24,7 @@ import numpy as np
 from mpi4py import MPI
 
 from dea_fenicsx.path.arclength import Point, TracedBranch
-from dea_fenicsx.path.crossing import MOST_POINTS_BACK, POINTS_OF_ONE_TURN, Crossings
+from dea_fenicsx.path.crossing import MOST_POINTS_BACK, Crossings, TellsOnce
 from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.items import Turn
 from dea_fenicsx.path.soft_shapes import SoftShapes, size, stiffness
@@ -73,7 +73,7 @@ class Turns:
         self.crossings.forget()
         self._shapes = SoftShapes(self.branch, SHAPES_LOOKED_AT)
         self._first: Point | None = None
-        self._quiet = 0
+        self._told = TellsOnce()
 
     def reached(self, point: Point, before: Point, arc: float) -> Point | None:
         """Take note of an accepted point, of the one before it, and of the arc between the two.
@@ -84,8 +84,9 @@ class Turns:
             The point from which the branch has turned aside up to this one, if it has.
         """
         self.crossings.reached(point, before, arc)
-        self._quiet = max(0, self._quiet - 1)
-        if not self.at_turn or self._quiet or not self.branch.problem.forms.is_symmetric:
+        self._told.reached()
+        is_looked_for = self.at_turn and not self._told.is_recent
+        if not is_looked_for or not self.branch.problem.forms.is_symmetric:
             return None
         trail = self.crossings.trail
         begin = next((k for k, p in enumerate(trail) if p is self._first), 0)
@@ -101,7 +102,8 @@ class Turns:
         self._first = point
         if not stiffness or stiffness[1] / stiffness[0] < 0:
             return None
-        self._quiet = POINTS_OF_ONE_TURN if self.at_turn == "follow" else 0
+        if self.at_turn == "follow":
+            self._told.begin()
         return here
 
     def _angle(self, first: Point, second: Point) -> float:
