@@ -17,6 +17,7 @@ with an imperfection turns off there.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -129,6 +130,37 @@ class Crossings:
         self._held: Point | None = None
         self._open = self.turns_aside = False
         self._quiet = 0
+
+    @property
+    def anchors(self) -> Sequence[tuple[Point, Point]]:
+        """The last points with a long step, the latest one first, each with the one before it."""
+        return tuple(self._anchors)
+
+    def needed(self) -> list[Point | None]:
+        """The trail, with None for the points from which no later step begins or looks back."""
+        last = range(len(self.trail) - 1 - MOST_POINTS_BACK, len(self.trail))
+        ends = [k for k, p in enumerate(self.trail) if any(p is a for a, _ in self._anchors)]
+        kept = {*last, *ends, *(max(0, k - MOST_POINTS_BACK) for k in ends)}
+        return [p if k in kept else None for k, p in enumerate(self.trail)]
+
+    def pace(self) -> dict[str, float | None]:
+        """How long the steps of late were, and what was told: what `recall` takes."""
+        return {
+            "arc": self._arc, "short": self._short, "next": self._next, "quiet": self._quiet,
+            "fourth": self.watch.fourth,
+        }  # fmt: skip
+
+    def recall(
+        self,
+        trail: Sequence[Point],
+        anchors: Sequence[tuple[Point, Point]],
+        pace: Mapping[str, float | None],
+    ) -> None:
+        """Go on in a resumed run with what is known of its points, see `needed` and `pace`."""
+        self.trail, self._anchors = list(trail), list(anchors)
+        self._arc, self._next = float(pace.get("arc") or 0.0), float(pace.get("next") or 0.0)
+        self._short, self._quiet = int(pace.get("short") or 0), int(pace.get("quiet") or 0)
+        self.watch.fourth = pace.get("fourth")
 
     def advance(
         self, here: Point, arc: float, before: Point | None
