@@ -131,4 +131,5 @@ def recall(
             anchors.append((first, second))
     turns.crossings.recall(trail, anchors, pace)
     turns.first, turns.quiet = known.point(memory.turned), int(pace.get("quiet_turns") or 0)
-    return known.point(memory.before), float(pace.get("cut") or 1.0)
+    before = known.point(memory.before) if trail else None
+    return before, float(pace.get("cut") or 1.0)
