@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import on_demand
 from mpi4py import MPI
 
 import dea_fenicsx as dea
@@ -258,3 +259,40 @@ def test_rigid_panels_on_curved_beams():
 def test_hinges_alone_soften_with_their_modulus():
     stiff, soft = (stiffness(CELL, hinge, 1e14) for hinge in (100e6, 50e6))
     assert 1 - soft / stiff == pytest.approx(0.5, abs=0.01)
+
+
+# ---- buckling with held twist ------------------------------------------------------------------
+
+
+def held_storey(cell, stroke):
+    """The storey with its twist held, pushed down by a stroke at factor 1."""
+    rubber = dea.Material(dea.NeoHookean(100e6 / 3), density=1200.0)
+    return dea.Scene(
+        dea.device(cell, MPI.COMM_WORLD),
+        {"panel": replace(petg(), density=1200.0), "side": rubber, "edge": rubber,
+         "diagonal": rubber},
+        supports=[dea.Clamp("bottom"), dea.Fix("top", "xy")],
+        prescribed=[dea.Displacement("top", "z", -stroke)],
+    )  # fmt: skip
+
+
+@on_demand
+def test_panels_buckle_with_held_twist():
+    """The lowest frequency vanishes where the panels begin to move in and out by turns.
+
+    omega^2 of this motion is taken on both sides of the bifurcation, and between them by a parabola.
+    """
+    cell = replace(CELL, along=3, tip=2, strip=3, grading=6.0, grading_strip=3.0)
+    strokes, squares, run = (0.6e-3, 0.66e-3, 0.7e-3), [], None
+    scene = held_storey(cell, 1e-3)
+    low = {k: dea.AtPoint(tuple(p), "displacement", "z")
+           for k, p in enumerate(cell._panels[::2].mean(axis=1))}  # fmt: skip
+    for stroke in strokes:
+        path = dea.Ramp("stretch", to=stroke / 1e-3, steps=1 if run else 4)
+        run = dea.solve(scene, path, quiet=True, stability="never", start=run)
+        modes = dea.modes(run, 1)
+        squares.append(float(modes.squares[0]))
+        moved = np.array([modes.derivative(point, 0) for point in low.values()])
+        assert moved == pytest.approx(moved[0] * np.array([1, -1, 1, -1]), rel=1e-3)
+    roots = np.roots(np.polyfit(strokes, squares, 2))
+    assert min(abs(roots / BUCKLING_STROKE - 1)) < 0.0

@@ -219,6 +219,8 @@ MADE_UP = {
     "another start": cursor(start={"voltage": 0.25}),
     "a step further": cursor(step=4),
     "one thing more": cursor(more=1),
+    "a memory of text": cursor(memory="x"),
+    "a memory without names": cursor(memory={}),
     "an empty history": lambda state, told: told["history"].clear(),
     "a row less": lambda state, told: told["history"].pop(0),
     "a row of nothing": lambda state, told: told["history"].insert(1, None),
@@ -275,7 +277,7 @@ EARLIER = {
     "no time": lambda arrays, told: told["earlier"][0].update(moment=3),
     "other cells": lambda arrays, told: arrays.update(earlier=arrays["earlier"][:, :-1]),
     "a single table": lambda arrays, told: arrays.update(earlier=arrays["earlier"][0]),
-    "too many": lambda arrays, told: arrays.update(earlier=np.repeat(arrays["earlier"], 9, axis=0)),
+    "too many": lambda arrays, told: arrays.update(earlier=np.repeat(arrays["earlier"], 99, 0)),
     "no numbers": lambda arrays, told: arrays.update(earlier=arrays["earlier"] * 1j),
     "NaN": lambda arrays, told: arrays["earlier"].fill(np.nan),
 }

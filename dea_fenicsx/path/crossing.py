@@ -17,6 +17,7 @@ with an imperfection turns off there.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,24 +103,26 @@ class TellsOnce:
 
     Attributes
     ----------
+    left
+        How many of these points are still to come.
     is_recent
         Whether a turn has been told a few points ago.
     """
 
     def __init__(self) -> None:
-        self._left = 0
+        self.left = 0
 
     @property
     def is_recent(self) -> bool:
-        return self._left > 0
+        return self.left > 0
 
     def begin(self) -> None:
         """A turn has been told."""
-        self._left = POINTS_OF_ONE_TURN
+        self.left = POINTS_OF_ONE_TURN
 
     def reached(self) -> None:
         """The trace has come to another point."""
-        self._left = max(0, self._left - 1)
+        self.left = max(0, self.left - 1)
 
 
 class Crossings:
@@ -155,6 +158,37 @@ class Crossings:
         self._held: Point | None = None
         self._open = self.turns_aside = False
         self._told = TellsOnce()
+
+    @property
+    def anchors(self) -> Sequence[tuple[Point, Point]]:
+        """The last points with a long step, the latest one first, each with the one before it."""
+        return tuple(self._anchors)
+
+    def needed(self) -> list[Point | None]:
+        """The trail, with None for the points from which no later step begins or looks back."""
+        last = range(len(self.trail) - 1 - MOST_POINTS_BACK, len(self.trail))
+        ends = [k for k, p in enumerate(self.trail) if any(p is a for a, _ in self._anchors)]
+        kept = {*last, *ends, *(max(0, k - MOST_POINTS_BACK) for k in ends)}
+        return [p if k in kept else None for k, p in enumerate(self.trail)]
+
+    def pace(self) -> dict[str, float | None]:
+        """How long the steps of late were, and what was told: what `recall` takes."""
+        return {
+            "arc": self._arc, "short": self._short, "next": self._next, "quiet": self._told.left,
+            "fourth": self.watch.fourth,
+        }  # fmt: skip
+
+    def recall(
+        self,
+        trail: Sequence[Point],
+        anchors: Sequence[tuple[Point, Point]],
+        pace: Mapping[str, float | None],
+    ) -> None:
+        """Go on in a resumed run with what is known of its points, see `needed` and `pace`."""
+        self.trail, self._anchors = list(trail), list(anchors)
+        self._arc, self._next = float(pace.get("arc") or 0.0), float(pace.get("next") or 0.0)
+        self._short, self._told.left = int(pace.get("short") or 0), int(pace.get("quiet") or 0)
+        self.watch.fourth = pace.get("fourth")
 
     def advance(
         self, here: Point, arc: float, before: Point | None

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.model.state import State
+from dea_fenicsx.path.trace_memory import TraceMemory
 
 
 @dataclass(frozen=True)
@@ -26,6 +27,7 @@ class Cursor:
     switched : whether a trace has left its first branch
     passed : number of bifurcations that a trace has met
     began : time in s at the start of the current item
+    memory : what a trace knows of the points behind it, or None
     """
 
     step: int = 0
@@ -37,6 +39,7 @@ class Cursor:
     switched: bool = False
     began: float = 0.0
     passed: int = 0
+    memory: TraceMemory | None = None
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,9 @@ class SoftWatch:
     ----------
     is_aside
         Whether the last step was refused, or moves aside while the load does not drive it.
+    fourth
+        The error of the cubic by which the next steps are judged, as a multiple of the branch's
+        fourth derivative; None where it is not known.
     """
 
     def __init__(self, branch: TracedBranch) -> None:
@@ -77,7 +80,7 @@ class SoftWatch:
 
     def forget(self) -> None:
         """Begin anew, as on another branch."""
-        self._fourth: float | None = None
+        self.fourth: float | None = None
         self.is_aside = False
 
     def advance(
@@ -94,21 +97,21 @@ class SoftWatch:
     def _continues(self, here: Point, there: Point, arc: float, before: Point) -> bool:
         """As of `stays`, but costs little as long as the cubic is as good as before."""
         if self._has_own_kink(here, there, arc):
-            self._fourth = None
+            self.fourth = None
             return True
         motion = self._missed(here, there, arc, before)
         missed = size(self.branch, motion)
         back = self.branch.advanced(here, before)
         fourth = missed / (arc * (arc - back)) ** 2  # a multiple of the fourth derivative
-        known = self._fourth
+        known = self.fourth
         usual = known is not None and fourth <= USUAL_GROWTH * known
         if missed <= (MOST_MISSED_BY_CUBIC if usual else LEAST_MISSED) * arc:
             if usual and known is not None:
-                self._fourth = min(fourth, known)
+                self.fourth = min(fourth, known)
             return True
         if not self._is_smooth(here, there, arc, missed):
             return False
-        self._fourth = fourth
+        self.fourth = fourth
         self.is_aside = missed > MOST_MISSED_BY_CUBIC * arc and not self._is_driven(motion, here)
         return True
 

@@ -9,6 +9,7 @@ import numpy as np
 from dea_fenicsx.model.state import State
 from dea_fenicsx.path.cubic import Point
 from dea_fenicsx.path.guiding import Guide
+from dea_fenicsx.path.trace_memory import TraceMemory
 from dea_fenicsx.solvers.outcome import Attempt
 
 
@@ -28,8 +29,8 @@ class Traced:
         How often the step was halved.
     event, mode, held, last
         As of an `AcceptedStep`; `last` where the trace has come to its end.
-    earlier
-        The state of the point before it, if the next step follows the cubic through both.
+    earlier, memory
+        The states of the points before it that the next steps need, and what belongs to them.
     """
 
     state: State
@@ -41,6 +42,7 @@ class Traced:
     held: float = 0.0
     last: bool = False
     earlier: tuple[State, ...] = ()
+    memory: TraceMemory | None = None
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,10 @@ from dea_fenicsx.path.guiding import Guide
 from dea_fenicsx.path.items import Trace
 from dea_fenicsx.path.leaving import Exits
 from dea_fenicsx.path.load_course import LoadCourse
+from dea_fenicsx.path.recalling import kept, recall
 from dea_fenicsx.path.roots import Bracket
 from dea_fenicsx.path.soft_watch import SoftWatch
+from dea_fenicsx.path.trace_memory import TraceMemory
 from dea_fenicsx.path.traced import Reached, Spot, Traced
 from dea_fenicsx.path.turning import TURN_ASIDE, Turns
 from dea_fenicsx.solvers.newton import NewtonSolver
@@ -104,8 +106,9 @@ class Tracer:
         self._over: Passage | None = None
 
     def follow(
-        self, arc: float, sign: float, passed: int = 0, earlier: State | None = None
-    ) -> Iterator[Traced]:
+        self, arc: float, sign: float, passed: int = 0, earlier: tuple[State, ...] = (),
+        memory: TraceMemory | None = None,
+    ) -> Iterator[Traced]:  # fmt: skip
         """Yield the accepted points, one after another.
 
         Parameters
@@ -114,9 +117,8 @@ class Tracer:
             Length of the first step, and the sign of the load's change along it.
         passed
             Number of bifurcations that it has met before.
-        earlier
-            In a resumed run, the state of the point before, if the first step follows the cubic
-            through both.
+        earlier, memory
+            In a resumed run, those of its last step, see `Traced`.
 
         Raises
         ------
@@ -129,7 +131,9 @@ class Tracer:
         here = branch.point(self.problem.state, None, sign)
         if here is None:
             raise BranchLost(self.solver.trouble)
-        before = None if earlier is None else branch.behind(earlier, here)
+        before = None
+        if memory is not None:
+            before, self._cut = recall(self.turns, here, memory, earlier)
         exits = Exits(branch, item, passed)
         while True:
             step = self._step(here, arc, before)
@@ -169,9 +173,10 @@ class Tracer:
             if turn is not None:
                 self.log(f"{item.what}: the branch turns aside; another one almost crosses it")
             name = "" if turn is None else TURN_ASIDE
+            behind, memory = kept(self.turns, there, start, self._cut)
             yield Traced(
-                there.state, arc, float(np.sign(there.slope)), retries, name,
-                earlier=(start.state,) if turn is None else (),
+                there.state, arc, float(np.sign(there.slope)), retries, name, earlier=behind,
+                memory=memory,
             )  # fmt: skip
             if turn is None:
                 continue

@@ -62,6 +62,13 @@ class Turns:
         Goes straight on.
     at_turn
         What the trace does there.  A turn that it follows is told once; with None we do not look.
+
+    Attributes
+    ----------
+    first
+        The point up to which turns are told, or None.
+    told
+        Counts the points at which no other turn is told.
     """
 
     def __init__(self, branch: TracedBranch, crossings: Crossings, at_turn: Turn | None) -> None:
@@ -72,8 +79,8 @@ class Turns:
         """Begin anew, as on another branch."""
         self.crossings.forget()
         self._shapes = SoftShapes(self.branch, SHAPES_LOOKED_AT)
-        self._first: Point | None = None
-        self._told = TellsOnce()
+        self.first: Point | None = None
+        self.told = TellsOnce()
 
     def reached(self, point: Point, before: Point, arc: float) -> Point | None:
         """Take note of an accepted point, of the one before it, and of the arc between the two.
@@ -84,12 +91,12 @@ class Turns:
             The point from which the branch has turned aside up to this one, if it has.
         """
         self.crossings.reached(point, before, arc)
-        self._told.reached()
-        is_looked_for = self.at_turn and not self._told.is_recent
+        self.told.reached()
+        is_looked_for = self.at_turn and not self.told.is_recent
         if not is_looked_for or not self.branch.problem.forms.is_symmetric:
             return None
         trail = self.crossings.trail
-        begin = next((k for k, p in enumerate(trail) if p is self._first), 0)
+        begin = next((k for k, p in enumerate(trail) if p is self.first), 0)
         earlier = range(begin, len(trail) - 1)
         at = max((k for k in earlier if self._angle(trail[k], point) > LEAST_TURN), default=0)
         if at == 0:
@@ -99,11 +106,11 @@ class Turns:
         stiffness = [] if aside is None else [self._stiffness(aside, p) for p in (here, point)]
         if stiffness and 0 < stiffness[1] / stiffness[0] <= 1:
             return None  # it may still become 0, and is looked at again at the next point
-        self._first = point
+        self.first = point
         if not stiffness or stiffness[1] / stiffness[0] < 0:
             return None
         if self.at_turn == "follow":
-            self._told.begin()
+            self.told.begin()
         return here
 
     def _angle(self, first: Point, second: Point) -> float:

@@ -122,7 +122,7 @@ class Walk:
             cursor = replace(
                 cursor, ramp=cursor.ramp + 1, position=0.0, size=0.0,
                 start=dict(problem.factors), direction=0.0, switched=False, passed=0,
-                began=problem.state.time,
+                began=problem.state.time, memory=None,
             )  # fmt: skip
 
     def _steps(
@@ -165,8 +165,8 @@ class Walk:
         tracer = Tracer(self.solver, item, sentinel, lambda: self.gap(number), self.log)
         arc = min(cursor.size or 1.0, item.longest)
         first = item.exits[0] if item.exits else 0
-        before = self.earlier[0] if self.earlier else None
-        points = tracer.follow(arc, sign, max(cursor.passed, first * cursor.switched), before)
+        passed = max(cursor.passed, first * cursor.switched)
+        points = tracer.follow(arc, sign, passed, tuple(self.earlier), cursor.memory)
         while True:
             try:
                 found = next(points, None)
@@ -184,7 +184,7 @@ class Walk:
             cursor = replace(
                 cursor, step=cursor.step + 1, position=done / item.steps, size=found.arc,
                 start=dict(cursor.start), direction=found.direction, switched=switched,
-                passed=passed,
+                passed=passed, memory=found.memory,
             )  # fmt: skip
             last = done >= item.steps and is_last
             yield AcceptedStep(

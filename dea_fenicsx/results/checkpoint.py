@@ -34,7 +34,7 @@ from dea_fenicsx.support.files import clean
 FORMAT = 2
 """Version of the format of a checkpoint.  A checkpoint of another version is refused."""
 
-MOST_EARLIER = 8
+MOST_EARLIER = 40
 """Most earlier states that a checkpoint may hold."""
 
 

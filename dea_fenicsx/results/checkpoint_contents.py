@@ -9,6 +9,7 @@ from typing import Any
 
 from dea_fenicsx.path.cursor import Cursor
 from dea_fenicsx.path.items import Close, Item, March, Open, Trace
+from dea_fenicsx.path.trace_memory import TraceMemory
 from dea_fenicsx.results.columns import COUNTS, load_column
 from dea_fenicsx.results.history import TEXTS
 from dea_fenicsx.results.moment import moment_told
@@ -54,7 +55,7 @@ def cursor_of(
         If it does not.
     """
     factors = _load(told.get("factors"), scene)
-    cursor = _cursor(told.get("cursor"), scene, path)
+    cursor = _cursor(told.get("cursor"), scene, path, len(earlier_told(told)))
     rows = told.get("history")
     _check_rows(rows, columns, cursor)
     assert isinstance(rows, list)
@@ -94,12 +95,18 @@ def _load(found: Any, scene: Scene) -> dict[str, float]:
     return found
 
 
-def _cursor(found: Any, scene: Scene, path: Sequence[Any]) -> Cursor:
+def _cursor(found: Any, scene: Scene, path: Sequence[Any], earlier: int) -> Cursor:
     names = [field.name for field in dataclasses.fields(Cursor)]
     if isinstance(found, dict):
-        found = {"began": 0.0, "passed": 0} | found  # which earlier checkpoints lack
+        known = {"began": 0.0, "passed": 0, "memory": None}  # which earlier checkpoints lack
+        found = known | found
     if not isinstance(found, dict) or set(found) != set(names):
         raise Unusable("its place on the path is missing or not of this version")
+    if found["memory"] is not None:
+        try:
+            found = found | {"memory": TraceMemory.read(found["memory"], earlier)}
+        except ValueError as error:
+            raise Unusable(f"what it tells of the trace is not usable: {error}") from error
     cursor = Cursor(**found)
     try:
         check_declared(cursor)
