@@ -7,21 +7,18 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
-from typing import Any, NamedTuple, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from mpi4py import MPI
 
-from dea_fenicsx.geometry._gmsh import quality
 from dea_fenicsx.geometry.base import Geometry
-from dea_fenicsx.mesh.cad import Names, lengths, name_the_body, open_file, read_names
+from dea_fenicsx.mesh.cad import Names, lengths
 from dea_fenicsx.mesh.facets_by_tags import FacetsByTags
-from dea_fenicsx.mesh.foreign.model import checked
-from dea_fenicsx.mesh.foreign.options import gmsh_for, is_family
+from dea_fenicsx.mesh.foreign.options import is_family
 from dea_fenicsx.mesh.named_by_place import Named, Where, check_wanted, named_by_place
-from dea_fenicsx.support import compat
-from dea_fenicsx.support.agreement import check_same, together
+from dea_fenicsx.mesh.sources import of_boxes, of_model
+from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError, install_hook
 from dea_fenicsx.support.validation import keywords
 
@@ -111,24 +108,6 @@ class Device:
         return self.mesh.topology.index_map(self.dim).size_local
 
 
-class _Told(NamedTuple):
-    """The facts of a gmsh model that rank 0 broadcasts.
-
-    Attributes
-    ----------
-    groups, further : dimension and tag of each named group; tags that groups of facets share
-    dim, space : dimension of the cells; number of coordinates, one more for a membrane
-    quality, source : as in `Device`
-    """
-
-    groups: dict[str, tuple[int, int]]
-    further: dict[str, tuple[int, ...]]
-    dim: int
-    space: int
-    quality: dict[str, float]
-    source: str
-
-
 class ReadingOptions(TypedDict, total=False):
     """Keywords of `device` that tell how a file is meshed and checked.
 
@@ -216,28 +195,9 @@ def device(
     check_same(comm, {"dim": dim, "unit": unit, "surfaces": chosen["surfaces"]})
     unit, chosen["size"] = lengths(label, unit, chosen["size"])
     _check_options(dim, **{name: chosen[name] for name in ("curved", "apart", "programs")})
-    model, told = None, None
-
-    def open_and_check() -> None:
-        nonlocal model, told
-        if comm.rank == 0:
-            model = _open(source, unit, chosen)
-            if chosen["surfaces"]:
-                name_the_body(model)
-            model, told = _look_at(model, source, label, dim, unit, chosen["apart"])
-
-    with gmsh_for(source, comm):
-        try:
-            together(comm, open_and_check, f"The mesh of {label}")
-            told = comm.bcast(told, root=0)
-            try:
-                mesh, cells, facets = compat.model_to_mesh(model, comm, told.space)
-            except RuntimeError as error:
-                told_by = " ".join(str(error).split()).rstrip(".")
-                raise InputError(f"The mesh of {label} cannot be used ({told_by}).") from error
-        finally:
-            if model is not None:
-                model.remove()
+    plain = not chosen["surfaces"] and dim is None and not chosen["size"] and not chosen["names"]
+    made = of_boxes(source, label, comm) if plain else None
+    (mesh, cells, facets), told = made or of_model(source, label, comm, dim, unit, chosen)
     extent = scale(mesh)
     named = Named(
         cells,
@@ -293,48 +253,6 @@ def _check_options(dim: Any, **switches: Any) -> None:
     for name, value in switches.items():
         if not isinstance(value, bool | np.bool_) and not (name == "programs" and value is None):
             raise InputError(f"{name} is {value!r}, but must be True or False.")
-
-
-def _open(source: Any, unit: float, options: dict[str, Any]) -> Any:
-    """The gmsh model of a geometry or of a file (rank 0 only)."""
-    size, names = options["size"], options["names"]
-    if not hasattr(source, "build"):
-        largest = None if size is None else size / unit
-        return open_file(
-            Path(source), largest, names, curved=options["curved"], programs=options["programs"]
-        )
-    if size is not None or names:
-        raise InputError(
-            f"size= and names= are for files that are still to be meshed; {type(source).__name__} "
-            "has its own."
-        )
-    return source.build()
-
-
-def _look_at(
-    model: Any, source: Any, label: str, dim: int | None, unit: float, apart: bool
-) -> tuple[Any, _Told]:
-    """Check a model, and bring it into cells that can be computed on (rank 0 only).
-
-    Raises
-    ------
-    InputError
-        If it cannot be used; the model stays then.
-    """
-    family = is_family(source)
-    groups, cells = read_names(model, label, lines=family)
-    if dim is not None and dim != cells:
-        raise InputError(
-            f"{label} has cells of dimension {cells}, but dim is {dim}; leave dim= out, or mesh "
-            f"{'the volumes' if dim == 3 else 'a flat section'}."
-        )
-    further: dict[str, tuple[int, ...]] = {}
-    notes: tuple[str, ...] = ()
-    if not family:
-        model, groups, further, notes = checked(model, groups, cells, label, unit, apart)
-    name = f"{label} ({', '.join(notes)})" if notes else label
-    space = source.dimension if family else cells
-    return model, _Told(groups, further, cells, space, quality(model), name)
 
 
 def scale(mesh: Any) -> float:
