@@ -162,10 +162,10 @@ SOLID: dict[int, tuple[Mesh, ...]] = {
 }
 
 SCENES: dict[str, Scene] = {
-    "strip": Scene(strip, 1.0, SOLID),
-    "beam": Scene(beam, 1.0, SOLID),
-    "bender": Scene(bender, 1.0, FLAT),
-    "disc": Scene(disc, 1.0, FLAT),
+    "strip": Scene(strip, -2.3019e-3, SOLID),
+    "beam": Scene(beam, -4.0090e-3, SOLID),
+    "bender": Scene(bender, -5.71270e-3, FLAT),
+    "disc": Scene(disc, -2.00260e-3, FLAT),
     "sphere": Scene(sphere, sphere_value(), ROUND),
 }
 
