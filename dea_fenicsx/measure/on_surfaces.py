@@ -113,14 +113,15 @@ def _mean(
         mine = dolfinx.fem.assemble_scalar(compat.compile_form(integrand * ds))
         return float(np.real(problem.comm.allreduce(mine, op=MPI.SUM)))
 
-    one = dolfinx.fem.Constant(problem.mesh, 1.0)
-    area = total(one * weight)
+    vector = dolfinx.fem.assemble_vector(compat.compile_form(v[a] * weight * ds))
+    vector.scatter_reverse(dolfinx.la.InsertMode.add)
+    weights = vector.array[: problem.owned]
+    # The shape functions add up to 1.
+    area = problem.comm.allreduce(float(weights.sum()), op=MPI.SUM)
     if abs(area) < 1e-14:
         raise InputError(
             f"Facet group {label_of(where)!r} has no area facing {axis}; name a group that faces "
             "that axis."
         )
     position = total(x[along] * weight) / area if projected else 0.0
-    vector = dolfinx.fem.assemble_vector(compat.compile_form(v[a] * weight * ds))
-    vector.scatter_reverse(dolfinx.la.InsertMode.add)
-    return vector.array[: problem.owned] / area, position
+    return weights / area, position

@@ -10,7 +10,7 @@ import basix
 import numpy as np
 import ufl
 from mpi4py import MPI
-from ufl.algorithms.analysis import extract_coefficients
+from ufl.corealg.traversal import unique_pre_traversal
 
 from dea_fenicsx.mesh.device import one_sided
 from dea_fenicsx.model.body_forces import Body
@@ -262,7 +262,9 @@ class Forms:
         So scenes that differ by such loads alone share the code of their tangent.
         """
         w, integrals = self._space.w, self.residual.integrals()
-        return ufl.Form([i for i in integrals if w in extract_coefficients(i.integrand())])
+        return ufl.Form([
+            i for i in integrals if any(e is w for e in unique_pre_traversal(i.integrand()))
+        ])
 
     def _following(self, k: int, change: Variation) -> Any:
         """Virtual work of kernel k due to coefficients that follow a change, symbolic, or 0."""

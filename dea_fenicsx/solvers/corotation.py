@@ -99,8 +99,7 @@ class Corotation:
         """Turn the factor to the present state.  Collective."""
         if not self._possible:
             return
-        turn = np.matmul(self._rotations(), np.swapaxes(self._at_factor, 1, 2))
-        most = float(np.max(np.abs(turn - np.eye(self._dim)), initial=0.0))
+        turn, most = self._between(self._at_factor, self._rotations())
         enough = self.problem.comm.allreduce(most, op=MPI.MAX) > SMALLEST_TURN
         self._turn = turn if enough else None
 
@@ -129,18 +128,43 @@ class Corotation:
             self._back = self._petsc.keep("back", x.duplicate())
         values = self._back.array
         values[:] = x.array_r
-        values[self._rows] = np.einsum("nji,nj->ni", self._turn, values[self._rows])
+        values[self._rows] = self._rotated(values[self._rows], backwards=True)
         action(None, self._back, y)
         out = y.array
-        out[self._rows] = np.einsum("nij,nj->ni", self._turn, out[self._rows])
+        out[self._rows] = self._rotated(out[self._rows])
+
+    def _between(self, before: np.ndarray, now: np.ndarray) -> tuple[np.ndarray, float]:
+        """The rotation from one to the other at each node, and the most that changes in a matrix.
+
+        In the plane a rotation is a complex number of size 1.
+        """
+        if self._dim == 2:
+            turn = now * before.conj()
+            parts = np.abs((turn - 1.0).view(float))
+            return turn, float(np.max(parts, initial=0.0))
+        turn = np.matmul(now, np.swapaxes(before, 1, 2))
+        return turn, float(np.max(np.abs(turn - np.eye(self._dim)), initial=0.0))
+
+    def _rotated(self, values: np.ndarray, backwards: bool = False) -> np.ndarray:
+        """Vectors at the nodes, shape (nodes, dim), turned by the present rotation, or back."""
+        assert self._turn is not None
+        if self._dim == 2:
+            turn = self._turn.conj() if backwards else self._turn
+            return (values.view(complex)[:, 0] * turn).view(float).reshape(-1, 2)
+        return np.einsum("nji,nj->ni" if backwards else "nij,nj->ni", self._turn, values)
 
     def _rotations(self) -> np.ndarray:
-        """R of the cells' mean F around each node, shape (nodes, dim, dim).  Collective."""
+        """R of the cells' mean F around each node, shape (nodes, dim, dim).  Collective.
+
+        In the plane it is cos + i sin, shape (nodes,).
+        """
         dim = self._dim
         F = self._gradient(self.problem.mesh, self._cells).reshape(-1, dim, dim) + np.eye(dim)
         turns = polar(F).reshape(-1, dim * dim)
-        sums = np.empty((self._sum.size[0], dim * dim))
-        for k in range(dim * dim):
+        if dim == 2:
+            turns = turns[:, ::2]  # the first column, cos and sin
+        sums = np.empty((self._sum.size[0], turns.shape[1]))
+        for k in range(turns.shape[1]):
             self._of_cells.array[:] = turns[:, k]
             self._sum.mult(self._of_cells, self._of_nodes)
             sums[:, k] = self._of_nodes.array_r
@@ -149,10 +173,21 @@ class Corotation:
                 self._shared.x.array[:] = column
                 self._shared.x.scatter_reverse(dolfinx.la.InsertMode.add)
                 column[:] = self._shared.x.array
+        if dim == 2:
+            return _unit(sums[self._nodes])
         found = polar(sums[self._nodes].reshape(-1, dim, dim))
         # The mean F of cells that are folded against one another may have no rotation.
         found[~np.isfinite(found).all(axis=(1, 2))] = np.eye(dim)
         return found
+
+
+def _unit(sums: np.ndarray) -> np.ndarray:
+    """Sums of rotations in the plane, each (cos, sin), as rotations cos + i sin."""
+    turns = np.ascontiguousarray(sums).view(complex)[:, 0]
+    sizes = np.abs(turns)
+    # The mean F of cells that are folded against one another may have no rotation.
+    defined = np.isfinite(sizes) & (sizes > 0)
+    return np.where(defined, turns, 1.0) / np.where(defined, sizes, 1.0)
 
 
 def incidence(nodes: np.ndarray, size: int) -> Any:

@@ -16,6 +16,7 @@ import numpy as np
 
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers.tangent import MOST_UNKNOWNS_KEPT
+from dea_fenicsx.solvers.unpivoted import Unpivoted, is_possible
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import PETSc
 from dea_fenicsx.support.petsc_objects import PetscObjects
@@ -164,7 +165,9 @@ class WholeFactor:
         self.problem = problem
         self.single = single
         self._keep = problem.unknowns <= MOST_UNKNOWNS_KEPT
-        self._factor: Mumps | None = None
+        self._factor: Mumps | Unpivoted | None = None
+        self._kinds: dict[type, Mumps | Unpivoted] = {}
+        self._light = is_possible(problem) and not single
         self._scale: np.ndarray | None = None
         self._petsc = PetscObjects(problem.comm)
 
@@ -179,16 +182,36 @@ class WholeFactor:
             scale.array[:] = self._scale
             tangent.diagonalScale(scale, scale)
             scale.destroy()
-        if not self._factor or self._factor.matrix != tangent:
-            self.release()
-            problem = self.problem
+        for kind in (Unpivoted, Mumps) if self._light else (Mumps,):
+            self._factor = self._of_kind(kind, tangent)
+            if self._factor.make():
+                return True
+        return False
+
+    def _of_kind(self, kind: type, tangent: Any) -> Mumps | Unpivoted:
+        """A factor that the tangent's pattern was analysed for, if it is there, else a new one."""
+        found = self._kinds.get(kind)
+        if found and found.matrix == tangent:
+            return found
+        if found:
+            found.release()
+        problem = self.problem
+        if kind is Unpivoted:
+            made: Mumps | Unpivoted = Unpivoted(problem, tangent)
+        else:
             order = ordering(problem.unknowns, problem.scene.kinematics.dim)
             # 24: null pivots are detected, which makes the inertia right
             icntl = {24: 1, 7: order}
             symmetric = problem.forms.is_symmetric
-            self._factor = Mumps(tangent, icntl, {}, self.single, self._keep, symmetric)
-            self._petsc.keep("factor", self._factor)
-        return self._factor.make()
+            made = Mumps(tangent, icntl, {}, self.single, self._keep, symmetric)
+            self._petsc.keep("factor", made)
+        self._kinds[kind] = made
+        return made
+
+    @property
+    def is_light(self) -> bool:
+        """Whether the factor is one of a small matrix, which is soon made anew."""
+        return isinstance(self._factor, Unpivoted)
 
     def _scaling(self, tangent: Any) -> np.ndarray | None:
         """Scale of each free unknown (owned) that makes the largest entries of rows comparable.
@@ -251,9 +274,9 @@ class WholeFactor:
             self.release()
 
     def release(self) -> None:
-        if self._factor:
-            self._factor.release()
-            self._factor = None
+        for factor in self._kinds.values():
+            factor.release()
+        self._factor, self._kinds = None, {}
 
 
 def ordering(unknowns: int, dim: int) -> int:

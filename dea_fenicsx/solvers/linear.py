@@ -22,6 +22,7 @@ from dea_fenicsx.solvers.multigrid import Multigrid
 from dea_fenicsx.solvers.options import NewtonOptions
 from dea_fenicsx.solvers.outcome import Counters, NegativePivots, Outcome
 from dea_fenicsx.solvers.refinement import Solution, solve_to
+from dea_fenicsx.solvers.small_krylov import fgmres
 from dea_fenicsx.solvers.split_factor import SPLIT_ROLES, SplitFactor
 from dea_fenicsx.solvers.tangent import SCALAR_MASS, Tangent
 from dea_fenicsx.support.compat import PETSc
@@ -38,11 +39,17 @@ The count needs a factor of the tangent at the accepted state.  The next step th
 as its preconditioner.
 """
 
+MOST_UNKNOWNS_IN_PYTHON = 20_000
+"""Unknowns up to which GMRES runs in Python on one rank: calls back from PETSc cost more there."""
+
 MOST_UNKNOWNS_LENT = 200_000
 """Unknowns up to which a factor stays in memory after a run, to be used for derivatives."""
 
 ASSEMBLY_IN_KRYLOV = {1: 15, 2: 15, 3: 30}
 """Cost of assembling the tangent, in Krylov iterations of a small problem, by dimension."""
+
+LIGHT_ASSEMBLY_IN_KRYLOV = {1: 6, 2: 6, 3: 30}
+"""The same where a plain factor makes each Krylov iteration cheap."""
 
 MULTIGRID_PATIENCE = 2
 """Multigrid may take this many times the Krylov iterations of a factor, before it is renewed."""
@@ -114,6 +121,8 @@ class LinearSolver:
         self._multigrid = Multigrid(problem, self.tangent.times) if multigrid else None
         self._patience = self.options.krylov_limit * (MULTIGRID_PATIENCE if multigrid else 1)
         self._ksp = self._petsc.keep("ksp", self._gmres())
+        self._directly = problem.comm.size == 1 and problem.unknowns <= MOST_UNKNOWNS_IN_PYTHON
+        self._small = self.tangent.operator.createVecs() if self._directly else None
         self._begin()
 
     def renew(self) -> None:
@@ -220,14 +229,14 @@ class LinearSolver:
         easy to solve for.
         """
         digits = -np.log10(rtol)
-        rate = max(iterations / digits, KRYLOV_PER_DIGIT_FRESH)
+        light = self._factor is self._whole and self._whole.is_light
+        best = 1 / digits if light else KRYLOV_PER_DIGIT_FRESH
+        rate = max(iterations / digits, best)
         self._best_rate = min(self._best_rate, rate)
         self._wasted += (rate - self._best_rate) * digits
-        self._stale = (
-            iterations > self._patience
-            or self._wasted
-            > ASSEMBLY_IN_KRYLOV[self.problem.mesh.topology.dim] + self._factor.worth
-        )
+        assembly = LIGHT_ASSEMBLY_IN_KRYLOV if light else ASSEMBLY_IN_KRYLOV
+        cost = assembly[self.problem.mesh.topology.dim] + self._factor.worth
+        self._stale = iterations > self._patience or self._wasted > cost
 
     def _factorise(self, factor: Kept, counting: bool = False) -> bool:
         """Make a new factor of the tangent; False if MUMPS fails however much room it gets."""
@@ -336,6 +345,11 @@ class LinearSolver:
         self.notify("solving")
         start = time.perf_counter()
         self._corotation.update()
+        if self._directly and not transposed:
+            found = self._small_krylov(rhs, rtol)
+            self.counters.krylov += found[1]
+            self.counters.krylov_s += time.perf_counter() - start
+            return found
         ksp = self._ksp
         ksp.setTolerances(rtol=rtol, atol=0.0, max_it=2 * self._patience)
         x, b = self.tangent.operator.createVecs()
@@ -353,6 +367,24 @@ class LinearSolver:
         b.destroy()
         self.counters.krylov_s += time.perf_counter() - start
         return solution, iterations
+
+    def _small_krylov(self, rhs: np.ndarray, rtol: float) -> tuple[np.ndarray | None, int]:
+        """The same in Python alone, on one rank."""
+        weights, corotation = self.tangent.weights, self._corotation
+        corotation.weights = weights
+        b, x = self._small
+
+        def precondition(values: np.ndarray) -> np.ndarray:
+            b.array[:] = values
+            corotation.apply(None, b, x)
+            return x.array_r
+
+        def product(values: np.ndarray) -> np.ndarray:
+            found = self.tangent.times(values)
+            return found if weights is None else weights * found
+
+        weighted = rhs if weights is None else weights * rhs
+        return fgmres(product, precondition, weighted, rtol, 2 * self._patience)
 
     def _gmres(self) -> Any:
         """GMRES, preconditioned from the right by the kept factor, rotated with the material."""

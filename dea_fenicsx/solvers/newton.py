@@ -186,7 +186,7 @@ class NewtonSolver(LinearSolver):
         norm = self.residual_of(residual)
         # If the fixed values change, this residual belongs to the old load, so it is not kept.
         history = [] if lifted else [norm]
-        iteration, increment = 0, None
+        iteration, increment, probed = 0, None, False
         while lifted is not None or norm > tolerance:
             if iteration == self.options.max_iterations and increment is not None:
                 outcome = self._slowness(history, increment)
@@ -211,9 +211,10 @@ class NewtonSolver(LinearSolver):
             iteration += 1
             self.counters.newton += 1
             if lifted is not None:  # only a part of the way: linearise again, and go on
-                residual, norm = self._timed_residual(), np.inf
+                residual, norm, probed = self._timed_residual(), np.inf, False
                 continue
             residual, norm, outcome = self._advance(start, increment, history)
+            probed = True
             if outcome is not Outcome.CONVERGED:
                 return Attempt(outcome, iteration, norm)
             if norm <= tolerance:
@@ -223,7 +224,7 @@ class NewtonSolver(LinearSolver):
             self.notify(f"Newton {iteration}: residual {norm:.1e}")
             if not np.isfinite(norm) or (iteration > 3 and norm > 1e4 * min(history[1:] or [norm])):
                 return Attempt(Outcome.DIVERGED, iteration, norm)
-        fault = fault_of(problem.probe())
+        fault = Outcome.CONVERGED if probed else fault_of(problem.probe())
         found = problem.state if fault is Outcome.CONVERGED else None
         return Attempt(fault, iteration, norm, found)
 

@@ -6,11 +6,9 @@ found only once ``dolfinx_solver`` has been imported.
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from functools import singledispatchmethod
 from typing import Any, NoReturn
 
 from dea_fenicsx.support.agreement import before_petsc
@@ -33,7 +31,10 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
-from dea_fenicsx.support import form_kinds
+from dea_fenicsx.support import (
+    form_kinds,
+    ufl_patches,  # noqa: F401  (changes UFL when it is imported)
+)
 from dea_fenicsx.support.compiling_ahead import compile_ahead
 from dea_fenicsx.support.dolfinx_objects import DolfinxObjects
 from dea_fenicsx.support.errors import MachineError
@@ -55,63 +56,6 @@ VERSION = _objects.version
 _COMPILE_FLAGS = ["-g0", "-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math",
                   "-fassociative-math", "-fno-signed-zeros", "-freciprocal-math",
                   "-fno-schedule-insns2"]  # fmt: skip
-
-
-def _let_traversers_go() -> None:
-    """Keep CPython 3.13 from holding on to each UFL expression whose derivatives were expanded.
-
-    Its `singledispatchmethod` caches a method for each instance in a dictionary with weak keys,
-    and the method owns the instance: no key ever goes.  UFL's traversers own the expression, its
-    functions and their communicators, of which MPICH has 2048.  Without a cache nothing is kept.
-    """
-    with suppress(ImportError):  # UFL 2024.2 has no such classes
-        from ufl.corealg.dag_traverser import DAGTraverser
-
-        classes = [DAGTraverser]
-        for cls in classes:
-            classes += cls.__subclasses__()
-            for method in vars(cls).values():
-                if isinstance(method, singledispatchmethod) and hasattr(method, "_method_cache"):
-                    method._method_cache = None
-
-
-_let_traversers_go()
-
-
-def _count_constants_with_one_length() -> None:
-    """Let the numbers of all constants have equally many digits.
-
-    UFL sorts the factors of a product by what is printed of them, so that a constant of number 10
-    comes before that of number 9.  The same scene would be compiled anew where its constants have
-    such numbers, which depends on how many constants a script had before.
-    """
-    ufl.Constant._counter = itertools.count(10**9)
-
-
-_count_constants_with_one_length()
-
-
-def _keep_cells() -> None:
-    """Let all elements of one shape of cell share UFL's description of it, which never changes.
-
-    Basix describes the cell anew, with all of its edges and faces, whenever an element is asked for
-    it.  UFL asks so often that this took a tenth of a small run.
-    """
-    made: dict[str, Any] = {}
-    base = basix.ufl._ElementBase
-    describe = vars(base)["cell"].fget
-
-    def cell(element: Any) -> Any:
-        name = element._cellname
-        if name not in made:
-            made[name] = describe(element)
-        return made[name]
-
-    base.cell = property(cell, doc=describe.__doc__)
-
-
-with suppress(AttributeError, KeyError):  # what is not there in another version stays as it is
-    _keep_cells()
 
 
 def jit_options() -> dict[str, Any]:
@@ -251,9 +195,20 @@ def geometry_dofmap(mesh: Any) -> np.ndarray:
     return mesh.geometry.dofmap if VERSION < (0, 11) else mesh.geometry.dofmaps[0]
 
 
+def _kind_of(form: Any) -> form_kinds.Kind | None:
+    """The kind of a form, which the form keeps."""
+    if KIND not in form._cache:
+        form._cache[KIND] = form_kinds.kind_of_form(form)
+    return form._cache[KIND]
+
+
+KIND = "kind of dea_fenicsx"
+"""Name of its kind in the dictionary that a form of UFL has for others."""
+
+
 def compile_form(form: Any) -> Any:
     """Compile a UFL form with this package's options."""
-    kind, options = form_kinds.kind_of_form(form), jit_options()
+    kind, options = _kind_of(form), jit_options()
     comm = _ranks_of(kind.domain if kind else form.ufl_domains()[0])
     made = _kept(kind, options, comm)
     if kind and made is not None:
@@ -271,7 +226,7 @@ def compile_together(first: Any, others: Callable[[], Sequence[Any]]) -> None:
         scalar = {"scalar_type": dolfinx.default_scalar_type}
         return dolfinx.jit.ffcx_jit(MPI.COMM_SELF, form, scalar, jit_options())
 
-    kind = form_kinds.kind_of_form(first)
+    kind = _kind_of(first)
     comm = _ranks_of(kind.domain if kind else first.ufl_domains()[0])
     if _kept(kind, jit_options(), comm) is None:
         with compiling(jit, comm):

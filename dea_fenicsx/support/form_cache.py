@@ -39,7 +39,12 @@ def cache_dir() -> Path:
     XDG_CACHE_HOME, unless that is empty or no absolute path: then, as the XDG Base Directory
     Specification demands, it counts as not set.
     """
-    given = os.environ.get("XDG_CACHE_HOME", "")
+    return _cache_dir(os.environ.get("XDG_CACHE_HOME", ""), os.environ.get("HOME"))
+
+
+@cache
+def _cache_dir(given: str, _: str | None) -> Path:
+    """The same for two variables of the environment, which say where the home is."""
     root = Path(given) if os.path.isabs(given) else Path.home() / ".cache"
     return root / "dea_fenicsx" / _processor()
 

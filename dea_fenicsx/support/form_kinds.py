@@ -121,16 +121,19 @@ class _Walk:
                 stack.pop()
                 continue
             operands = e.ufl_operands
-            missing = [o for o in operands if id(o) not in numbers]
-            if missing:
-                stack += missing
-                continue
-            stack.pop()
-            if operands:
-                node = (e._ufl_typecode_, *[numbers[id(o)] for o in operands])
-            else:
-                node = self._terminal(e)
-            numbers[id(e)] = nodes.setdefault(node, len(nodes))
+            node, waits = [e._ufl_typecode_], False
+            for o in operands:
+                number = numbers.get(id(o))
+                if number is None and o.ufl_operands:
+                    stack.append(o)
+                    waits = True
+                elif number is None:
+                    number = numbers[id(o)] = nodes.setdefault(self._terminal(o), len(nodes))
+                node.append(number)
+            if not waits:
+                stack.pop()
+                told = tuple(node) if operands else self._terminal(e)
+                numbers[id(e)] = nodes.setdefault(told, len(nodes))
         return numbers[id(root)]
 
     def kind(self, what: tuple) -> Kind:
@@ -151,11 +154,13 @@ class _Walk:
 
     def _terminal(self, e: Any) -> tuple:
         """What makes the code of an expression without operands."""
-        code = e._ufl_typecode_
-        for types, told in _TOLD:
-            if isinstance(e, types):
-                return (code, *told(self, e))
-        raise _Unknown
+        cls = type(e)
+        if cls not in _told_by:
+            _told_by[cls] = next((told for types, told in _TOLD if issubclass(cls, types)), None)
+        told = _told_by[cls]
+        if told is None:
+            raise _Unknown
+        return (e._ufl_typecode_, *told(self, e))
 
     def _index(self, e: Any) -> Iterable[Hashable]:
         for i in e:
@@ -222,6 +227,10 @@ _TOLD: tuple[tuple[type, Callable[[_Walk, Any], Iterable[Hashable]]], ...] = (
     (ExprList, _Walk._nothing), (ExprMapping, _Walk._nothing),
 )  # fmt: skip
 """How each kind of terminal tells what makes its code."""
+
+
+_told_by: dict[type, Callable[[_Walk, Any], Iterable[Hashable]] | None] = {}
+"""The same by the class of a terminal, as they are met."""
 
 
 def _by_count(counts: Sequence[int]) -> list[tuple[int, int]]:

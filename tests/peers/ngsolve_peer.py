@@ -137,13 +137,13 @@ def solve(case: Case, order: int = 2, jumps: bool = False) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def netgen_mesh(case: Case) -> tuple[Any, float]:
-    """The case's mesh, its size scaled to 1, and its size in m."""
+def netgen_mesh(case: Case, places: Any = None) -> tuple[Any, float]:
+    """The case's mesh, its size scaled to 1, and its size in m; its nodes lie at other `places`."""
     given = case.geometry.mesh()
     length = float(np.ptp(given.points, axis=0).max())
     made = NetgenMesh(dim=2 if case.flat else 3)
     place = np.zeros((len(given.points), 3))
-    place[:, : given.points.shape[1]] = given.points / length
+    place[:, : given.points.shape[1]] = given.points / length if places is None else places
     numbers = [made.Add(MeshPoint(Pnt(*map(float, x)))) for x in place]
     if case.flat:
         for index, (name, cells) in enumerate(given.regions.items(), start=1):

@@ -18,12 +18,14 @@ def material(rubber: Rubber) -> Any:
     return dea.Material(elastic, electric, rubber.bulk)
 
 
-def solve(case: Case, own_elements: bool = False, options: Any = None) -> dict[str, Any]:
-    """Solve a case; `own_elements` takes the package's default elements instead of the peers'.
+def solve(
+    case: Case, own_elements: bool = False, options: Any = None, degree: int = 2
+) -> dict[str, Any]:
+    """Solve a case; `own_elements` takes the package's own elements instead of the peers'.
 
-    `options` are those of Newton's method.
+    `options` are those of Newton's method, and `degree` is that of the own elements.
     """
-    device = dea.read_gmsh(case.geometry, MPI.COMM_WORLD)
+    device = dea.device(case.geometry, MPI.COMM_WORLD)
     kinematics: Any = dea.PlaneStrain() if case.flat else dea.ThreeD()
     if case.axisymmetric:
         kinematics = dea.Axisymmetric()
@@ -42,7 +44,7 @@ def solve(case: Case, own_elements: bool = False, options: Any = None) -> dict[s
         supports=[*([dea.Clamp(case.clamped)] if case.clamped else []), *sliding],
         prescribed=plate,
         kinematics=kinematics,
-        elements=dea.Discretisation() if own_elements else same,
+        elements=dea.Discretisation(degree=degree) if own_elements else same,
     )  # fmt: skip
     along = scene.kinematics.axes[case.axis]
     path: Any = dea.Ramp("press" if plate else "voltage", steps=case.steps)
