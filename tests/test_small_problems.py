@@ -7,8 +7,8 @@ import pytest
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.geometry import BoxStack, HollowSphere, Layer
-from dea_fenicsx.mesh import boxes, device
+from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx.mesh import device
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.solvers import factors, unpivoted
@@ -106,7 +106,7 @@ def test_gmres():
 def test_boxes_are_meshed_as_by_gmsh(family, monkeypatch):
     """Nodes, cells, tags, names and quality."""
     quick = dea.device(family, MPI.COMM_SELF)
-    monkeypatch.setattr(device, "of_boxes", lambda *given: None)
+    monkeypatch.setattr(device, "has_shares", lambda *given: False)
     slow = dea.device(family, MPI.COMM_SELF)
     for found, told in (
         (quick.mesh.geometry.x, slow.mesh.geometry.x),
@@ -118,8 +118,3 @@ def test_boxes_are_meshed_as_by_gmsh(family, monkeypatch):
     assert (quick.regions, quick.surfaces) == (slow.regions, slow.surfaces)
     assert (quick.source, quick.length) == (slow.source, slow.length)
     assert quick.quality == pytest.approx(slow.quality)
-
-
-def test_other_cells_are_no_boxes():
-    assert boxes.boxes_of(HollowSphere(1e-3, 2e-3)) is None
-    assert boxes.boxes_of("a file.msh") is None
