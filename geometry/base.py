@@ -44,10 +44,10 @@ class Geometry(ABC):
     def refine(self, factor: int) -> Geometry:
         """The same device with all divisions multiplied by ``factor``."""
 
-    makes_shares: ClassVar[bool] = False
-    """Whether several ranks can make the mesh together, by `share`."""
+    makes_parts: ClassVar[bool] = False
+    """Whether several ranks can make the mesh together, by `mesh_part`."""
 
-    def share(self, part: int, parts: int) -> StructuredMesh:
+    def mesh_part(self, part: int, parts: int) -> StructuredMesh:
         """What one of several ranks makes of the mesh.
 
         Its cells are an equal part of those of `mesh`, in the order of the regions there, and its
@@ -59,15 +59,15 @@ class Geometry(ABC):
         part, parts
             Which part, from 0, and how many there are.
         """
-        raise NotImplementedError(f"{type(self).__name__} makes no shares.")
+        raise NotImplementedError(f"{type(self).__name__} makes no parts.")
 
-    def groups_of_shares(self) -> dict[str, int]:
-        """Of a family with shares: what `groups` gives, without making a mesh."""
-        raise NotImplementedError(f"{type(self).__name__} makes no shares.")
+    def groups_of_parts(self) -> dict[str, int]:
+        """Of a family that makes parts: what `groups` gives, without making a mesh."""
+        raise NotImplementedError(f"{type(self).__name__} makes no parts.")
 
-    def shape(self) -> dict[str, float]:
-        """``least_scaled_jacobian`` and ``largest_aspect`` of the cells of a family with shares."""
-        raise NotImplementedError(f"{type(self).__name__} makes no shares.")
+    def cell_shape(self) -> dict[str, float]:
+        """``least_scaled_jacobian`` and ``largest_aspect`` of a family that makes parts."""
+        raise NotImplementedError(f"{type(self).__name__} makes no parts.")
 
     def build(self, name: str | None = None) -> Any:
         """Add a gmsh model, make it current, and return ``gmsh.model``.

@@ -61,7 +61,7 @@ class BoxStack(FlatStack):
     grading: float | tuple[float, ...] = 1.0
     ends: str | tuple[str, ...] = "both"
     x0: float = 0.0
-    makes_shares: ClassVar[bool] = True
+    makes_parts: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check.length("BoxStack", "length", self.length)
@@ -131,8 +131,8 @@ class BoxStack(FlatStack):
         self.name_parts(mesh, cell)
         return mesh
 
-    def share(self, part: int, parts: int) -> StructuredMesh:
-        """See `Geometry.share`."""
+    def mesh_part(self, part: int, parts: int) -> StructuredMesh:
+        """See `Geometry.mesh_part`."""
         ends, bounds = self.cell_ends(), np.cumsum([0] + [one.divisions for one in self.layers])
         base = tuple(len(e) - 1 for e in ends[:-1])
         total = int(np.prod(base)) * int(bounds[-1])
@@ -153,12 +153,12 @@ class BoxStack(FlatStack):
         self.name_parts(mesh, joined)
         return mesh
 
-    def groups_of_shares(self) -> dict[str, int]:
-        """See `Geometry.groups_of_shares`."""
+    def groups_of_parts(self) -> dict[str, int]:
+        """See `Geometry.groups_of_parts`."""
         regions = dict.fromkeys((layer.name for layer in self.layers), self.dimension)
         return regions | dict.fromkeys(self._facet_names(), self.dimension - 1)
 
-    def shape(self) -> dict[str, float]:
+    def cell_shape(self) -> dict[str, float]:
         """The cells are boxes; the longest over the shortest edge that meet in one."""
         edges = [np.diff(e) for e in self.cell_ends()]
         pairs = [(a, b) for i, a in enumerate(edges) for k, b in enumerate(edges) if i != k]

@@ -80,19 +80,19 @@ def test_rows_by_the_order_of_the_file():
 
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("width", [2.0, None])
-def test_shares_of_a_stack_make_the_whole(order, width):
-    """Cells, points and groups of the shares are those of the whole mesh, in its order."""
+def test_parts_of_a_stack_make_the_whole(order, width):
+    """Cells, points and groups of the parts are those of the whole mesh, in its order."""
     layers = [Layer("a", 1.0, 2), Layer("b", 0.5), Layer("a", 1.0)]
     box = BoxStack(3.0, width, layers, (3, 2), order=order, grading=(2.0, 1.0))
-    mesh, shares = box.mesh(), [box.share(k, 5) for k in range(5)]
+    mesh, parts = box.mesh(), [box.mesh_part(k, 5) for k in range(5)]
     rows = np.concatenate(list(mesh.regions.values()))
-    assert np.array_equal(np.concatenate([s.cells for s in shares]), mesh.cells[rows])
-    assert np.array_equal(np.concatenate([s.points for s in shares]), mesh.points)
-    assert list(box.groups_of_shares().items()) == list(box.groups().items())
+    assert np.array_equal(np.concatenate([s.cells for s in parts]), mesh.cells[rows])
+    assert np.array_equal(np.concatenate([s.points for s in parts]), mesh.points)
+    assert list(box.groups_of_parts().items()) == list(box.groups().items())
     for name, facets in mesh.facets.items():
-        found = np.concatenate([s.facets[name] for s in shares if name in s.facets])
+        found = np.concatenate([s.facets[name] for s in parts if name in s.facets])
         wanted, found = (np.sort(f.reshape(len(f), -1), axis=1) for f in (facets, found))
         assert np.array_equal(np.unique(found, axis=0), np.unique(wanted, axis=0))
-    sizes = [sum(len(s.regions.get(n, ())) for s in shares) for n in mesh.regions]
+    sizes = [sum(len(s.regions.get(n, ())) for s in parts) for n in mesh.regions]
     assert sizes == [len(cells) for cells in mesh.regions.values()]
-    assert box.shape()["least_scaled_jacobian"] == 1.0
+    assert box.cell_shape()["least_scaled_jacobian"] == 1.0

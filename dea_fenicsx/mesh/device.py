@@ -16,7 +16,7 @@ from dea_fenicsx.geometry.base import Geometry
 from dea_fenicsx.mesh.cad import Names, lengths
 from dea_fenicsx.mesh.facets_by_tags import FacetsByTags
 from dea_fenicsx.mesh.foreign.options import is_family
-from dea_fenicsx.mesh.making import by_gmsh, by_shares, has_shares
+from dea_fenicsx.mesh.making import by_gmsh, by_parts, comes_in_parts
 from dea_fenicsx.mesh.named_by_place import Where, check_wanted, named_by_place
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError, install_hook
@@ -166,9 +166,8 @@ def device(
     source
         A geometry of `dea_fenicsx.geometry` (anything with ``build()``), or the path of a file:
         .msh and .geo with a named physical group for each part and each surface that the scene
-        needs, or STEP (.step, .stp).  Only rank 0 builds or reads it, but of a family with shares
-        (`BoxStack`) each rank makes its own.  Groups of surfaces may
-        overlap.  Prisms, pyramids and mixed cells are divided into tetrahedra (in the plane:
+        needs, or STEP (.step, .stp).  Only rank 0 builds or reads it, but each rank makes its own
+        part of a `BoxStack`.  Groups of surfaces may overlap.  Prisms, pyramids and mixed cells are divided into tetrahedra (in the plane:
         triangles), and `Device.source` says so.
     comm
         The MPI communicator.
@@ -196,8 +195,8 @@ def device(
     check_same(comm, {"dim": dim, "unit": unit, "surfaces": chosen["surfaces"]})
     unit, chosen["size"] = lengths(label, unit, chosen["size"])
     _check_options(dim, **{name: chosen[name] for name in ("curved", "apart", "programs")})
-    if has_shares(source, chosen):
-        mesh, named, told = by_shares(source, comm, label, dim)
+    if comes_in_parts(source, chosen):
+        mesh, named, told = by_parts(source, comm, label, dim)
     else:
         mesh, named, told = by_gmsh(source, comm, label, dim, unit, chosen)
     extent = scale(mesh)

@@ -1,6 +1,6 @@
 """From a geometry or a file to a mesh on all ranks with its named groups.
 
-A family that can make shares of its mesh makes one on each rank, and no rank holds the whole.  All
+A family that can make parts of its mesh makes one on each rank, and no rank holds the whole.  All
 other meshes are built or read by gmsh on rank 0.
 """
 
@@ -45,35 +45,35 @@ class Told(NamedTuple):
     source: str
 
 
-def has_shares(source: Any, options: dict[str, Any]) -> bool:
-    """Whether a device can be made of shares: a family that makes them, with no other wish."""
+def comes_in_parts(source: Any, options: dict[str, Any]) -> bool:
+    """Whether a device can be made of parts: a family that makes them, with no other wish."""
     if not is_family(source) or not isinstance(source, Geometry):
         return False
     plain = options["size"] is None and not options["names"] and not options["surfaces"]
-    return plain and source.makes_shares
+    return plain and source.makes_parts
 
 
-def by_shares(
+def by_parts(
     source: Geometry, comm: MPI.Comm, label: str, dim: int | None
 ) -> tuple[Any, Named, Told]:
-    """The mesh of a family of which each rank makes its share.  Collective."""
-    share = source.share(comm.rank, comm.size)
-    cells = share.dimension
+    """The mesh of a family of which each rank makes its part.  Collective."""
+    part = source.mesh_part(comm.rank, comm.size)
+    cells = part.dimension
     _check_dimension(dim, cells, label)
     names = {cells: dict[str, int](), cells - 1: dict[str, int]()}
-    for tag, (name, d) in enumerate(source.groups_of_shares().items(), 1):
+    for tag, (name, d) in enumerate(source.groups_of_parts().items(), 1):
         names[d][name] = tag
-    values = np.zeros(len(share.cells), dtype=np.int32)
-    for name, numbers in share.regions.items():
+    values = np.zeros(len(part.cells), dtype=np.int32)
+    for name, numbers in part.regions.items():
         values[numbers] = names[cells][name]
-    facets = [np.empty((0, *share.cells.shape[2:]), dtype=np.int64), *share.facets.values()]
-    tags = [np.full(len(part), names[cells - 1][name]) for name, part in share.facets.items()]
-    mesh = _mesh(comm, share.cells, share.points[:, : source.dimension])
-    of_cells = _tags(mesh, share.cells, values)
+    facets = [np.empty((0, *part.cells.shape[2:]), dtype=np.int64), *part.facets.values()]
+    tags = [np.full(len(f), names[cells - 1][name]) for name, f in part.facets.items()]
+    mesh = _mesh(comm, part.cells, part.points[:, : source.dimension])
+    of_cells = _tags(mesh, part.cells, values)
     of_facets = _tags(mesh, np.concatenate(facets), np.concatenate([np.empty(0, int), *tags]))
     named = Named(of_cells, names[cells], of_facets, names[cells - 1], {})
     groups = {name: (d, tag) for d, found in names.items() for name, tag in found.items()}
-    return mesh, named, Told(groups, {}, cells, source.dimension, source.shape(), label)
+    return mesh, named, Told(groups, {}, cells, source.dimension, source.cell_shape(), label)
 
 
 def _mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray) -> Any:

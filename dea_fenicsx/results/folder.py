@@ -41,6 +41,7 @@ from dea_fenicsx.results.plain_text import json_value, number_text
 from dea_fenicsx.results.reading import read_history, read_summary
 from dea_fenicsx.results.shared_folder import SharedFolder
 from dea_fenicsx.results.split_grid import SplitGrid
+from dea_fenicsx.results.spread import Table
 from dea_fenicsx.results.surface_blocks import DOCUMENTS, Blocks, block_xml, blocks_in
 from dea_fenicsx.results.surface_names import (
     NODAL,
@@ -181,9 +182,9 @@ class Folder(SharedFolder):
         step: int,
         told: dict[str, Any] | None,
         history: list[dict[str, Any]],
-        nodes: dict[str, np.ndarray] | None,
-        cells: dict[str, np.ndarray] | None,
-        states: Sequence[np.ndarray | None],
+        nodes: Mapping[str, Table] | None,
+        cells: Mapping[str, Table] | None,
+        states: Sequence[Table | None],
         surfaces: Mapping[str, tuple[Fields, Fields]] = MappingProxyType({}),
         nodal: Fields | None = None,
     ) -> None:
@@ -352,8 +353,8 @@ class Folder(SharedFolder):
         self,
         step: int,
         grid: Grid | None,
-        nodes: dict[str, np.ndarray] | None,
-        mode: np.ndarray | None,
+        nodes: Mapping[str, Table] | None,
+        mode: Table | None,
     ) -> None:
         """Write a null vector with the state it belongs to: modes/mode_<step>.xdmf (rank 0)."""
         if self.comm.rank != 0:
@@ -365,7 +366,7 @@ class Folder(SharedFolder):
 
         def put(h5: Any) -> None:
             hdf5.put_grid(h5, grid)
-            for name, values in (nodes | {"mode": mode}).items():
+            for name, values in {**nodes, "mode": mode}.items():
                 hdf5.put_table(h5, f"node/{name}", values)
 
         replace_file(file, hdf5.image(put))

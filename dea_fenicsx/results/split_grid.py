@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +53,7 @@ class SplitGrid:
         ndarray of shape (nodes of the grid, numbers)
         """
         size, start = len(self.origin), 0
-        total = np.float64(0)
+        total: Any = 0.0
         for part in inner:
             where = self.table[start : start + len(part)].ravel()
             start += len(part)
@@ -60,7 +61,7 @@ class SplitGrid:
                 np.bincount(where, (part[:, :, k] @ to_nodes.T).ravel(), minlength=size)
                 for k in range(part.shape[2])
             ])  # fmt: skip
-        return total / np.bincount(self.table.ravel(), minlength=size)[:, None]
+        return np.asarray(total / np.bincount(self.table.ravel(), minlength=size)[:, None])
 
 
 def split(grid: Grid, table: np.ndarray, surfaces: Sequence[np.ndarray]) -> SplitGrid:

@@ -28,6 +28,7 @@ from dea_fenicsx.results import checkpoint
 from dea_fenicsx.results.fields import FieldWriter
 from dea_fenicsx.results.identity import mesh_facts
 from dea_fenicsx.results.moment import NO_MOMENT, MomentInTime, moment_of, moment_told
+from dea_fenicsx.results.spread import Table
 from dea_fenicsx.results.untrusted import Foreign, inside
 from dea_fenicsx.scene.amounts import amounts_of
 from dea_fenicsx.support.errors import InputError
@@ -138,7 +139,7 @@ def state_file(step: int) -> str:
     return f"step_{step:05d}.npz"
 
 
-def keep_state(folder: Path, values: np.ndarray, told: Mapping[str, Any]) -> None:
+def keep_state(folder: Path, values: Table, told: Mapping[str, Any]) -> None:
     """Write the state of a step beside those of other steps (rank 0).
 
     Parameters
