@@ -33,6 +33,10 @@ class Geometry(ABC):
     def mesh(self) -> StructuredMesh:
         """Nodes, cells and named parts as plain arrays."""
 
+    def mesh_of_order(self, order: int) -> StructuredMesh | None:
+        """The mesh with cells of a degree beyond 2; None if a parameter ``order`` chooses it."""
+        return None
+
     @abstractmethod
     def measures(self) -> dict[str, float]:
         """Exact measure of every group in closed form.

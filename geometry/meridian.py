@@ -119,8 +119,12 @@ class Meridian(Geometry):
 
     def mesh(self) -> StructuredMesh:
         """Nodes, cells and named parts as plain arrays."""
-        share = lattice_points(graded(self.cells, self.grading, "start"), 2)
-        cell, node = block((self.cells,), 2)
+        return self.mesh_of_order(2)
+
+    def mesh_of_order(self, order: int) -> StructuredMesh:
+        """The same with cells of a given degree."""
+        share = lattice_points(graded(self.cells, self.grading, "start"), order)
+        cell, node = block((self.cells,), order)
         points = np.zeros((len(share), 3))
         points[:, :2] = self._places(share)
         mesh = StructuredMesh(points, node[0])

@@ -24,7 +24,7 @@ def quartic(family: Geometry) -> StructuredMesh:
     """The mesh of a family with cells of fourth order.
 
     Nodes of curved cells lie where the family has them: on its own cells of fourth order, or else
-    on a mesh of half the size.  If neither holds the nodes of this mesh, the cells keep their shape.
+    on a mesh of half the size.  If neither holds the nodes of this mesh, cells keep their shape.
     """
     mesh = family.mesh()
     if mesh.order == 1 or not is_curved(mesh):
@@ -45,11 +45,10 @@ def quartic(family: Geometry) -> StructuredMesh:
 
 def _of_family(family: Geometry, mesh: StructuredMesh) -> StructuredMesh | None:
     """The family's own mesh of fourth order, or None if it has none that goes through `mesh`."""
-    higher = _higher(family)
-    if higher is None:
-        return None
-    found = higher.mesh()
-    if found.order != QUARTIC_ORDER or len(found.cells) != len(mesh.cells):
+    found = family.mesh_of_order(QUARTIC_ORDER)
+    if found is None and (higher := _higher(family)) is not None:
+        found = higher.mesh()
+    if found is None or found.order != QUARTIC_ORDER or len(found.cells) != len(mesh.cells):
         return None
     off = found.points[_thinned(found.cells, 2)] - mesh.points[mesh.cells]
     near = np.abs(off).max() < CURVED * np.ptp(mesh.points, axis=0).max()

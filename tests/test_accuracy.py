@@ -26,8 +26,10 @@ from dea_fenicsx.geometry import (
     _gmsh,
 )  # fmt: skip
 from dea_fenicsx.geometry.bisected import Bisected, sheets
+from dea_fenicsx.geometry.quartic import of_order, quartic
+from dea_fenicsx.gradients.discretisation import DiscretisationError
 from dea_fenicsx.mesh.sheets import over_sheets, with_exact_shape
-from dea_fenicsx.run.accuracy import AccuracySearch
+from dea_fenicsx.run.accuracy import AccuracySearch, Level
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
@@ -243,6 +245,76 @@ def test_an_accuracy_that_is_not_reached_is_told(monkeypatch):
     )  # fmt: skip
     told = run.summary["accuracy"]
     assert not told["reached"] and told["error"] > 1e-6 and told["degree"] == 2
+
+
+def test_where_no_parts_are_known_all_cells_are_halved():
+    """An observable of a script: first the degree, then uniformly finer meshes."""
+    scene = replace(tube(clamped=True), elements=dea.Discretisation(degree=4))
+    run = dea.solve(
+        scene, dea.Ramp(steps=4), {"own": Wider()}, quiet=True, accuracy=("own", 3e-2)
+    )  # fmt: skip
+    told = run.summary["accuracy"]
+    assert told["reached"] and [level["cells"] for level in told["levels"][:2]] == [2, 8]
+    assert abs(run["own_m"] / CLAMPED_M - 1) < 3e-2
+
+
+def test_a_finer_mesh_that_loses_equilibrium(monkeypatch):
+    """What a coarse mesh bears is no answer of known accuracy then."""
+    tried = AccuracySearch._try
+
+    def lost(self, scene):
+        if self.levels:
+            raise dea.EquilibriumLost("Equilibrium was lost.")
+        return tried(self, scene)
+
+    monkeypatch.setattr(AccuracySearch, "_try", lost)
+    run = dea.solve(
+        tube(clamped=True), dea.Ramp(steps=4), WIDER, quiet=True, accuracy=("wider", 0.1)
+    )  # fmt: skip
+    told = run.summary["accuracy"]
+    assert told["lost"] and not told["reached"] and told["degree"] == 2
+
+
+def test_predictions_that_drift():
+    """The spread of what three meshes predict is doubt; a first mesh alone is doubted, too."""
+    search = AccuracySearch("wider", WIDER["wider"], 1e-2, lambda scene: None, lambda line: None)
+
+    def level(value, estimate):
+        return DiscretisationError("wider", value, estimate, estimate, 1, 3)
+
+    assert search._drifting(1e-3, level(1.0, 1e-3)) == pytest.approx(3e-3)
+    tried = ((7.0, 7.0), (0.9, 0.01), (0.95, 0.01))
+    search.levels = [Level(3, 1, 1, v, e, e, e, 0.0) for v, e in tried]
+    assert search._drifting(1e-3, level(1.0, 1e-3)) == pytest.approx(1e-3 + 1.001 - 0.91)
+
+
+CURVED = {
+    "round core": DiskStack(5e-3, [Layer("a", 1e-3)], radial=2, angular=8),
+    "helix": HDEA(turns=1, angular=8, radial=2),
+    "graded line": Meridian((0, 1e-3), (1e-3, 0), (0, 0), cells=4, grading=3.0),
+    "surface": Balloon(1e-3, 4),
+    "octant": HollowSphere(1e-3, 1.2e-3, "octant", 1, 4),
+}
+
+
+@pytest.mark.parametrize("name", CURVED)
+def test_all_curved_families_have_cells_of_fourth_order(name):
+    """They hold the nodes of the quadratic cells, and lie closer to the device's true size."""
+    family = CURVED[name]
+    mesh, found = family.mesh(), quartic(family)
+    assert of_order(found, 2).points[of_order(found, 2).cells] == pytest.approx(
+        mesh.points[mesh.cells], abs=1e-12
+    )
+
+    def off(mesh):
+        with _gmsh.temporary_model(mesh, "device") as model:
+            return {k: size for k, (_, _, size) in _gmsh.measure(model).items()}
+
+    halved = off(Bisected(family).halved(np.unique(sheets(mesh))).mesh())
+    coarse, exact = off(mesh), family.measures()
+    before = {k: abs(coarse[k] / size - 1) for k, size in exact.items() if size}
+    curved = [k for k, error in before.items() if error > 1e-9]
+    assert curved and all(abs(halved[k] / exact[k] - 1) < before[k] / 8 for k in curved)
 
 
 def searched(comm):

@@ -24,14 +24,15 @@ from test_convergence import (
 )  # fmt: skip
 
 import dea_fenicsx as dea
-from dea_fenicsx.geometry import BoxStack, Layer, Tube
+from dea_fenicsx.exact import RoundBalloon
+from dea_fenicsx.geometry import BoxStack, HollowSphere, Layer, Tube
 from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.results.reading import read_frame
 from dea_fenicsx.support import compat
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 QUADRATURE = 12
-"""Degree of the quadrature of errors: one of few points could have all of them where errors vanish."""
+"""Degree of the quadrature of errors; the points of a lower one may lie where errors vanish."""
 WALL = {"wall": dea.Material(dea.NeoHookean(MU), dea.IdealDielectric(EPS_R))}
 
 
@@ -123,6 +124,28 @@ def test_orders_on_curved_hexahedra(degree, levels):
     """u: k + 1 in L2, k in H1; p: k; phi: k + 1, as on straight cells."""
     slope = rates(levels, [quarter(n, degree) for n in levels])
     assert np.all(slope > np.array([1, 0, 0, 1]) + degree - 0.1), slope
+
+
+def test_curved_cells_are_of_the_degree_of_the_elements(tmp_path):
+    """Two cells of a sphere: its area, and what is drawn of it."""
+    ball = RoundBalloon(1e-3, 1.2e-3, WALL["wall"])
+    device = dea.device(HollowSphere(1e-3, 1.2e-3, "half", 1, 2), MPI.COMM_SELF)
+    scene = dea.Scene(
+        device, WALL, [dea.Electrode("inner", ball.at(1.15e-3).volts), dea.Ground("outer")],
+        [dea.Fix("axis", "r"), dea.Fix("equator", "z")], kinematics=dea.Axisymmetric(),
+        elements=dea.Discretisation(degree=3),
+    )  # fmt: skip
+    assert compat.coordinate_element(scene.device.mesh).degree == 3
+    assert dea.Scene(  # another scene with this device has the same cells
+        device, WALL, supports=scene.supports, kinematics=scene.kinematics, elements=scene.elements
+    ).device is scene.device  # fmt: skip
+    area = {"area": dea.Area("inner")}
+    run = dea.solve(scene, dea.Ramp(steps=3), area, tmp_path / "ball", quiet=True)
+    assert run["area_m2"] == pytest.approx(2 * np.pi * 1.15e-3**2, rel=1e-4)
+    grid = read_frame(tmp_path / "ball").grid
+    R = np.hypot(*grid.points[:, :2].T)
+    assert grid.cells_dict.keys() == {28}  # VTK's quadrilateral of nine nodes, drawn curved
+    assert np.all((R > 0.9997e-3) & (R < 1.2001e-3))  # cubic arcs of 45 degrees are off by 2e-4
 
 
 def bender(comm):

@@ -49,8 +49,8 @@ UNCONFIRMED = 3.0
 CONFIRMING = 3
 """Number of discretisations whose predictions of the exact value are compared.
 
-At singular corners one degree more may see a seventh of the error alone.  Then the predictions drift
-from mesh to mesh, and by about as much they are still wrong.
+At singular corners one degree more may see a seventh of the error alone.  Then the predictions
+drift from mesh to mesh, and by about as much they are still wrong.
 """
 
 MOST_CHOICES = 14
@@ -194,7 +194,7 @@ class AccuracySearch:
         return max(found.relative, DOUBT * float(self._parts.sum()) / abs(found.value))
 
     def _drifting(self, largest: float, found: DiscretisationError) -> float:
-        """The estimated relative error, with a doubt where predictions of the exact value differ."""
+        """The estimated relative error, with a doubt where predictions of the value differ."""
         before = self.levels[1 - CONFIRMING :]
         if not before or not found.value:
             return UNCONFIRMED * largest

@@ -19,8 +19,8 @@ EPSILON_0 = 8.8541878128e-12
 class Rubber:
     """Constants of a material.
 
-    mu in Pa, Jm of Gent's model or None for neo-Hookean, eps_r of a dielectric or None, and the bulk
-    modulus in Pa or None for incompressible rubber.
+    mu in Pa, Jm of Gent's model or None for neo-Hookean, eps_r of a dielectric or None, and the
+    bulk modulus in Pa or None for incompressible rubber.
     """
 
     mu: float
