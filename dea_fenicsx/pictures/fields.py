@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dea_fenicsx.pictures.drawn_body import ISOMETRIC, X, Y, Z, DrawnBody
+from dea_fenicsx.pictures.drawn_body import ISOMETRIC, DrawnBody, X, Y, Z
 from dea_fenicsx.pictures.obstacles import DrawnObstacle
 from dea_fenicsx.pictures.pieces import triangles_of
 from dea_fenicsx.pictures.raster import Canvas
