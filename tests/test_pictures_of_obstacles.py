@@ -98,7 +98,8 @@ def test_where_obstacles_are(tmp_path):
         obstacle(plane, carried_by="no such part"),
     )
     columns = (run / "history.csv").read_text().splitlines()
-    rows = [row + f",{press}" for row, press in zip(columns, ("press_factor", 0, 0.25, 1), strict=True)]
+    press = ("press_factor", 0, 0.25, 1)
+    rows = [f"{row},{factor}" for row, factor in zip(columns, press, strict=True)]
     (run / "history.csv").write_text("\n".join(rows) + "\n")
     still, moved = (obstacles_of(run, step) for step in (0, 2))
     assert len(still) == len(moved) == 2
