@@ -31,8 +31,11 @@ Where the contact grows behind the bend, the corner is rounded.  A short straigh
 the path by much of its own length, but by little of the whole motion.
 """
 
-TANGENT_TOLERANCE = 1e-3
-"""Relative tolerance of the linear solves for both tangents."""
+SLOPE_TOLERANCE = 1e-8
+"""Relative tolerance of the linear solves for both tangents.
+
+A looser one leaves a large error in the bending of thin parts, and so in the bent way.
+"""
 
 SHORT = 0.05
 """Motion along a straight part, as a share of the whole motion, that needs no state half-way."""
@@ -100,7 +103,7 @@ class Bend:
         problem = solver.problem
         rates = {name: last.factors[name] - f for name, f in first.factors.items()}
         slopes = [
-            path_slope(solver, state, rates, TANGENT_TOLERANCE) for state in (first, last)
+            path_slope(solver, state, rates, SLOPE_TOLERANCE) for state in (first, last)
         ]
         if slopes[0] is None or slopes[1] is None:
             return None

@@ -182,8 +182,9 @@ class Evidence:
     def _was_refused(self, found: State) -> bool:
         """Whether this state was refused before: from another start it is still the same one."""
         last = self._refused
-        same = last is not None and last.factors == found.factors
-        return same and self.predictor.moved(last, found) < NEGLIGIBLE_MOTION
+        if last is None or dict(last.factors) != dict(found.factors):
+            return False
+        return self.predictor.moved(last, found) < NEGLIGIBLE_MOTION
 
     def _bend(self, first: State, last: State) -> Bend | None:
         return Bend.between(self.solver, self.predictor, first, last)

@@ -91,10 +91,9 @@ def net(
     parts = []
     for axis in flat if len(flat) else range(3):
         for place in np.linspace(low[axis], high[axis], 1 if len(flat) else PLANES_OF_NET):
-            ends = [low.copy(), high.copy()]
-            for end in ends:
-                end[axis] = place
-            parts.append(lines(function, *ends, int(axis), FINE_IN_NET))
+            first, last = low.copy(), high.copy()
+            first[axis] = last[axis] = place
+            parts.append(lines(function, first, last, int(axis), FINE_IN_NET))
     return np.concatenate(parts)
 
 

@@ -48,9 +48,9 @@ def report(
     """Write a run as one HTML file that any browser shows.
 
     It shows the device in three dimensions, turned and zoomed with the mouse, with its steps on a
-    slider and a field on its surface, the electrodes, obstacles, the curves of the history, events, failures,
-    settings, versions and cost.  The surface is thinned to 20 000 points, in single precision; of
-    very many steps some are left out evenly.
+    slider and a field on its surface, the electrodes, obstacles, the curves of the history, events,
+    failures, settings, versions and cost.  The surface is thinned to 20 000 points, in single
+    precision; of very many steps some are left out evenly.
 
     Parameters
     ----------
