@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from conftest import on_demand
 from scipy.integrate import quad
 
 import dea_fenicsx as dea
@@ -150,3 +151,28 @@ def test_a_trace_ends_at_a_turn_aside():
     last = error.value.run.history[-1]
     assert last["event"] == "turn aside"
     assert "turn aside" in str(error.value.run.summary["events"])
+
+
+@on_demand
+def test_an_octant_in_space_stays_round_to_four_times_the_radius():
+    """Shapes of the number 4 that the mesh's own symmetry allows cross the round branch."""
+    wall = dea.Material(dea.NeoHookean(1e5), dea.IdealDielectric(4.0))
+    ball = exact.RoundBalloon(1e-3, 1.2e-3, wall)
+    scene = dea.Scene(
+        dea.read_gmsh(HollowSphere(1e-3, 1.2e-3, "octant", 1, 8)), {"wall": wall},
+        electrodes=[dea.Electrode("inner", ball.limits(2e-3)[0].volts), dea.Ground("outer")],
+        supports=[dea.Fix(f"{axis}_min", axis) for axis in "xyz"],
+    )  # fmt: skip
+    places = {"x": (1, 0, 0), "edge": (1, 1, 0), "corner": (1, 1, 1)}
+    record = {
+        name: dea.AtPoint(tuple(1e-3 * np.array(at) / np.linalg.norm(at)), "displacement", "x")
+        for name, at in places.items()
+    }
+    path = dea.Trace("voltage", steps=200, until=("x_m", 3e-3))
+    run = dea.solve(scene, path, record, quiet=True, stability="never")
+    x = run.column("x_m")[1:]
+    assert x[-1] == pytest.approx(3e-3, rel=1e-6)
+    assert math.sqrt(2) * run.column("edge_m")[1:] == pytest.approx(x, abs=2e-6)
+    assert math.sqrt(3) * run.column("corner_m")[1:] == pytest.approx(x, abs=2e-6)
+    volts = [ball.at(1e-3 + u).volts for u in x]
+    assert run.column("voltage_V")[1:] == pytest.approx(volts, rel=5e-4)

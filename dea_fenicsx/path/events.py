@@ -18,7 +18,7 @@ from dea_fenicsx.solvers.outcome import Attempt
 from dea_fenicsx.support.errors import SolverError
 
 MOST_CHANGES_LOCATED = 3
-"""Largest number of changes of the inertia that are located in one step.
+"""Largest number of changes of the inertia that are located in one step, beside its limit point.
 
 A slack film has dozens of them in one step.
 """
@@ -176,7 +176,7 @@ class Sentinel:
         changed = before is not None and count is not None and abs(count - before) > limits
         if self.stability and changed:
             assert before is not None and count is not None
-            found += self.bifurcations(place, before, count, rates)
+            found += self.bifurcations(place, before, count, rates, limits)
         if any(e.mode is not None for e in found):
             self.solver.forget_factor()  # The factor belongs to a singular tangent.
         return sorted(found, key=lambda e: e.share)
@@ -205,7 +205,7 @@ class Sentinel:
         return Passed(alarm.name, share, attempts[-1])
 
     def bifurcations(
-        self, place: Place, before: int, after: int, rates: Mapping[str, float]
+        self, place: Place, before: int, after: int, rates: Mapping[str, float], limits: int = 0
     ) -> list[Passed]:
         """The first bifurcations on the way, located by changes of the inertia.
 
@@ -220,10 +220,12 @@ class Sentinel:
             Negative eigenvalues at its two ends.
         rates
             Change of each ramp's factor along the way.
+        limits
+            As of `passed`.
         """
         found: list[Passed] = []
         low = 0.0
-        for _ in range(min(abs(after - before), MOST_CHANGES_LOCATED)):
+        for _ in range(min(abs(after - before), MOST_CHANGES_LOCATED + limits)):
             critical = self._spectrum.locate(place, before, rates, low)
             if critical is None:
                 break

@@ -166,4 +166,4 @@ class SoftShapes:
 
     def _sum(self, values: np.ndarray | float) -> np.ndarray:
         comm = self.branch.problem.comm
-        return np.asarray(comm.allreduce(np.ascontiguousarray(values), op=MPI.SUM))
+        return np.asarray(comm.allreduce(np.asarray(values, order="C"), op=MPI.SUM))

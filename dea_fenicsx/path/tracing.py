@@ -288,7 +288,7 @@ class Tracer:
         if held is None:
             return None
         place = self.branch.place(held.start, held.there, held.arc, held.guide)
-        more = self.sentinel.bifurcations(place, before, step.count, self.rates)
+        more = self.sentinel.bifurcations(place, before, step.count, self.rates, limits)
         if sum(event.changes for event in more) <= found:
             return None
         others = [event for event in events if event.mode is None]
