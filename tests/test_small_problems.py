@@ -43,9 +43,9 @@ def matrix_of(solver, values):
         return solver.tangent.matrix(1e-8)
 
 
-@pytest.mark.parametrize("size", [0.0, 1e-3, 2e-2])
+@pytest.mark.parametrize("size", [0.0, 3e-4, 1e-3])
 def test_the_plain_factor_has_the_inertia_of_the_tangent(size):
-    """In stable states and in states with many negative eigenvalues, by NumPy and by MUMPS."""
+    """In the undeformed state, and where random displacements have made it unstable."""
     solver = NewtonSolver(Problem(strip()))
     problem = solver.problem
     motion = problem.roles.free(Role.MOTION)
@@ -55,31 +55,27 @@ def test_the_plain_factor_has_the_inertia_of_the_tangent(size):
     dense = np.zeros((len(starts) - 1,) * 2)
     dense[np.repeat(np.arange(len(dense)), np.diff(starts)), columns] = entries
     negative = int(np.count_nonzero(np.linalg.eigvalsh(dense) < 0))
+    assert (negative > problem.roles.expected_negative_pivots) == (size > 5e-4)
     factor = Unpivoted(problem, matrix)
-    mumps = factors.Mumps(matrix, {24: 1}, {}, keep=True)
-    assert mumps.make() and mumps.negative == negative
-    if factor.make():  # where it does not, MUMPS takes over
-        assert factor.negative == negative
-        b, x = matrix.createVecs()
-        b.array[:] = dense @ np.arange(len(dense))
-        factor.apply(b, x)
-        assert x.array == pytest.approx(np.arange(len(dense)), rel=1e-3, abs=1e-3 * len(dense))
-    else:
-        assert size > 1e-2
-    mumps.release()
+    assert factor.make() and factor.negative == negative
+    b, x = matrix.createVecs()
+    wanted = np.cos(np.arange(len(dense)))
+    b.array[:] = dense @ wanted
+    factor.apply(b, x)
+    assert x.array == pytest.approx(wanted, abs=1e-3)
 
 
 def test_a_factor_that_is_not_exact_is_not_taken(monkeypatch):
     """MUMPS factorises in its place, and the run goes the same way."""
     ramp, tip = dea.Ramp(steps=2), {"tip": dea.MeanDisplacement("x_max", "y")}
     plain = dea.solve(strip(), ramp, tip, quiet=True, failures=())
-    monkeypatch.setattr(unpivoted, "LARGEST_ERROR", 0.0)
-    checked = dea.solve(strip(), ramp, tip, quiet=True, failures=())
     assert isinstance(plain.lent._whole._factor, Unpivoted)
+    monkeypatch.setattr(unpivoted, "LARGEST_ERROR_OF_SOLVE", 0.0)
+    checked = dea.solve(strip(), ramp, tip, quiet=True, failures=())
     assert isinstance(checked.lent._whole._factor, factors.Mumps)
     assert float(plain["tip_m"]) == pytest.approx(float(checked["tip_m"]), rel=1e-9)
-    same = [row["negative_modes"] for row in plain.history]
-    assert same == [row["negative_modes"] for row in checked.history] == [0, 0, 0]
+    same = [row["negative_modes"] for row in plain.history[1:]]
+    assert same == [row["negative_modes"] for row in checked.history[1:]] == [0, 0]
 
 
 def test_gmres():

@@ -28,7 +28,7 @@ MOST_UNKNOWNS_UNPIVOTED = {1: 6000, 2: 6000, 3: 600}
 ROLES = frozenset({Role.MOTION, Role.MULTIPLIER, Role.POTENTIAL})
 """Roles of the fields whose pivots are known to stay away from 0."""
 
-LARGEST_ERROR = 1e-3
+LARGEST_ERROR_OF_SOLVE = 1e-3
 """Largest error of a solve, relative to a random right-hand side, times the root of its length.
 
 The error of a solve is that of the factor over the smallest eigenvalue.  So below 1 the factor has
@@ -102,10 +102,10 @@ class Unpivoted:
         except PETSc.Error:
             return False
         self._pc.setReusePreconditioner(True)
-        return self._error() < LARGEST_ERROR
+        return self._error() < LARGEST_ERROR_OF_SOLVE
 
     def _error(self) -> float:
-        """Error of a solve, as `LARGEST_ERROR` counts it."""
+        """Error of a solve, as `LARGEST_ERROR_OF_SOLVE` counts it."""
         x = self._solved(self._probe)
         product = self._x
         self._b.array[:] = x[self._order]

@@ -51,7 +51,7 @@ def solver(scene: str, code: str) -> Callable[[Case, int], dict[str, Any]]:
         from tests.peers import ours
 
         # as NGSolve's, the last iteration leaves an error far below the one asked
-        loose = dea.NewtonOptions(tolerance=1e-6)
+        loose = dea.NewtonOptions(tolerance=1e-7)
         return lambda case, degree: ours.solve(case, True, loose, degree)
     from tests.peers import ngsolve_best
 
