@@ -128,8 +128,8 @@ def test_the_count_lets_the_potential_follow_where_that_is_needed(monkeypatch):
     asked = []
     count = SplitFactor._negative
 
-    def listen(self, tangent, names, inverse):
-        asked.append((names, count(self, tangent, names, inverse)))
+    def listen(self, tangent, names):
+        asked.append((names, count(self, tangent, names)))
         return asked[-1][1]
 
     monkeypatch.setattr(SplitFactor, "_negative", listen)
