@@ -205,7 +205,8 @@ class AccuracySearch:
             share = abs(found.estimate / last.estimate) if fallen else 1.0
         elif self._quick:
             before = [one for one in before if one.degree == found.degree]
-        exact = [one.value + one.estimate for one in (*before, found)]
+        exact = [one.value + one.estimate for one in before]
+        exact.append(found.value + found.estimate)
         return largest + share * (max(exact) - min(exact)) / abs(found.value)
 
     def _finer(self, scene: Scene) -> Scene | None:
