@@ -57,14 +57,16 @@ def _of_family(family: Geometry, mesh: StructuredMesh) -> StructuredMesh | None:
 
 def _higher(family: Geometry) -> Geometry | None:
     """A family whose cells are of fourth order, also where it lies around another one."""
+    made: Any = family
     changed: dict[str, Any] = {}
-    for field in fields(family) if is_dataclass(family) else ():
-        given = getattr(family, field.name)
-        if field.name == "order":
+    names = [one.name for one in fields(made)] if is_dataclass(made) else []
+    for name in names:
+        given = getattr(made, name)
+        if name == "order":
             changed["order"] = HigherOrder(QUARTIC_ORDER)
         elif isinstance(given, Geometry) and (inner := _higher(given)) is not None:
-            changed[field.name] = inner
-    return replace(family, **changed) if changed else None  # type: ignore[type-var]
+            changed[name] = inner
+    return replace(made, **changed) if changed else None
 
 
 def of_order(mesh: StructuredMesh, order: int) -> StructuredMesh:

@@ -195,11 +195,19 @@ class AccuracySearch:
 
     def _drifting(self, largest: float, found: DiscretisationError) -> float:
         """The estimated relative error, with a doubt where predictions of the value differ."""
-        before = self.levels[1 - CONFIRMING :]
+        before, share = self.levels[1 - CONFIRMING :], 1.0
         if not before or not found.value:
             return UNCONFIRMED * largest
-        exact = [one.value + one.estimate for one in (*before, found)]
-        return largest + (max(exact) - min(exact)) / abs(found.value)
+        last = before[-1]
+        if last.degree < found.degree:
+            fallen = abs(found.estimate) < abs(last.estimate) / QUICK
+            # the drift is the error of the last prediction, and this one is as much better
+            share = abs(found.estimate / last.estimate) if fallen else 1.0
+        elif self._quick:
+            before = [one for one in before if one.degree == found.degree]
+        exact = [one.value + one.estimate for one in before]
+        exact.append(found.value + found.estimate)
+        return largest + share * (max(exact) - min(exact)) / abs(found.value)
 
     def _finer(self, scene: Scene) -> Scene | None:
         """The scene with a finer discretisation, or None if there is none."""
