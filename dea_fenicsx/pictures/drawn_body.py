@@ -19,8 +19,17 @@ from dea_fenicsx.pictures.stored import stored_step
 X, Y, Z = np.eye(3)
 ISOMETRIC = np.array([1, 1, 0]) / 2**0.5, np.array([-1, 1, 2]) / 6**0.5
 
-ROOM_FOR_OBSTACLES, ROOM_FOR_PLANES = 0.25, 0.08
-"""How far around the device obstacles are drawn, in units of its largest side."""
+ROOM_FOR_OBSTACLES, ROOM_FOR_ENDLESS = 0.25, 0.08
+"""How far around the device obstacles are drawn, in units of its largest side.
+
+The second value is for planes, and for cylinders along their axes.
+"""
+
+
+def room_for(obstacle: DrawnObstacle) -> np.ndarray:
+    """How far around the device an obstacle is drawn along each axis, in these units."""
+    less = ROOM_FOR_OBSTACLES - ROOM_FOR_ENDLESS
+    return np.asarray(ROOM_FOR_OBSTACLES - less * obstacle.endless)
 
 
 class DrawnBody:
@@ -76,8 +85,7 @@ class DrawnBody:
         at = self.faces.points
         points = np.vstack([_extreme(at), _extreme(at + warp * self.faces.moves)]).astype(float)
         low, high = points.min(axis=0), points.max(axis=0)
-        room = ROOM_FOR_PLANES if obstacle.endless else ROOM_FOR_OBSTACLES
-        pad = room * (high - low).max() * (high > low if self.flat else np.ones(3))
+        pad = room_for(obstacle) * (high - low).max() * (high > low if self.flat else np.ones(3))
         return low - pad, high + pad
 
     def outlines(self, shapes: Sequence[np.ndarray]) -> list[np.ndarray]:

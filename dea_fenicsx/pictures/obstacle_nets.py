@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.pictures import level_sets
-from dea_fenicsx.pictures.drawn_body import ROOM_FOR_OBSTACLES, ROOM_FOR_PLANES
+from dea_fenicsx.pictures.drawn_body import room_for
 from dea_fenicsx.pictures.obstacles import obstacles_of
 
 
@@ -40,8 +40,7 @@ def nets_of(
     around, told, nets = [np.array([low, high])], [], []
     for moving in zip(*(obstacles_of(folder, step) for step in steps), strict=False):
         first, shifts = moving[0], np.array([one.shift for one in moving])
-        room = ROOM_FOR_PLANES if first.endless else ROOM_FOR_OBSTACLES
-        pad = room * (high - low).max() * (high > low if flat else np.ones(3))
+        pad = room_for(first) * (high - low).max() * (high > low if flat else np.ones(3))
         # An obstacle that comes from afar lies around the device only after its motion.
         ends = low - pad - shifts.max(axis=0), high + pad - shifts.min(axis=0)
         net = level_sets.net(first.shape, *ends).reshape(-1, 3)

@@ -40,13 +40,13 @@ class DrawnObstacle:
     ----------
     where : the surface that touches it
     shape : gap in m where the obstacle is in the undeformed device
-    endless : whether it is a half-space
+    endless : how far along each axis it has no end, 0 to 1, shape (3,)
     turn, shift : its motion x -> turn x + shift, of shapes (3, 3) and (3,), in m
     """
 
     where: str
     shape: Gap
-    endless: bool
+    endless: np.ndarray
     turn: np.ndarray
     shift: np.ndarray
 
@@ -83,7 +83,7 @@ def obstacles_of(folder: Path, step: int) -> list[DrawnObstacle]:
             gap = gap_of(told["shape"], axes)
             if gap is not None:
                 turn, shift = _motion(folder, step, told, settings, axes)
-                endless = told["shape"]["type"] == "Plane"
+                endless = _endless(told["shape"], axes)
                 found.append(DrawnObstacle(str(told["where"]), gap, endless, turn, shift))
     return found
 
@@ -117,15 +117,26 @@ def gap_of(shape: Mapping[str, Any], axes: str) -> Gap | None:
     centre = _vector(shape["centre" if kind == "Sphere" else "point"], axes)
     across = np.eye(3)
     if kind == "Cylinder":
-        if axes == "xyz":
-            along = _vector(shape["axis"], axes)
-        else:  # normal to a plane section, and the axis r = 0 of an axisymmetric one
-            along = np.array([0.0, 1.0, 0.0] if axes == "rz" else [0.0, 0.0, 1.0])
-        along = along / _length(along)
+        along = _along(shape, axes)
         across = across - np.outer(along, along)
     if not (radius > 0 and np.isfinite(radius)):
         raise ValueError("no radius")
     return lambda x: sign * (np.linalg.norm((x - centre) @ across, axis=-1) - radius)
+
+
+def _endless(shape: Mapping[str, Any], axes: str) -> np.ndarray:
+    """How far along each axis of a picture a shape has no end, 0 to 1."""
+    if shape["type"] == "Cylinder":
+        return np.abs(_along(shape, axes)) * (axes != "xy")
+    return np.full(3, float(shape["type"] == "Plane"))
+
+
+def _along(shape: Mapping[str, Any], axes: str) -> np.ndarray:
+    """Unit vector along the axis of a cylinder."""
+    if axes != "xyz":  # normal to a plane section, and the axis r = 0 of an axisymmetric one
+        return np.array([0.0, 1.0, 0.0] if axes == "rz" else [0.0, 0.0, 1.0])
+    along = _vector(shape["axis"], axes)
+    return np.asarray(along / _length(along))
 
 
 def _vector(values: Any, axes: str) -> np.ndarray:
