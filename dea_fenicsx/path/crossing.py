@@ -12,7 +12,8 @@ equilibrium lies near the branch for a while.  There we go on with the soft shap
 
 Steps that are not shorter than usual can leave too (see `soft_watch`).  Where an unstable branch
 does so, the same step is made with the soft shapes held.  A stable one is followed: a real device
-with an imperfection turns off there.
+with an imperfection turns off there.  A branch that is unstable at a given load alone, as behind a
+limit point, counts as stable here: a device follows it if the charge is given, or a volume.
 """
 
 from __future__ import annotations
@@ -253,8 +254,8 @@ class Crossings:
     def held_passage(self, here: Point, arc: float) -> Passage | None:
         """A step from a point with the soft shapes held, if the watch has seen a motion aside.
 
-        None if the state is stable: a device goes that way.  None if no equilibrium is near; then
-        `turns_aside` is set.
+        None if the state is stable, see `_is_unstable`: a device goes that way.  None if no
+        equilibrium is near; then `turns_aside` is set.
         """
         self.turns_aside = False
         if not self.watch.is_aside:
