@@ -163,10 +163,8 @@ class Tracer:
             turn = self.turns.reached(there, start, arc)
             if self.crossings.is_told():
                 self.log(f"{item.what}: {MAYBE_ASIDE}")
-            iterations = step.attempt.iterations
-            grown = 1.5 if iterations <= 3 else 1.0 if iterations <= 6 else 0.7
             beyond = _just_beyond(arc, left, self._left(there.state))
-            usual = min(arc * grown, item.longest)
+            usual = min(arc * _growth(step.attempt.iterations), item.longest)
             arc = min(usual, beyond)
             self._cut = arc / usual  # a step that is short because the end is near tells nothing
             before, here = start, there
@@ -376,6 +374,11 @@ class Tracer:
             f"place; without that its residual is {held:.1e}, an error of the mesh"
         )
         return state, held
+
+
+def _growth(iterations: int) -> float:
+    """How much longer the next step is after one with some iterations of Newton's method."""
+    return 1.5 if iterations <= 3 else 1.0 if iterations <= 6 else 0.7
 
 
 def _just_beyond(arc: float, was: float | None, left: float | None) -> float:
