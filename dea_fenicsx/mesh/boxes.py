@@ -64,10 +64,10 @@ def boxes_of(source: Any) -> Boxes | None:
 def _aspect(given: StructuredMesh) -> float | None:
     """The longest over the shortest edge of a cell; None unless all cells are boxes."""
     dim, x = given.dimension, given.points[given.cells]
-    corner = (slice(None), *(0,) * dim)
+    corner: tuple[Any, ...] = (slice(None), *(0,) * dim)
     edges, place = [], x[corner]
     for axis in range(1, dim + 1):
-        end = list(corner)
+        end: list[Any] = list(corner)
         end[axis] = -1
         edges.append(x[tuple(end)] - place)
     lengths = np.array([np.linalg.norm(edge, axis=1) for edge in edges])
