@@ -122,7 +122,7 @@ class LinearSolver:
         self._patience = self.options.krylov_limit * (MULTIGRID_PATIENCE if multigrid else 1)
         self._ksp = self._petsc.keep("ksp", self._gmres())
         self._directly = problem.comm.size == 1 and problem.unknowns <= MOST_UNKNOWNS_IN_PYTHON
-        self._small = self.tangent.operator.createVecs() if self._directly else None
+        self._small: Any = self.tangent.operator.createVecs() if self._directly else None
         self._begin()
 
     def renew(self) -> None:

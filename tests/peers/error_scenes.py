@@ -182,7 +182,7 @@ def _read(text: str) -> tuple[Choice, ...]:
 QUICK: dict[str, dict[str, tuple[Choice, ...]]] = {
     "strip": {
         "ours": _read("2,11x3x1,1 2,12x3x1,1 3,4x2x1,1 3,5x2x1,1 3,12x3x1,1 3,12x4x1,1"),
-        "ngsolve": _read("2,12x3x1,1 2,14x3x1,1 3,4x2x1,1 3,5x2x1,1 4,6x3x1,1 4,8x3x1,1 3,16x5x1,1"),
+        "ngsolve": _read("2,12x3x1,1 2,14x3x1,1 3,4x2x1,1 3,5x2x1,1 4,6x3x1,1 4,8x3x1,1"),
     },
     "beam": {
         "ours": _read("2,18x2x1,1 2,20x2x1,2 3,6x1x1,1 3,6x1x1,2 3,8x2x1,2 3,10x2x1,2 3,12x2x1,2"),

@@ -20,7 +20,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from tests.peers.apart import MARK, write
@@ -75,23 +75,27 @@ def timed(solve: Callable[[Case, int], dict[str, Any]], scene: str, choice: Choi
     }  # fmt: skip
 
 
+def each(solve: Any, scene: str, choices: Sequence[Choice]) -> Iterator[dict[str, Any]]:
+    """All choices that converge; a code may not do so in few steps."""
+    for choice in choices:
+        try:
+            yield timed(solve, scene, choice)
+        except Exception as error:
+            print(f"{scene}, {choice.told()}: {type(error).__name__}, {error}", file=sys.stderr)
+
+
 def walked(solve: Any, scene: str, degree: int, limit: float) -> Iterator[dict[str, Any]]:
     """All meshes of a degree, coarse to fine, each with the steps that are fastest on the first."""
     first, *others = SCENES[scene].meshes[degree]
-    tried = []
-    for steps in STEPS:
-        try:
-            tried.append(timed(solve, scene, Choice(degree, first, steps)))
-        except Exception as error:  # a code may not converge in so few steps
-            print(f"{scene}, {degree}, {steps} steps: {type(error).__name__}", file=sys.stderr)
+    tried = list(each(solve, scene, [Choice(degree, first, steps) for steps in STEPS]))
     yield from tried
     quickest = sorted(tried, key=lambda row: row["wall_s"])[:2]
     close = [row for row in quickest if row["wall_s"] < 1.1 * quickest[0]["wall_s"]]
     for mesh in others:
-        for one in close:
-            row = timed(solve, scene, Choice(degree, mesh, Choice.read(one["choice"]).steps))
-            yield row
-        if row["error"] < ASKED[-1] / 3 or row["wall_s"] > limit:
+        steps = [Choice.read(one["choice"]).steps for one in close]
+        rows = list(each(solve, scene, [Choice(degree, mesh, k) for k in steps]))
+        yield from rows
+        if any(row["error"] < ASKED[-1] / 3 or row["wall_s"] > limit for row in rows):
             return
 
 
@@ -110,7 +114,7 @@ def child(scene: str, code: str, what: str, limit: float) -> None:
         solve(build(mesh, 1).small(), degree)  # compiles, which is not counted
     rows = (
         walked(solve, scene, choices[0].degree, limit) if single
-        else (timed(solve, scene, choice) for choice in choices)
+        else each(solve, scene, choices)
     )  # fmt: skip
     for row in rows:
         print(MARK + json.dumps(row), flush=True)
@@ -129,8 +133,8 @@ def run(scene: str, code: str, what: str, limit: float) -> tuple[list[dict[str, 
         [*command, "--limit", str(limit)], capture_output=True, text=True, env=alone
     )
     taken = time.perf_counter() - start
-    if done.returncode:
-        print(f"{scene}, {code}, {what} failed:\n{done.stderr[-1500:]}", file=sys.stderr)
+    if done.returncode or done.stderr:
+        print(f"{scene}, {code}, {what}:\n{done.stderr[-1500:]}", file=sys.stderr)
     told = [x.removeprefix(MARK) for x in done.stdout.splitlines() if x.startswith(MARK)]
     return [json.loads(line) for line in told], taken
 
