@@ -13,7 +13,9 @@ Only the preconditioner is changed.  The equations and their solution stay the s
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import basix
@@ -249,3 +251,24 @@ def _in_the_plane(F: np.ndarray) -> np.ndarray:
     R[:, 0, 0], R[:, 1, 0] = cosine / length, sine / length
     R[:, 0, 1], R[:, 1, 1] = -sign * R[:, 1, 0], sign * R[:, 0, 0]
     return R
+
+
+@dataclass
+class TurnedPreconditioner:
+    """The preconditioner that PETSc calls.
+
+    It only holds a weak reference to the corotation, as the product with the tangent does to the
+    tangent.
+    """
+
+    corotation: weakref.ref[Corotation]
+
+    def apply(self, context: Any, x: Any, y: Any) -> None:
+        corotation = self.corotation()
+        assert corotation
+        corotation.apply(context, x, y)
+
+    def applyTranspose(self, context: Any, x: Any, y: Any) -> None:
+        corotation = self.corotation()
+        assert corotation
+        corotation.applyTranspose(context, x, y)

@@ -10,13 +10,12 @@ from __future__ import annotations
 import time
 import weakref
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from dea_fenicsx.model.problem import Problem
-from dea_fenicsx.solvers.corotation import Corotation
+from dea_fenicsx.solvers.corotation import Corotation, TurnedPreconditioner
 from dea_fenicsx.solvers.factors import WholeFactor
 from dea_fenicsx.solvers.multigrid import Multigrid
 from dea_fenicsx.solvers.options import NewtonOptions
@@ -67,23 +66,6 @@ type Kept = WholeFactor | SplitFactor | Multigrid
 
 def silent(stage: str) -> None:
     """The default of `LinearSolver.notify`: it does nothing."""
-
-
-@dataclass
-class _Preconditioner:
-    """The preconditioner that PETSc calls; it only holds a weak reference, as `_Product` does."""
-
-    corotation: weakref.ref[Corotation]
-
-    def apply(self, context: Any, x: Any, y: Any) -> None:
-        corotation = self.corotation()
-        assert corotation
-        corotation.apply(context, x, y)
-
-    def applyTranspose(self, context: Any, x: Any, y: Any) -> None:
-        corotation = self.corotation()
-        assert corotation
-        corotation.applyTranspose(context, x, y)
 
 
 class LinearSolver:
@@ -395,7 +377,7 @@ class LinearSolver:
         ksp.setGMRESRestart(2 * self.options.krylov_limit)
         ksp.setOperators(self.tangent.operator)
         ksp.getPC().setType("python")
-        ksp.getPC().setPythonContext(_Preconditioner(weakref.ref(self._corotation)))
+        ksp.getPC().setPythonContext(TurnedPreconditioner(weakref.ref(self._corotation)))
         ksp.setErrorIfNotConverged(False)
         ksp.setFromOptions()
         return ksp
