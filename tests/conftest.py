@@ -62,8 +62,8 @@ AROUND = {
     "results_of_strangers", "results_safety", "vtk", "geometry_cli", "report", "paraview",
     "export", "notebook",
     # what users look at, and their machine
-    "cli", "demos", "docs", "pictures", "progress", "doctor", "compile_cache", "interruption",
-    "site", "ending", "import_effects", "reading_alone",
+    "cli", "demos", "docs", "pictures", "pictures_of_obstacles", "progress", "doctor",
+    "compile_cache", "interruption", "site", "ending", "import_effects", "reading_alone",
     # whole devices and their closed forms
     "edges", "hdea", "helicoid", "kresling_cell", "laminate", "loadings", "origami", "stiffened",
     # closed forms, and laws one after another, of which other files ask the main ones
