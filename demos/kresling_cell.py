@@ -13,9 +13,9 @@ From 0.41 in on, at 11.8 N, the rubber at the free ends of the upper hinges fold
 that happens depends on mesh and augmentation; before it the force hardly does.  So the default
 stroke is 0.4 in, and Park's 1.4 in are out of reach.  Contact is not modelled.
 
-With held twist the panels buckle at 0.62 mm and about 185 N, on even cells (grading 1).  The small cells
-of this demo lie where the stress at rest is singular, and its large ones are too long for the waves
-of the panels: mesh 2 finds 0.684 mm, and mesh 1 no buckling within 0.9 mm.
+With held twist the panels buckle at 0.62 mm and about 185 N, on even cells (grading 1).  The small
+cells of this demo lie where the stress at rest is singular, and its large ones are too long for the
+waves of the panels: mesh 2 finds 0.684 mm, and mesh 1 no buckling within 0.9 mm.
 
 Run it with `mpirun -n 2 python demos/kresling_cell.py`.
 """
