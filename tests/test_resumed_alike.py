@@ -98,10 +98,14 @@ def test_a_trace_goes_straight_on_wherever_it_was_killed(tmp_path, monkeypatch):
 
     def solve(out, **options) -> dea.Run:
         return dea.solve(
-            scene, path, record, out=out, quiet=True, stability="never", **options
+            scene, path, record, out=out, quiet=True, stability="never",
+            options=dea.NewtonOptions(tolerance=1e-12), **options
         )
 
-    whole = alike(solve, tmp_path, monkeypatch, least=10, but=COUNTS)
+    # Near the crossing the tangent is almost singular.  There a start with a new factor may take one
+    # Newton iteration more or less than one with a kept factor, and errors of states are larger.
+    but = COUNTS | {"newton_iterations"}
+    whole = alike(solve, tmp_path, monkeypatch, least=10, but=but)
     log = (tmp_path / "whole" / "run.log").read_text("utf-8")
     assert log.count("went straight on") == 2
     assert whole["pole_m"] == pytest.approx(whole["equator_m"], rel=1e-4)

@@ -30,7 +30,8 @@ def fgmres(
     Returns
     -------
     ndarray or None, int
-        The solution, None if it does not converge; the number of iterations.
+        The solution, None if it does not converge; the number of iterations.  If the matrix maps a
+        direction to 0, as those of pressures in a rigid part, the best solution without it.
     """
     size = float(np.linalg.norm(rhs))
     if not np.isfinite(size):
@@ -57,8 +58,8 @@ def fgmres(
                 c * column[i] + s * column[i + 1], c * column[i + 1] - s * column[i]
             )  # fmt: skip
         length = float(np.hypot(column[k], norm))
-        if length == 0.0:
-            return None, k + 1
+        if length == 0.0:  # the matrix has no part along this direction: the rest cannot be solved
+            return _combined(R, g, Z, k), k + 1
         c, s = column[k] / length, norm / length
         turns.append((c, s))
         column[k] = length
@@ -66,7 +67,11 @@ def fgmres(
         g.append(-s * g[k])
         g[k] *= c
         if abs(g[k + 1]) <= rtol * size:
-            y = np.linalg.solve(R[: k + 1, : k + 1], g[: k + 1])
-            return y @ Z[: k + 1], k + 1
+            return _combined(R, g, Z, k + 1), k + 1
         V[k + 1] = w / norm
     return None, most
+
+
+def _combined(R: np.ndarray, g: list[float], Z: np.ndarray, k: int) -> np.ndarray:
+    """The sum of the first k directions whose residual is the smallest."""
+    return np.asarray(np.linalg.solve(R[:k, :k], g[:k]) @ Z[:k])
