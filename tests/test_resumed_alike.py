@@ -102,8 +102,8 @@ def test_a_trace_goes_straight_on_wherever_it_was_killed(tmp_path, monkeypatch):
             options=dea.NewtonOptions(tolerance=1e-12), **options
         )
 
-    # Near the crossing the tangent is almost singular.  There a start with a new factor may take one
-    # Newton iteration more or less than one with a kept factor, and errors of states are larger.
+    # Near the crossing the tangent is almost singular.  Errors of states are larger there, and a
+    # start with a new factor may take one Newton iteration more or less than with a kept one.
     but = COUNTS | {"newton_iterations"}
     whole = alike(solve, tmp_path, monkeypatch, least=10, but=but)
     log = (tmp_path / "whole" / "run.log").read_text("utf-8")
