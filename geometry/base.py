@@ -6,7 +6,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
@@ -48,31 +48,6 @@ class Geometry(ABC):
     def refine(self, factor: int) -> Geometry:
         """The same device with all divisions multiplied by ``factor``."""
 
-    makes_parts: ClassVar[bool] = False
-    """Whether several ranks can make the mesh together, by `mesh_part`."""
-
-    def mesh_part(self, part: int, parts: int) -> StructuredMesh:
-        """What one of several ranks makes of the mesh.
-
-        Its cells are an equal part of those of `mesh`, in the order of the regions there, and its
-        points an equal part of the points; the numbers in `cells` and `facets` are those of the
-        whole mesh.  Groups in which the part has nothing may be missing.
-
-        Parameters
-        ----------
-        part, parts
-            Which part, from 0, and how many there are.
-        """
-        raise NotImplementedError(f"{type(self).__name__} makes no parts.")
-
-    def groups_of_parts(self) -> dict[str, int]:
-        """Of a family that makes parts: what `groups` gives, without making a mesh."""
-        raise NotImplementedError(f"{type(self).__name__} makes no parts.")
-
-    def cell_shape(self) -> dict[str, float]:
-        """``least_scaled_jacobian`` and ``largest_aspect`` of a family that makes parts."""
-        raise NotImplementedError(f"{type(self).__name__} makes no parts.")
-
     def build(self, name: str | None = None) -> Any:
         """Add a gmsh model, make it current, and return ``gmsh.model``.
 
@@ -97,6 +72,32 @@ class Geometry(ABC):
         mesh = self.mesh()
         dim = mesh.dimension
         return {**dict.fromkeys(mesh.regions, dim), **dict.fromkeys(mesh.facets, dim - 1)}
+
+
+class InParts(Geometry):
+    """A family of which each of several ranks makes its part, so that none holds the whole."""
+
+    @abstractmethod
+    def mesh_part(self, part: int, parts: int) -> StructuredMesh:
+        """What one of several ranks makes of the mesh.
+
+        Its cells are an equal part of those of `mesh`, in the order of the regions there, and its
+        points an equal part of the points; the numbers in `cells` and `facets` are those of the
+        whole mesh.  Groups in which the part has nothing may be missing.
+
+        Parameters
+        ----------
+        part, parts
+            Which part, from 0, and how many there are.
+        """
+
+    @abstractmethod
+    def groups_of_parts(self) -> dict[str, int]:
+        """What `groups` gives, without making a mesh."""
+
+    @abstractmethod
+    def cell_shape(self) -> dict[str, float]:
+        """``least_scaled_jacobian`` and ``largest_aspect`` of the cells."""
 
 
 class LayeredGeometry(Geometry):

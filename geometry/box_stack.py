@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -14,13 +13,13 @@ from dea_fenicsx.support.units import in_si
 
 from . import _check
 from ._structured import Floats, Ints, StructuredMesh, joined_ends, lattice, part_of_lattice
-from .base import FlatStack, Layer, checked_layers, refuse_clash, sizes_of_layers
+from .base import FlatStack, InParts, Layer, checked_layers, refuse_clash, sizes_of_layers
 from .grading import check_ends, graded
 
 
 @dataclass(frozen=True)
 @in_si(length="m", width="m", x0="m")
-class BoxStack(FlatStack):
+class BoxStack(FlatStack, InParts):
     """Rectangular layers stacked in z from z = 0, over 0 <= x <= length and 0 <= y <= width.
 
     With ``width=None`` a flat strip of quadrilaterals: x along the length, y through the layers.
@@ -61,7 +60,6 @@ class BoxStack(FlatStack):
     grading: float | tuple[float, ...] = 1.0
     ends: str | tuple[str, ...] = "both"
     x0: float = 0.0
-    makes_parts: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check.length("BoxStack", "length", self.length)
@@ -132,7 +130,7 @@ class BoxStack(FlatStack):
         return mesh
 
     def mesh_part(self, part: int, parts: int) -> StructuredMesh:
-        """See `Geometry.mesh_part`."""
+        """See `InParts.mesh_part`."""
         ends, bounds = self.cell_ends(), np.cumsum([0] + [one.divisions for one in self.layers])
         base = tuple(len(e) - 1 for e in ends[:-1])
         total = int(np.prod(base)) * int(bounds[-1])
@@ -154,7 +152,7 @@ class BoxStack(FlatStack):
         return mesh
 
     def groups_of_parts(self) -> dict[str, int]:
-        """See `Geometry.groups_of_parts`."""
+        """See `InParts.groups_of_parts`."""
         regions = dict.fromkeys((layer.name for layer in self.layers), self.dimension)
         return regions | dict.fromkeys(self._facet_names(), self.dimension - 1)
 

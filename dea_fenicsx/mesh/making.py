@@ -7,7 +7,7 @@ other meshes are built or read by gmsh on rank 0.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 import basix
 import basix.ufl
@@ -16,7 +16,7 @@ import ufl
 from mpi4py import MPI
 
 from dea_fenicsx.geometry._gmsh import quality
-from dea_fenicsx.geometry.base import Geometry
+from dea_fenicsx.geometry.base import InParts
 from dea_fenicsx.mesh.cad import name_the_body, open_file, read_names
 from dea_fenicsx.mesh.foreign.model import checked
 from dea_fenicsx.mesh.foreign.options import gmsh_for, is_family
@@ -45,16 +45,18 @@ class Told(NamedTuple):
     source: str
 
 
-def comes_in_parts(source: Any, options: dict[str, Any]) -> bool:
-    """Whether a device can be made of parts: a family that makes them, with no other wish."""
-    if not is_family(source) or not isinstance(source, Geometry):
-        return False
+def comes_in_parts(source: Any, options: dict[str, Any]) -> TypeGuard[InParts]:
+    """Whether a device can be made of parts: a family that makes them, with no other wish.
+
+    A class in a script that inherits from such a family may move the nodes of its mesh, and so does
+    not count.
+    """
     plain = options["size"] is None and not options["names"] and not options["surfaces"]
-    return plain and source.makes_parts
+    return plain and is_family(source) and isinstance(source, InParts)
 
 
 def by_parts(
-    source: Geometry, comm: MPI.Comm, label: str, dim: int | None
+    source: InParts, comm: MPI.Comm, label: str, dim: int | None
 ) -> tuple[Any, Named, Told]:
     """The mesh of a family of which each rank makes its part.  Collective."""
     part = source.mesh_part(comm.rank, comm.size)

@@ -46,29 +46,25 @@ BEND_TOLERANCE = 1e-6
 
 def contact_changes(solver: NewtonSolver, first: State, second: State) -> bool:
     """Whether the points that are pressed, or slide, are others in two states.  Collective."""
-    problem = solver.problem
-    contacts = problem.forms.contacts
-    if not contacts:
+    if not solver.problem.forms.contacts:
         return False
-    found = []
-    for state in (first, second):
-        with problem.at(state):
-            found.append(contacts.touching())
-    return bool(problem.comm.allreduce(bool(np.any(found[0] != found[1])), op=MPI.LOR))
+    before, after = (_touching(solver, state) for state in (first, second))
+    return bool(solver.problem.comm.allreduce(bool(np.any(before != after)), op=MPI.LOR))
 
 
 def contact_begins(solver: NewtonSolver, first: State, second: State) -> bool:
     """Whether a point is pressed in one of two states, and none in the other.  Collective."""
-    problem = solver.problem
-    contacts = problem.forms.contacts
-    if not contacts:
+    if not solver.problem.forms.contacts:
         return False
-    found = []
-    for state in (first, second):
-        with problem.at(state):
-            mine = bool(np.any(contacts.touching()))
-        found.append(problem.comm.allreduce(mine, op=MPI.LOR))
-    return bool(found[0] != found[1])
+    mine = [bool(np.any(_touching(solver, state))) for state in (first, second)]
+    before, after = (solver.problem.comm.allreduce(one, op=MPI.LOR) for one in mine)
+    return bool(before != after)
+
+
+def _touching(solver: NewtonSolver, state: State) -> np.ndarray:
+    """What `ContactForms.touching` tells of a state, on this rank."""
+    with solver.problem.at(state):
+        return solver.problem.forms.contacts.touching()
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from tests.peers.scenes import Case
@@ -73,3 +74,13 @@ def write(path: str, columns: Sequence[str], rows: list[dict[str, Any]]) -> None
         writer = csv.DictWriter(file, columns)
         writer.writeheader()
         writer.writerows(rows)
+
+
+def append(path: str, columns: Sequence[str], row: dict[str, Any]) -> None:
+    """Append a row to a CSV file, which gets its heading with the first row."""
+    new = not Path(path).exists()
+    with open(path, "a", newline="") as file:
+        writer = csv.DictWriter(file, columns)
+        if new:
+            writer.writeheader()
+        writer.writerow(row)

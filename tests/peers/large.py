@@ -12,16 +12,14 @@ meshes of block and stack.
 from __future__ import annotations
 
 import argparse
-import csv
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
-from tests.peers.apart import ask, tell
+from tests.peers.apart import append, ask, tell
 from tests.peers.growth import stack, thin
 from tests.peers.scenes import SILICONE, Case, Rubber
 
@@ -116,22 +114,13 @@ def run_scene(name: str, args: argparse.Namespace) -> list[dict]:
             break
         found |= {"scene": name, "size": size, "ranks": args.ranks, "factor": args.factor}
         rows.append({key: found[key] for key in COLUMNS})
-        append(args.out, rows[-1])
+        append(args.out, COLUMNS, rows[-1])
         print(f"{name:6} {size:5g} {found['unknowns']:8d} unknowns  Newton {found['newton']:2d}  "
               f"Krylov {found['krylov']:3d}  set up {found['factorisations']} times  "
               f"{found['wall_s']:7.1f} s  CPU {found['cpu_s']:7.1f} s  "
               f"{found['memory_GB']:6.2f} GB  {found['value']:.10e} m", flush=True)  # fmt: skip
     return rows
 
-
-def append(path: str, row: dict) -> None:
-    """Append a row to a CSV file, which gets its heading with the first row."""
-    new = not Path(path).exists()
-    with open(path, "a", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        if new:
-            writer.writeheader()
-        writer.writerow(row)
 
 
 if __name__ == "__main__":

@@ -12,30 +12,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from ngsolve import (
-    BND,
-    CF,
-    H1,
-    BilinearForm,
-    Cof,
-    Det,
-    FESpace,
-    GridFunction,
-    Id,
-    InnerProduct,
-    Integrate,
-    LinearForm,
-    Trace,
-    Variation,
-    VectorH1,
-    ds,
-    dx,
-    grad,
-    log,
-    x,
-)
+from ngsolve import H1, FESpace, GridFunction, InnerProduct, VectorH1
 
-from tests.peers.ngsolve_peer import INVERSE, netgen_mesh
+from tests.peers.ngsolve_peer import INVERSE, energy, mean_seen, netgen_mesh
 from tests.peers.scenes import EPSILON_0, Case
 
 LAST_INCREMENT = 1e-3
@@ -80,12 +59,8 @@ def solve(case: Case, order: int, mapped: Callable | None = None) -> dict[str, A
     w, given = GridFunction(X), GridFunction(X)
     volts = {name: value / volt for name, value in case.electrodes.items() if value}
     given.components[-1].Set(mesh.BoundaryCF(volts), definedon=mesh.Boundaries("|".join(volts)))
-    a, weight = _energy(case, mesh, X, mu0, eps0)
-    seen = mesh.Boundaries(case.seen)
-    per_area = length / Integrate(weight, mesh, BND, definedon=seen)
-    pick = LinearForm(X)
-    pick += weight * X.TestFunction()[0][case.axis] * ds(seen)
-    pick.Assemble()
+    a, weight = energy(case, mesh, X, (mu0, eps0), condense=True)
+    pick, per_area = mean_seen(case, mesh, X, weight, length)
     free = _free(X, U, pressures, Phi, mesh, case, live)
     newton = 0
     for k in range(case.steps):
@@ -108,31 +83,6 @@ def _free(X: Any, U: Any, pressures: Any, Phi: Any, mesh: Any, case: Case, live:
             if not on:
                 free[first + k] = False
     return free
-
-
-def _energy(case: Case, mesh: Any, X: Any, mu0: float, eps0: float) -> tuple[Any, Any]:
-    """The form of the energy, and the weight of its integrals."""
-    a = BilinearForm(X, symmetric=True, condense=True)
-    u, *p, phi = X.TrialFunction()
-    F, E, weight = Id(3), grad(phi), CF(1)
-    if case.flat:
-        g, hoop = grad(u), u[0] / x if case.axisymmetric else CF(0)
-        F = F + CF((g[0, 0], g[0, 1], 0, g[1, 0], g[1, 1], 0, 0, 0, hoop), dims=(3, 3))
-        E = CF((E[0], E[1], 0))
-        weight = 2 * np.pi * x if case.axisymmetric else weight
-    else:
-        F = F + grad(u)
-    J = Det(F)
-    pulled = Cof(F) * E
-    I1 = Trace(F.trans * F) - 3
-    for k, (name, m) in enumerate(case.materials.items()):
-        mu = m.mu / mu0
-        energy = mu / 2 * I1 if m.Jm is None else -mu * m.Jm / 2 * log(1 - I1 / m.Jm)
-        energy += p[k] * (J - 1) - mu * log(J)
-        if m.eps_r:
-            energy -= m.eps_r * EPSILON_0 / eps0 / 2 * InnerProduct(pulled, pulled) / J
-        a += Variation((weight * energy).Compile() * dx(mesh.Materials(name)))
-    return a, weight
 
 
 def _newton(a: Any, w: Any, free: Any, last: bool) -> int:

@@ -74,31 +74,8 @@ def solve(case: Case, order: int = 2, jumps: bool = False) -> dict[str, Any]:
         hold(potential, Phi.GetDofs(where))
         volts[[v.nr for element in where.Elements() for v in element.vertices]] = value
     held = ~np.isnan(volts)
-    a = BilinearForm(X, symmetric=True)
-    u, *p, phi = X.TrialFunction()
-    F, E, weight = Id(3), grad(phi), CF(1)
-    if case.flat:
-        g, hoop = grad(u), u[0] / x if case.axisymmetric else CF(0)
-        F = F + CF((g[0, 0], g[0, 1], 0, g[1, 0], g[1, 1], 0, 0, 0, hoop), dims=(3, 3))
-        E = CF((E[0], E[1], 0))
-        weight = 2 * np.pi * x if case.axisymmetric else weight
-    else:
-        F = F + grad(u)
-    J = Det(F)
-    pulled = Cof(F) * E
-    I1 = Trace(F.trans * F) - 3
-    for k, (name, m) in enumerate(case.materials.items()):
-        mu = m.mu / mu0
-        energy = mu / 2 * I1 if m.Jm is None else -mu * m.Jm / 2 * log(1 - I1 / m.Jm)
-        energy += p[k if jumps else 0] * (J - 1) - mu * log(J)
-        if m.eps_r:
-            energy -= m.eps_r * EPSILON_0 / eps0 / 2 * InnerProduct(pulled, pulled) / J
-        a += Variation((weight * energy).Compile() * dx(mesh.Materials(name)))
-    seen = mesh.Boundaries(case.seen)
-    per_area = length / Integrate(weight, mesh, BND, definedon=seen)
-    pick = LinearForm(X)  # the displacement seen, by all unknowns
-    pick += weight * X.TestFunction()[0][case.axis] * ds(seen)
-    pick.Assemble()
+    a, weight = energy(case, mesh, X, (mu0, eps0), jumps=jumps)
+    pick, per_area = mean_seen(case, mesh, X, weight, length)
     residual, step_, sideways, rate = (w.vec.CreateVector() for _ in range(4))
     factor, newton, spent = 0.0, 0, {"assembly_s": 0.0, "solve_s": 0.0}
     potentials = slice(X.Range(potential).start, X.Range(potential).start + mesh.nv)
@@ -135,6 +112,48 @@ def solve(case: Case, order: int = 2, jumps: bool = False) -> dict[str, Any]:
         "unknowns": sum(1 for f in free if f),
         "newton": newton, "krylov": 0, "factorisations": newton, **spent,
     }  # fmt: skip
+
+
+def energy(
+    case: Case, mesh: Any, X: Any, sizes: tuple[float, float], jumps: bool = True,
+    condense: bool = False,
+) -> tuple[Any, Any]:  # fmt: skip
+    """The form of the energy over modulus and permittivity `sizes`, and the integrals' weight.
+
+    `jumps` as of `solve`; with `condense` the unknowns inside of cells are eliminated.
+    """
+    mu0, eps0 = sizes
+    a = BilinearForm(X, symmetric=True, condense=condense)
+    u, *p, phi = X.TrialFunction()
+    F, E, weight = Id(3), grad(phi), CF(1)
+    if case.flat:
+        g, hoop = grad(u), u[0] / x if case.axisymmetric else CF(0)
+        F = F + CF((g[0, 0], g[0, 1], 0, g[1, 0], g[1, 1], 0, 0, 0, hoop), dims=(3, 3))
+        E = CF((E[0], E[1], 0))
+        weight = 2 * np.pi * x if case.axisymmetric else weight
+    else:
+        F = F + grad(u)
+    J = Det(F)
+    pulled = Cof(F) * E
+    I1 = Trace(F.trans * F) - 3
+    for k, (name, m) in enumerate(case.materials.items()):
+        mu = m.mu / mu0
+        density = mu / 2 * I1 if m.Jm is None else -mu * m.Jm / 2 * log(1 - I1 / m.Jm)
+        density += p[k if jumps else 0] * (J - 1) - mu * log(J)
+        if m.eps_r:
+            density -= m.eps_r * EPSILON_0 / eps0 / 2 * InnerProduct(pulled, pulled) / J
+        a += Variation((weight * density).Compile() * dx(mesh.Materials(name)))
+    return a, weight
+
+
+def mean_seen(case: Case, mesh: Any, X: Any, weight: Any, length: float) -> tuple[Any, float]:
+    """The integral of the displacement seen, and what makes its mean in m of it."""
+    seen = mesh.Boundaries(case.seen)
+    per_area = length / Integrate(weight, mesh, BND, definedon=seen)
+    pick = LinearForm(X)  # by all unknowns
+    pick += weight * X.TestFunction()[0][case.axis] * ds(seen)
+    pick.Assemble()
+    return pick, per_area
 
 
 def netgen_mesh(case: Case, places: Any = None) -> tuple[Any, float]:

@@ -11,7 +11,6 @@ assembled matrices and Krylov iterations read memory.  Run it on an idle machine
 from __future__ import annotations
 
 import argparse
-import csv
 import multiprocessing
 import tempfile
 import time
@@ -23,7 +22,7 @@ import numpy as np
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import HDEA
-from tests.peers.apart import ask, tell
+from tests.peers.apart import append, ask, tell
 from tests.peers.large import block
 from tests.peers.scenes import Case
 
@@ -170,7 +169,7 @@ def main() -> None:
                 break
             rows.append({k: (found | {"scene": name, "size": size, "ranks": ranks})[k]
                          for k in COLUMNS})  # fmt: skip
-            _append(args.out, rows[-1])
+            append(args.out, COLUMNS, rows[-1])
         if len(rows) == 2:
             _print(name, rows, gain)
 
@@ -186,14 +185,6 @@ def _print(name: str, rows: list[dict[str, Any]], gain: float) -> None:
         print(f"  {part:11} {one[part]:8.2f} {more[part]:8.2f}   {ratio:5.2f} times, "
               f"{ratio / gain:5.2f} of the bandwidth's gain", flush=True)  # fmt: skip
 
-
-def _append(path: str, row: dict[str, Any]) -> None:
-    new = not Path(path).exists()
-    with open(path, "a", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        if new:
-            writer.writeheader()
-        writer.writerow(row)
 
 
 if __name__ == "__main__":
