@@ -153,13 +153,27 @@ def test_a_trace_ends_at_a_turn_aside():
     assert "turn aside" in str(error.value.run.summary["events"])
 
 
-@on_demand
-def test_an_octant_in_space_stays_round_to_four_times_the_radius():
-    """Shapes of the number 4 that the mesh's own symmetry allows cross the round branch."""
-    wall = dea.Material(dea.NeoHookean(1e5), dea.IdealDielectric(4.0))
-    ball = exact.RoundBalloon(1e-3, 1.2e-3, wall)
+@pytest.mark.slow
+def test_a_crossing_that_five_cells_open_widely_is_passed():
+    """The equilibrium behind it lies beside the guided state by a part of the whole passage."""
+    scene, ball = half_sphere(dea.Gent(1e5, 50.0), 1.494e-3, (1, 5))
+    path = dea.Trace(
+        "voltage", steps=400, first=0.1775, longest=0.5656, until=("equator_m", 2.4e-3)
+    )
+    run = dea.solve(scene, path, INNER, quiet=True, stability="never")
+    equator, pole = run.column("equator_m")[1:], run.column("pole_m")[1:]
+    assert equator[-1] == pytest.approx(2.4e-3, rel=1e-6)
+    assert pole == pytest.approx(equator, abs=1.5e-5)
+    volts = [ball.at(1e-3 + u).volts for u in equator]
+    assert run.column("voltage_V")[1:] == pytest.approx(volts, rel=5e-3)
+
+
+def octant(rubber, outer, upto):
+    """The inner radii at three places of an octant that is traced, its voltages and exact ones."""
+    wall = dea.Material(rubber, dea.IdealDielectric(4.0))
+    ball = exact.RoundBalloon(1e-3, outer, wall)
     scene = dea.Scene(
-        dea.read_gmsh(HollowSphere(1e-3, 1.2e-3, "octant", 1, 8)), {"wall": wall},
+        dea.read_gmsh(HollowSphere(1e-3, outer, "octant", 1, 8)), {"wall": wall},
         electrodes=[
             dea.Electrode("inner", 1.01 * ball.limits(2e-3)[0].volts), dea.Ground("outer")
         ],
@@ -170,11 +184,37 @@ def test_an_octant_in_space_stays_round_to_four_times_the_radius():
         name: dea.AtPoint(tuple(1e-3 * np.array(at) / np.linalg.norm(at)), "displacement", "x")
         for name, at in places.items()
     }
-    path = dea.Trace("voltage", steps=200, until=("x_m", 3e-3))
+    path = dea.Trace("voltage", steps=200, until=("x_m", upto))
     run = dea.solve(scene, path, record, quiet=True, stability="never")
     x = run.column("x_m")[1:]
+    beside = [math.sqrt(n) * run.column(f"{p}_m")[1:] for n, p in ((2, "edge"), (3, "corner"))]
+    return run, x, beside, np.array([ball.at(1e-3 + u).volts for u in x])
+
+
+@on_demand
+def test_an_octant_in_space_stays_round_to_four_times_the_radius():
+    """Shapes of the number 4 that the mesh's own symmetry allows cross the round branch."""
+    run, x, beside, volts = octant(dea.NeoHookean(1e5), 1.2e-3, 3e-3)
     assert x[-1] == pytest.approx(3e-3, rel=1e-6)
-    assert math.sqrt(2) * run.column("edge_m")[1:] == pytest.approx(x, abs=2e-6)
-    assert math.sqrt(3) * run.column("corner_m")[1:] == pytest.approx(x, abs=2e-6)
-    volts = [ball.at(1e-3 + u).volts for u in x]
+    for one in beside:
+        assert one == pytest.approx(x, abs=2e-6)
     assert run.column("voltage_V")[1:] == pytest.approx(volts, rel=5e-4)
+
+
+@on_demand
+def test_an_octant_stays_round_over_the_minimum_to_five_times_the_radius():
+    """At the minimum, within a tenth of the radius, some sixty shapes become stable again.
+
+    The mesh is coarse, so that each of them has a small amplitude of its own there.  The minimum
+    lies at 3.94 radii.  Where the chains lock up, the mesh's error of the voltage grows.
+    """
+    run, x, beside, volts = octant(dea.Gent(1e5, CHAINS), 1.2e-3, 4e-3)
+    assert x[-1] == pytest.approx(4e-3, rel=1e-6)
+    for one in beside:
+        assert one == pytest.approx(x, abs=1e-5)
+    found = run.column("voltage_V")[1:]
+    early = x < 3.5e-3
+    assert found[early] == pytest.approx(volts[early], rel=5e-4)
+    assert found == pytest.approx(volts, rel=1e-2)
+    (minimum,) = [h for h in run.history if h["event"] == "minimum"]
+    assert 1e3 * minimum["x_m"] + 1 == pytest.approx(3.94, abs=0.01)

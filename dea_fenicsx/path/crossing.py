@@ -48,8 +48,14 @@ SMALL_STEPS = 12
 SOFT_SHAPES = 24
 """How many soft shapes are looked at where some are held."""
 
+MOST_SOFT_SHAPES = 120
+"""The same at most, where many negative eigenvalues tell that as many may become 0 together."""
+
 MOST_GUIDED_STEPS = 6
 """Most steps with held shapes, each as long as the longest of late."""
+
+GROWTH_OF_GUIDED_STEPS, QUICK_ITERATIONS = 1.5, 3
+"""Where many shapes are held, how much longer the next step is after so few iterations."""
 
 POINTS_BEFORE_TURN = (4, 1)
 """How many points before the beginning of a turn we try to go straight on from."""
@@ -68,6 +74,9 @@ MOST_LANDING = 0.1
 
 MOST_HELD_STEPS, MOST_HELD_LANDING = 4, 1e-2
 """The same two where the watch has seen a motion aside: there the branches are not far apart."""
+
+MOST_LANDING_OF_PASSAGE = 1e-2
+"""Largest correction without the guiding forces, as a share of all steps with them together."""
 
 
 @dataclass
@@ -231,8 +240,8 @@ class Crossings:
         """A step from an anchor that passes what lies ahead of a point; None if there is none.
 
         Its last point must lie on a smooth curve with its first one.  The shapes of a limit point
-        are soft, too, and a step over it must not hold them.  There a step without guiding forces
-        is taken even if the watch doubts it.
+        are soft, too, and a step over it must not hold them.  If a step without guiding forces
+        passes the limit point as well, it is taken even if the watch doubts it.
         """
         branch, doubted = self.branch, None
         for anchor, before in self._anchors:
@@ -247,9 +256,12 @@ class Crossings:
                     found = Passage(attempt, anchor, there, arc, done)
                     if self.watch.stays(anchor, there, arc, before):
                         return found
-                    doubted = doubted or found
+                    if doubted is None or (found.has_limit and not doubted.has_limit):
+                        doubted = found
         guided = self._guided_passage(here)
-        return doubted if guided is not None and doubted and guided.has_limit else guided
+        if guided is None or doubted is None:
+            return guided
+        return doubted if guided.has_limit and doubted.has_limit else guided
 
     def held_passage(self, here: Point, arc: float) -> Passage | None:
         """A step from a point with the soft shapes held, if the watch has seen a motion aside.
@@ -330,26 +342,42 @@ class Crossings:
         near: float = MOST_LANDING,
     ) -> Passage | None:
         """Steps with held shapes from an anchor, until an equilibrium lies nearby."""
-        branch = self.branch
+        branch, count = self.branch, self._shapes_held(anchor)
         done, point = branch.advanced(anchor, here), anchor
-        for _ in range(most):
-            guide = Guide.across(branch, back, point, SOFT_SHAPES)
+        length, grows = step, count > SOFT_SHAPES
+        for _ in range(MOST_STEPS_OVER_TURN if grows else most):
+            guide = Guide.across(branch, back, point, count)
             if guide is None:
                 return None
-            attempt = branch.step(guide.start, step, None, guide)
+            attempt = branch.step(guide.start, length, None, guide)
             if not attempt.converged:
                 return None
             reached = branch.point(attempt.found, guide.start, guide=guide)
             if reached is None:
                 return None
-            point = reached
-            if branch.advanced(anchor, point) > done + AHEAD[0] * step:
-                attempt, there = self._landed(point, near * step)
+            point, way = reached, branch.advanced(anchor, reached)
+            if way > done + AHEAD[0] * step:
+                most_moved = max(near * step, MOST_LANDING_OF_PASSAGE * way)
+                attempt, there = self._landed(point, most_moved)
                 if there is not None:
                     arc = branch.advanced(anchor, there)
                     if branch.is_smooth(anchor, there, arc, guide):
                         return Passage(attempt, anchor, there, arc, done, guide)
+            if grows and attempt.iterations <= QUICK_ITERATIONS:
+                length = min(GROWTH_OF_GUIDED_STEPS * length, self.longest)
         return None
+
+    def _shapes_held(self, point: Point) -> int:
+        """How many soft shapes are held on the way from a point.  Collective.
+
+        Near a minimum of the voltage of a thin balloon all unstable shapes become stable within a
+        short arc.  An equilibrium between them hardly determines any, so all must be held.
+        """
+        problem, solver = self.branch.problem, self.branch.solver
+        with problem.at(point.state):
+            solver.refresh_inertia()
+        excess = solver.inertia.excess or 0
+        return min(SOFT_SHAPES + excess, MOST_SOFT_SHAPES) if 2 * excess > SOFT_SHAPES else SOFT_SHAPES
 
     def _landed(self, point: Point, most: float) -> tuple[Attempt, Point | None]:
         """The equilibrium near a point with guiding forces, or None if none is near."""
