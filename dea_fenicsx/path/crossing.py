@@ -44,12 +44,11 @@ STRAIGHT = 0.8
 SMALL_STEPS = 12
 """Number of short steps after which the trace takes their length for granted."""
 
-
 SOFT_SHAPES = 24
 """How many soft shapes are looked at where some are held."""
 
 MOST_SOFT_SHAPES = 120
-"""The same at most, where many negative eigenvalues tell that as many may become 0 together."""
+"""The same at most, where many negative eigenvalues may become 0 together."""
 
 MOST_GUIDED_STEPS = 6
 """Most steps with held shapes, each as long as the longest of late."""
@@ -236,8 +235,10 @@ class Crossings:
         self._next = arc / SHRINKAGE
         return True
 
-    def passage(self, here: Point) -> Passage | None:
+    def passage(self, here: Point, short: float) -> Passage | None:
         """A step from an anchor that passes what lies ahead of a point; None if there is none.
+
+        A step of the length `short` from the point has failed, or was the last one.
 
         Its last point must lie on a smooth curve with its first one.  The shapes of a limit point
         are soft, too, and a step over it must not hold them.  If a step without guiding forces
@@ -258,7 +259,7 @@ class Crossings:
                         return found
                     if doubted is None or (found.has_limit and not doubted.has_limit):
                         doubted = found
-        guided = self._guided_passage(here)
+        guided = self._guided_passage(here, short)
         if guided is None or doubted is None:
             return guided
         return doubted if guided.has_limit and doubted.has_limit else guided
@@ -275,12 +276,11 @@ class Crossings:
         if self._held is not here:
             self._held, self._open = here, self._is_unstable(here)
             back = self.trail[max(0, len(self.trail) - 1 - MOST_POINTS_BACK)]
-            if self._open and (
-                found := self._along_guides(
-                    here, back, here, arc, MOST_HELD_STEPS, MOST_HELD_LANDING
-                )
-            ):
-                return found
+            for count in self._shapes_held(here, arc) if self._open else ():
+                if found := self._along_guides(
+                    here, back, here, arc, MOST_HELD_STEPS, MOST_HELD_LANDING, count
+                ):
+                    return found
         self.turns_aside = self._open
         return None
 
@@ -321,15 +321,16 @@ class Crossings:
                 return found
         return None
 
-    def _guided_passage(self, here: Point) -> Passage | None:
+    def _guided_passage(self, here: Point, short: float) -> Passage | None:
         """The same with soft shapes held on the way."""
         if not self.branch.problem.forms.is_symmetric:
             return None
-        for anchor, before in self._anchors:
-            place = next((k for k, p in enumerate(self.trail) if p is anchor), 0)
-            back = self.trail[max(0, place - MOST_POINTS_BACK)] if place else before
-            if found := self._along_guides(anchor, back, here, self._arc):
-                return found
+        for count in self._shapes_held(here, short):
+            for anchor, before in self._anchors:
+                place = next((k for k, p in enumerate(self.trail) if p is anchor), 0)
+                back = self.trail[max(0, place - MOST_POINTS_BACK)] if place else before
+                if found := self._along_guides(anchor, back, here, self._arc, count=count):
+                    return found
         return None
 
     def _along_guides(
@@ -340,11 +341,11 @@ class Crossings:
         step: float,
         most: int = MOST_GUIDED_STEPS,
         near: float = MOST_LANDING,
+        count: int = SOFT_SHAPES,
     ) -> Passage | None:
         """Steps with held shapes from an anchor, until an equilibrium lies nearby."""
-        branch, count = self.branch, self._shapes_held(anchor)
+        branch, length, grows = self.branch, step, count > SOFT_SHAPES
         done, point = branch.advanced(anchor, here), anchor
-        length, grows = step, count > SOFT_SHAPES
         for _ in range(MOST_STEPS_OVER_TURN if grows else most):
             guide = Guide.across(branch, back, point, count)
             if guide is None:
@@ -367,17 +368,21 @@ class Crossings:
                 length = min(GROWTH_OF_GUIDED_STEPS * length, self.longest)
         return None
 
-    def _shapes_held(self, point: Point) -> int:
-        """How many soft shapes are held on the way from a point.  Collective.
+    def _shapes_held(self, point: Point, arc: float) -> Sequence[int]:
+        """How many soft shapes are held on the way from a point: more, if these fail.  Collective.
 
         Near a minimum of the voltage of a thin balloon all unstable shapes become stable within a
-        short arc.  An equilibrium between them hardly determines any, so all must be held.
+        short arc.  An equilibrium between them hardly determines any, so all must be held.  A long
+        way with many held shapes has few equilibria, so that only very short steps ask for it.
         """
+        if arc > self._arc / SHRINKAGE**2:
+            return (SOFT_SHAPES,)
         problem, solver = self.branch.problem, self.branch.solver
         with problem.at(point.state):
             solver.refresh_inertia()
-        excess = solver.inertia.excess or 0
-        return min(SOFT_SHAPES + excess, MOST_SOFT_SHAPES) if 2 * excess > SOFT_SHAPES else SOFT_SHAPES
+        unstable = solver.inertia.excess or 0
+        more = min(SOFT_SHAPES + unstable, MOST_SOFT_SHAPES)
+        return (SOFT_SHAPES, more) if 2 * unstable > SOFT_SHAPES else (SOFT_SHAPES,)
 
     def _landed(self, point: Point, most: float) -> tuple[Attempt, Point | None]:
         """The equilibrium near a point with guiding forces, or None if none is near."""

@@ -194,7 +194,7 @@ class Tracer:
         while True:
             over, self._over = self._over, None
             if over is None and self.crossings.announced(arc / self._cut):
-                over = self.crossings.passage(here)
+                over = self.crossings.passage(here, arc / self._cut)
             if over is not None:
                 return self._passed(over, retries)
             attempt, there = self.crossings.advance(here, arc, before)
