@@ -238,13 +238,12 @@ def test_sizes_for_a_mesh_from_elsewhere(tmp_path, monkeypatch):
     assert more > cells and finer < coarse / 4
 
 
-def test_an_accuracy_that_is_not_reached_is_told(monkeypatch):
+def test_an_accuracy_that_is_not_reached_is_told(monkeypatch, capsys):
     monkeypatch.setattr("dea_fenicsx.run.accuracy.MOST_CHOICES", 1)
-    run = dea.solve(
-        tube(), dea.Ramp(steps=4), WIDER, quiet=True, accuracy=("wider_m", 1e-6)
-    )  # fmt: skip
+    run = dea.solve(tube(), dea.Ramp(steps=4), WIDER, accuracy=("wider_m", 1e-6))
     told = run.summary["accuracy"]
     assert not told["reached"] and told["error"] > 1e-6 and told["degree"] == 2
+    assert "the search ends with discretisation number 1." in capsys.readouterr().out
 
 
 def test_where_no_parts_are_known_all_cells_are_halved():

@@ -115,7 +115,7 @@ class AccuracySearch:
         self.best: Level | None = None
         self.found: DiscretisationError | None = None
         self.lost = False
-        self._quick = True
+        self._quick, self._end = True, "it cannot be made finer"
         self._parts: np.ndarray | None = None
         self._chosen: Scene | None = None
 
@@ -138,6 +138,7 @@ class AccuracySearch:
                 found = self._try(finer)
             except SolverError as error:  # cells may have become too thin for Newton's tolerance
                 self.say(f"Nothing finer could be solved: {error}")
+                self._end = "the next finer discretisation could not be solved"
                 break
             except EquilibriumLost as error:
                 self.lost = True
@@ -157,8 +158,13 @@ class AccuracySearch:
     def _next(self, scene: Scene) -> Scene | None:
         """The scene that is to be tried after this one, or None if the search ends."""
         last = self.levels[-1]
-        enough = last.largest <= SHARE_OF_ASKED * self.asked or len(self.levels) >= MOST_CHOICES
-        if enough or last.unknowns > MOST_UNKNOWNS_CHOSEN or not last.value:
+        if last.largest <= SHARE_OF_ASKED * self.asked or not last.value:
+            return None
+        if len(self.levels) >= MOST_CHOICES:
+            self._end = f"the search ends with discretisation number {MOST_CHOICES}"
+            return None
+        if last.unknowns > MOST_UNKNOWNS_CHOSEN:
+            self._end = f"the search ends beyond {MOST_UNKNOWNS_CHOSEN} unknowns"
             return None
         return self._finer(scene)
 
@@ -276,7 +282,7 @@ class AccuracySearch:
             return "its value is 0, so that no relative error is known"
         if self.wants_sizes:
             return "sizes.pos in its folder has the sizes of cells to mesh it with"
-        return "it cannot be made finer"
+        return self._end
 
 
 def of_degree(elements: Discretisation, degree: int) -> Discretisation:
