@@ -106,6 +106,11 @@ class Passage:
         """Whether a limit point lies within the step."""
         return self.start.slope * self.there.slope < 0
 
+    @property
+    def holds_many(self) -> bool:
+        """Whether many shapes are held; then few states within are near equilibria."""
+        return self.guide is not None and self.guide.shapes.shape[1] >= SOFT_SHAPES
+
 
 class TellsOnce:
     """Counts the points after a turn that has been told, at which no other one is told.
@@ -235,10 +240,8 @@ class Crossings:
         self._next = arc / SHRINKAGE
         return True
 
-    def passage(self, here: Point, short: float) -> Passage | None:
+    def passage(self, here: Point) -> Passage | None:
         """A step from an anchor that passes what lies ahead of a point; None if there is none.
-
-        A step of the length `short` from the point has failed, or was the last one.
 
         Its last point must lie on a smooth curve with its first one.  The shapes of a limit point
         are soft, too, and a step over it must not hold them.  If a step without guiding forces
@@ -259,7 +262,7 @@ class Crossings:
                         return found
                     if doubted is None or (found.has_limit and not doubted.has_limit):
                         doubted = found
-        guided = self._guided_passage(here, short)
+        guided = self._guided_passage(here)
         if guided is None or doubted is None:
             return guided
         return doubted if guided.has_limit and doubted.has_limit else guided
@@ -276,7 +279,7 @@ class Crossings:
         if self._held is not here:
             self._held, self._open = here, self._is_unstable(here)
             back = self.trail[max(0, len(self.trail) - 1 - MOST_POINTS_BACK)]
-            for count in self._shapes_held(here, arc) if self._open else ():
+            for count in self._shapes_held(here) if self._open else ():
                 if found := self._along_guides(
                     here, back, here, arc, MOST_HELD_STEPS, MOST_HELD_LANDING, count
                 ):
@@ -321,11 +324,11 @@ class Crossings:
                 return found
         return None
 
-    def _guided_passage(self, here: Point, short: float) -> Passage | None:
+    def _guided_passage(self, here: Point) -> Passage | None:
         """The same with soft shapes held on the way."""
         if not self.branch.problem.forms.is_symmetric:
             return None
-        for count in self._shapes_held(here, short):
+        for count in self._shapes_held(here):
             for anchor, before in self._anchors:
                 place = next((k for k, p in enumerate(self.trail) if p is anchor), 0)
                 back = self.trail[max(0, place - MOST_POINTS_BACK)] if place else before
@@ -368,15 +371,12 @@ class Crossings:
                 length = min(GROWTH_OF_GUIDED_STEPS * length, self.longest)
         return None
 
-    def _shapes_held(self, point: Point, arc: float) -> Sequence[int]:
+    def _shapes_held(self, point: Point) -> Sequence[int]:
         """How many soft shapes are held on the way from a point: more, if these fail.  Collective.
 
         Near a minimum of the voltage of a thin balloon all unstable shapes become stable within a
-        short arc.  An equilibrium between them hardly determines any, so all must be held.  A long
-        way with many held shapes has few equilibria, so that only very short steps ask for it.
+        short arc.  An equilibrium between them hardly determines any, so all must be held.
         """
-        if arc > self._arc / SHRINKAGE**2:
-            return (SOFT_SHAPES,)
         problem, solver = self.branch.problem, self.branch.solver
         with problem.at(point.state):
             solver.refresh_inertia()

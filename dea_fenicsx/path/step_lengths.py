@@ -183,3 +183,18 @@ def stage_estimate(new: np.ndarray, old: np.ndarray, stage: np.ndarray) -> np.nd
     step, which has order 1.
     """
     return np.asarray(new - old - (stage - old) / STAGE_SHARE)
+
+
+def growth(iterations: int) -> float:
+    """How much longer the next step is after one with some iterations of Newton's method."""
+    return 1.5 if iterations <= 3 else 1.0 if iterations <= 6 else 0.7
+
+
+def just_beyond(arc: float, was: float | None, left: float | None) -> float:
+    """An arc that reaches a little beyond the end of the trace.
+
+    It is extrapolated from the part of the gap that the last arc has closed.
+    """
+    if was is None or left is None or left * (was - left) <= 0:
+        return np.inf
+    return arc * max(1.1 * left / (was - left), 0.05)

@@ -19,6 +19,7 @@ from dea_fenicsx.path.load_course import LoadCourse
 from dea_fenicsx.path.recalling import kept, recall
 from dea_fenicsx.path.roots import Bracket
 from dea_fenicsx.path.soft_watch import SoftWatch
+from dea_fenicsx.path.step_lengths import growth, just_beyond
 from dea_fenicsx.path.trace_memory import TraceMemory
 from dea_fenicsx.path.traced import Reached, Spot, Traced
 from dea_fenicsx.path.turning import TURN_ASIDE, Turns
@@ -163,8 +164,8 @@ class Tracer:
             turn = self.turns.reached(there, start, arc)
             if self.crossings.is_told():
                 self.log(f"{item.what}: {MAYBE_ASIDE}")
-            beyond = _just_beyond(arc, left, self._left(there.state))
-            usual = min(arc * _growth(step.attempt.iterations), item.longest)
+            beyond = just_beyond(arc, left, self._left(there.state))
+            usual = min(arc * growth(step.attempt.iterations), item.longest)
             arc = min(usual, beyond)
             self._cut = arc / usual  # a step that is short because the end is near tells nothing
             before, here = start, there
@@ -194,11 +195,12 @@ class Tracer:
         while True:
             over, self._over = self._over, None
             if over is None and self.crossings.announced(arc / self._cut):
-                over = self.crossings.passage(here, arc / self._cut)
+                over = self._may_pass(self.crossings.passage(here))
             if over is not None:
                 return self._passed(over, retries)
             attempt, there = self.crossings.advance(here, arc, before)
-            over = self.crossings.held_passage(here, arc) if self.item.at_turn is None else None
+            if self.item.at_turn is None:
+                over = self._may_pass(self.crossings.held_passage(here, arc))
             if over is not None:
                 return self._passed(over, retries)
             outcome = attempt.outcome
@@ -226,6 +228,13 @@ class Tracer:
         many = arc > 0.5 and self.sentinel.stability and abs(count - before) > 1
         explained = abs(count - before) == int(here.slope * there.slope < 0)
         return many or (not explained and not self.branch.is_smooth(here, there, arc))
+
+    def _may_pass(self, over: Passage | None) -> Passage | None:
+        """The passage, or None where the trace would end in it while it holds many shapes."""
+        if over is None or not over.holds_many:
+            return over
+        before, behind = (self._left(point.state) for point in (over.start, over.there))
+        return over if before is None or behind is None or before * behind > 0 else None
 
     def _passed(self, over: Passage, retries: int) -> Reached:
         """A step from an earlier point, straight on over what comes after it."""
@@ -374,18 +383,3 @@ class Tracer:
             f"place; without that its residual is {held:.1e}, an error of the mesh"
         )
         return state, held
-
-
-def _growth(iterations: int) -> float:
-    """How much longer the next step is after one with some iterations of Newton's method."""
-    return 1.5 if iterations <= 3 else 1.0 if iterations <= 6 else 0.7
-
-
-def _just_beyond(arc: float, was: float | None, left: float | None) -> float:
-    """An arc that reaches a little beyond the end of the trace.
-
-    It is extrapolated from the part of the gap that the last arc has closed.
-    """
-    if was is None or left is None or left * (was - left) <= 0:
-        return np.inf
-    return arc * max(1.1 * left / (was - left), 0.05)
