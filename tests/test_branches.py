@@ -1,6 +1,7 @@
 """Diagrams of all branches that a trace meets, and branches left at a later bifurcation."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0
+from dea_fenicsx.pictures.diagram import _runs
 from dea_fenicsx.results.stable_parts import multiplicity, stability_intervals
 
 MU, EPS_R, H, SLENDER = 5e4, 4.7, 1e-4, 20.0
@@ -66,8 +68,11 @@ def test_all_branches_of_a_strip(tmp_path):
     resumed = dea.branches(strip(), TRACE, DEFLECTION, tmp_path / "strip", most=1, quiet=True,
                            resume=True)  # fmt: skip
     assert resumed["branch_1"].column("middle_m") == pytest.approx(up, rel=1e-12)
+    shutil.copytree(tmp_path / "strip" / "branch_1", tmp_path / "strip" / "branch_9")
     pictures = found.draw("middle_m")
     assert {p.name for p in pictures} == {"middle_voltage.png", "middle_voltage.svg"}
+    told = [branch.name for branch in resumed.branches]
+    assert [place.name for place in _runs(tmp_path / "strip")] == told  # no other diagram's
 
 
 def row(inertia, event="", load=0.0):

@@ -41,6 +41,7 @@ def test_wrong_calls_are_refused():
     for path, sizes, options, words in (
         (dea.Ramp("load"), [1e-5], {}, "must end by a Trace"),
         (trace, 1e-5, {}, "needs a list of lengths"),
+        (trace, None, {}, "needs a list of lengths"),
         (trace, [0.0], {}, "leave the perfect device out"),
         (trace, [1e-5], {}, "give it out=, or a shape"),
         (trace, [1e-5], {"shape": np.sin}, "no limit point and no bifurcation"),

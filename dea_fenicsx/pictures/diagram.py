@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,7 +17,9 @@ from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number
 
 
-def diagram(folder: str | os.PathLike, x: str, y: str) -> list[Path]:
+def diagram(
+    folder: str | os.PathLike, x: str, y: str, names: Sequence[str] | None = None
+) -> list[Path]:
     """Draw the branches in a folder: stable parts solid, unstable ones dashed, events marked.
 
     Parameters
@@ -24,6 +28,8 @@ def diagram(folder: str | os.PathLike, x: str, y: str) -> list[Path]:
         What `branches` wrote.
     x, y
         Columns of the histories.
+    names
+        The branches; None takes those that ``diagram.json`` names.
 
     Returns
     -------
@@ -42,8 +48,7 @@ def diagram(folder: str | os.PathLike, x: str, y: str) -> list[Path]:
         raise InputError("Diagrams need matplotlib; pip install matplotlib.") from error
 
     place = Path(folder)
-    runs = [p.parent for p in place.glob("*/history.csv")]
-    runs.sort(key=lambda run: (run.name != "first", run.name))
+    runs = _runs(place, names)
     if not runs:
         raise InputError(f"There are no branches in {place}; give the folder of a diagram.")
     values = [(read_numbers(run, x), read_numbers(run, y)) for run in runs]
@@ -66,6 +71,29 @@ def diagram(folder: str | os.PathLike, x: str, y: str) -> list[Path]:
         axes.set_ylabel(y_text)
         axes.legend()
         return saved(figure, place / file_stem(y, x), ("png", "svg"))
+
+
+def _runs(place: Path, names: Sequence[str] | None = None) -> list[Path]:
+    """The folders of the branches, in their order.
+
+    They are those that are given or that ``diagram.json`` names: others may stand there from an
+    earlier diagram.  All are taken where the file is missing.
+    """
+    found = {p.parent.name: p.parent for p in place.glob("*/history.csv")}
+    if names is not None:
+        return [found[name] for name in names if name in found]
+    file = place / "diagram.json"
+    told: Any = None
+    if file.exists():
+        try:
+            told = json.loads(file.read_text("utf-8"))
+        except (OSError, ValueError, RecursionError, MemoryError) as error:
+            raise InputError(f"{file} is not valid JSON; write the diagram anew.") from error
+    branches = told.get("branches") if isinstance(told, dict) else None
+    if isinstance(branches, list):
+        told = [b.get("name") for b in branches if isinstance(b, dict)]
+        return [found[name] for name in told if isinstance(name, str) and name in found]
+    return [found[name] for name in sorted(found, key=lambda n: (n != "first", len(n), n))]
 
 
 def _draw(

@@ -132,7 +132,8 @@ class Diagram:
             raise InputError("This diagram has no folder, so it is not drawn; give branches out=.")
         # The pictures come after the runs in the order of rooms; they are loaded on demand.
         pictures = import_module("dea_fenicsx.pictures.diagram")
-        return pictures.diagram(self.out, x or self.load, y)
+        names = [branch.name for branch in self.branches]
+        return pictures.diagram(self.out, x or self.load, y, names)
 
 
 def branches(

@@ -141,6 +141,8 @@ def deflate(
 
 def _check_starts(problem: Problem, starts: Sequence[State]) -> None:
     """Raise InputError unless all starts are states of a problem.  Collective."""
+    if not isinstance(starts, Sequence) or isinstance(starts, str):
+        raise InputError(f"The starts of deflate are {shown(starts)}; it needs a list of states.")
     for start in starts:
         fits = isinstance(start, State) and len(start.values) == problem.size
         if not problem.comm.allreduce(fits, op=MPI.LAND):

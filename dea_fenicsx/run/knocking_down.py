@@ -19,7 +19,7 @@ from dea_fenicsx.run.imperfections import ModeShape, imperfect
 from dea_fenicsx.run.session import solve
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.support.errors import InputError, Interrupted, MachineError, PathError
-from dea_fenicsx.support.type_checks import is_number, shown
+from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.validation import finite
 
 PERFECT = "perfect"
@@ -179,7 +179,7 @@ def _checked(
         raise InputError(
             f"The path of knock_down must end by a Trace without switch=, not by {shown(last)}."
         )
-    if is_number(sizes) or not len(sizes):
+    if isinstance(sizes, str) or not isinstance(sizes, Sequence | np.ndarray) or not len(sizes):
         raise InputError(
             f"knock_down is given the sizes {shown(sizes)}, but needs a list of lengths in m."
         )
