@@ -57,6 +57,7 @@ def test_hexahedra_and_what_is_told(tmp_path):
     check_alike(pair())
     run = solved(pair(), MULTIGRID, out=tmp_path)
     assert run.history[-1]["negative_modes"] is None
+    assert run.summary["stable"] is None
     assert "not counted with multigrid" in (tmp_path / "run.log").read_text()
     assert "not counted with multigrid" in run.summary["message"]
 
