@@ -13,6 +13,7 @@ from dea_fenicsx.cli import main
 from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.run import choosing, costs
+from dea_fenicsx.solvers import linear
 from dea_fenicsx.solvers.newton import NewtonSolver
 from dea_fenicsx.support.free_memory import free_bytes
 
@@ -166,6 +167,19 @@ def test_the_next_run_of_a_scene_chooses_anew():
     assert solved(scene).summary["preconditioner"] == "whole"
 
 
+def test_an_error_says_that_multigrid_was_chosen(monkeypatch):
+    """GMRES, which does not converge, is no fault of the user then."""
+    problem = Problem(film())
+    monkeypatch.setattr(linear, "MOST_UNKNOWNS_RESCUED", 0)
+    monkeypatch.setattr(linear.LinearSolver, "_krylov", lambda *_, **__: (None, 1))
+    with free(0.5, problem), pytest.raises(dea.SolverError, match="chosen for want of memory"):
+        solved(film())
+    named = dea.NewtonOptions(factor="multigrid")
+    with pytest.raises(dea.SolverError) as told:
+        solved(film(), options=named)
+    assert "chosen" not in str(told.value)
+
+
 SCRIPT = """
 import dea_fenicsx as dea
 from test_choosing import film
@@ -194,6 +208,8 @@ def decided(comm):
     problem = Problem(scene)
     size = costs.size_kept(problem, "split")
     found = {"entries": size.entries, "operations": size.operations, "unknowns": size.unknowns}
+    few = Problem(film(comm, cells=(1, 1)))  # two cells, so that a third rank has none
+    found["few"] = costs.size_kept(few, "whole").entries
     needed = direct_bytes(problem)  # of all ranks
     for name, share in (("little", 0.5), ("much", 2.0)):
         # rank 0 finds that nothing is free, but all ranks of a node have what the least has
@@ -212,7 +228,7 @@ def decided(comm):
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_all_ranks_choose_alike(on_ranks, ranks):
     alone, found = decided(MPI.COMM_SELF), on_ranks("test_choosing", "decided", ranks)
-    for name in ("entries", "operations", "unknowns"):
+    for name in ("entries", "operations", "unknowns", "few"):
         assert found[name] == pytest.approx(alone[name], rel=1e-12)
     for name, kind in (("little", "multigrid"), ("much", "whole")):
         assert found[name][0] == alone[name][0] == kind

@@ -40,7 +40,7 @@ from dea_fenicsx.run.pushing_out import pushed_out
 from dea_fenicsx.run.resuming import carry_on
 from dea_fenicsx.run.reuse import keep, lend, solver_for
 from dea_fenicsx.run.size_field import SIZES, write_sizes
-from dea_fenicsx.run.solver_notes import notes_on, uncounted
+from dea_fenicsx.run.solver_notes import advice, notes_on, uncounted
 from dea_fenicsx.run.starting import Beginning, balanced, beginning
 from dea_fenicsx.scene.electrode_checks import without_field
 from dea_fenicsx.scene.scene import Scene
@@ -323,8 +323,8 @@ class _Session:
             solver.notify = silent  # it holds this session, which holds the solver
 
     def _notes(self, journal: Journal) -> list[str]:
-        """What an error that ends the path says of the stability before it."""
-        found = [unlocated(journal.history)]
+        """What an error that ends the path says of its solver, and of the stability before it."""
+        found = [unlocated(journal.history), advice(journal.solver)]
         if not any(isinstance(item, Trace) for item in self.path):
             found.append(unstable_from(self.scene, journal.history, self.path, found[0]))
         return [note for note in found if note]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dea_fenicsx.solvers.multigrid import caution
 from dea_fenicsx.solvers.newton import NewtonSolver
+from dea_fenicsx.solvers.outcome import Outcome
 
 UNCOUNTED = (
     "Negative eigenvalues are not counted with multigrid, so nothing is told about stability."
@@ -13,6 +14,17 @@ UNCOUNTED = (
 def uncounted(solver: NewtonSolver, stability: str) -> str:
     """A sentence where a count is wanted that the solver cannot make, or nothing."""
     return UNCOUNTED if stability != "never" and solver.factor_kind == "multigrid" else ""
+
+
+def advice(solver: NewtonSolver) -> str:
+    """What to do where linear solves with multigrid, which the run has chosen, have failed."""
+    chosen = solver.options.factor == "auto" and solver.factor_kind == "multigrid"
+    if not chosen or solver.trouble is not Outcome.STAGNATION:
+        return ""
+    return (
+        "Multigrid had been chosen for want of memory; where there is more, "
+        'NewtonOptions(factor="whole") makes a factor.'
+    )
 
 
 def notes_on(solver: NewtonSolver, choice: str, stability: str) -> list[str]:
