@@ -106,6 +106,8 @@ def keep(run: Run, solver: NewtonSolver, observables: Iterable[Any]) -> None:
     number = _runs[device] = _runs.get(device, 0) + 1
     if problem.unknowns > MOST_UNKNOWNS_REUSED or not own:
         return
+    if solver.options.factor == "auto" and solver.factor_kind == "multigrid":
+        return  # the next run may need a factor
     nodes = digest_of_nodes(device)
     _kept.append(_Kept(number, solver, solver.options, weakref.ref(run), nodes))
     del _kept[:-MOST_PROBLEMS_KEPT]
