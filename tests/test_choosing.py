@@ -44,6 +44,7 @@ def free(share, problem):
     found = share * direct_bytes(problem)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(choosing, "free_bytes", lambda: found)
+        patch.setattr(choosing, "BYTES_NOT_ASKED_FOR", 0.0)
         yield
 
 
@@ -216,6 +217,7 @@ def decided(comm):
         with pytest.MonkeyPatch.context() as patch:
             mine = share * needed * (1 + comm.rank)
             patch.setattr(choosing, "free_bytes", lambda mine=mine: mine)
+            patch.setattr(choosing, "BYTES_NOT_ASKED_FOR", 0.0)
             run = solved(scene)
         seen = comm.allgather(run.summary["preconditioner"])
         assert len(set(seen)) == 1

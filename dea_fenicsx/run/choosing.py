@@ -40,6 +40,13 @@ many fit, the entries are not counted, which takes some seconds on large meshes.
 """
 
 
+BYTES_NOT_ASKED_FOR = 2e8
+"""What a factor may need at most where nobody asks how much is free: as much as one more process.
+
+To ask takes a millisecond, which a small run would notice.
+"""
+
+
 @dataclass(frozen=True)
 class Choice:
     """What is chosen.
@@ -139,15 +146,16 @@ def _chosen(
         return Choice(True, "Multigrid is taken, as in the run that is resumed.")
     if before is not None and before != "multigrid":
         return Choice()
-    free = free_memory(problem.comm)
-    if free is None:
-        return Choice()
     own = ranks * BYTES_OF_RANK  # processes that run have this already
-    most = MOST_SHARE_OF_FREE_MEMORY * free
     precision = precision_of(solver.factor_kind)
+    bound = memory_with(problem, MOST_ENTRIES * problem.unknowns ** (4 / 3), precision, ranks) - own
+    if needed is None and bound <= BYTES_NOT_ASKED_FOR:
+        return Choice()
+    if (free := free_memory(problem.comm)) is None:
+        return Choice()
+    most = MOST_SHARE_OF_FREE_MEMORY * free
     if needed is None:
-        bound = MOST_ENTRIES * problem.unknowns ** (4 / 3)
-        if memory_with(problem, bound, precision, ranks) - own <= most:
+        if bound <= most:
             return Choice()
         entries = size_kept(problem, solver.factor_kind).entries
         needed = memory_with(problem, entries, precision, ranks)
