@@ -13,6 +13,7 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check, _gmsh
+from ._lattice import Lattice
 from ._structured import StructuredMesh
 from .grading import check_ends
 
@@ -78,6 +79,13 @@ class InParts(Geometry):
     """A family of which each of several ranks makes its part, so that none holds the whole."""
 
     @abstractmethod
+    def lattice(self) -> Lattice:
+        """What the mesh and its parts are made of."""
+
+    def mesh(self) -> StructuredMesh:
+        """Nodes, cells and named parts as plain arrays."""
+        return self.lattice().mesh()
+
     def mesh_part(self, part: int, parts: int) -> StructuredMesh:
         """What one of several ranks makes of the mesh.
 
@@ -90,14 +98,15 @@ class InParts(Geometry):
         part, parts
             Which part, from 0, and how many there are.
         """
+        return self.lattice().part(part, parts)
 
-    @abstractmethod
     def groups_of_parts(self) -> dict[str, int]:
         """What `groups` gives, without making a mesh."""
+        return self.lattice().groups()
 
-    @abstractmethod
-    def cell_shape(self) -> dict[str, float]:
-        """``least_scaled_jacobian`` and ``largest_aspect`` of the cells."""
+    def cell_shape(self, part: int = 0, parts: int = 1) -> tuple[float, float]:
+        """Least scaled Jacobian and largest aspect of the cells of a part; (inf, 0) of no cell."""
+        return self.lattice().shape(part, parts)
 
 
 class LayeredGeometry(Geometry):

@@ -7,7 +7,7 @@ import pytest
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx.geometry import BoxStack, DiskStack, Layer, Tube
 from dea_fenicsx.mesh import device
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
@@ -19,6 +19,7 @@ from dea_fenicsx.solvers.unpivoted import Unpivoted
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
 LAYERS = [Layer("passive", 0.5e-3, 2), Layer("active", 0.5e-3)]
+SHEETS = [Layer("sheet", 0.1e-3, electrode=True), Layer("active", 0.5e-3)]
 
 
 def strip(cells=8, thrust=0.0):
@@ -98,8 +99,14 @@ def test_gmres():
     BoxStack(20e-3, None, LAYERS, 3, order=1, x0=1e-3),
     BoxStack(20e-3, 5e-3, LAYERS, (4, 3), grading=3),
     BoxStack(1e-3, 1e-3, [Layer("film", 1e-4)]),
+    Tube(20e-3, 5e-3, LAYERS, order=1),
+    Tube(20e-3, 5e-3, LAYERS, "quarter", angular=8, axial=2),
+    Tube(20e-3, 5e-3, LAYERS, "whole", angular=5, axial=1),
+    DiskStack(20e-3, [*LAYERS, *SHEETS], 2e-3, order=1),
+    DiskStack(20e-3, [*LAYERS, *SHEETS], 2e-3, end_electrodes=True),
+    DiskStack(20e-3, [*LAYERS, *SHEETS], 2e-3, None, 4e-3, 1e-3, angular=5, rim=2),
 ])  # fmt: skip
-def test_boxes_are_meshed_as_by_gmsh(family, monkeypatch):
+def test_families_are_meshed_as_by_gmsh(family, monkeypatch):
     """Nodes, cells, tags, names and quality."""
     quick = dea.device(family, MPI.COMM_SELF)
     monkeypatch.setattr(device, "comes_in_parts", lambda *given: False)
