@@ -48,14 +48,17 @@ class GroupBox:
         )
 
 
+def within(cells: tuple[range, ...], axis: int, indices: range) -> tuple[range, ...]:
+    """Some of the cells of a box, by their indices along one of its directions."""
+    return (*cells[:axis], indices, *cells[axis + 1 :])
+
+
 def side_boxes(cells: tuple[range, ...], axis: int, low: str, high: str) -> list[GroupBox]:
     """The facets at both ends of a box along one of its directions, with their names."""
-    end = cells[axis]
-
-    def row(k: int) -> tuple[range, ...]:
-        return (*cells[:axis], range(k, k + 1), *cells[axis + 1 :])
-
-    return [GroupBox(low, row(end.start), (axis, 0)), GroupBox(high, row(end.stop - 1), (axis, 1))]
+    return [
+        GroupBox(low, within(cells, axis, cells[axis][:1]), (axis, 0)),
+        GroupBox(high, within(cells, axis, cells[axis][-1:]), (axis, 1)),
+    ]
 
 
 def name_boxes(mesh: StructuredMesh, cell: Sequence[Ints], boxes: Sequence[GroupBox]) -> None:
@@ -198,6 +201,14 @@ class FlatLattice:
             return self.cells(np.unravel_index(cell[0], self.counts))
 
         return FlatLattice((int(np.prod(self.counts)),), self.nodes, cells, self.places)
+
+    def unswept(self, order: int, boxes: Sequence[GroupBox]) -> Lattice:
+        """The quadrilaterals themselves, with groups."""
+
+        def places(number: Ints) -> Floats:
+            return np.column_stack([self.places(number), np.zeros(len(number))])
+
+        return Lattice(self.counts, order, self.nodes, self.cells, places, boxes)
 
     def swept(self, ends: Floats, order: int, boxes: Sequence[GroupBox]) -> Lattice:
         """Hexahedra between cell ends along z in metres, with groups.

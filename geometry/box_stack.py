@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
 
 import numpy as np
 
@@ -14,8 +13,17 @@ from dea_fenicsx.support.units import in_si
 
 from . import _check
 from ._lattice import GroupBox, Lattice, between, side_boxes
-from ._structured import Floats, joined_ends
-from .base import FlatStack, InParts, Layer, checked_layers, refuse_clash, sizes_of_layers
+from ._structured import Floats
+from .base import (
+    FlatStack,
+    InParts,
+    Layer,
+    boxes_of_layers,
+    checked_layers,
+    ends_of_layers,
+    refuse_clash,
+    sizes_of_layers,
+)
 from .grading import check_ends, graded
 
 
@@ -140,38 +148,25 @@ class BoxStack(FlatStack, InParts):
         """Ends of the cells in m along x, y (in space only) and through the layers."""
         assert isinstance(self.divisions, tuple)
         assert isinstance(self.grading, tuple) and isinstance(self.ends, tuple)
-        starts = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in self.layers])])
-        through = joined_ends(
-            *(
-                start + layer.thickness * graded(layer.divisions, layer.grading, layer.ends)
-                for start, layer in zip(starts, self.layers, strict=False)
-            )
-        )
         sizes = [self.length] if self.width is None else [self.length, self.width]
         ends = [
             size * graded(n, g, e)
             for size, n, g, e in zip(sizes, self.divisions, self.grading, self.ends, strict=True)
         ]
         ends[0] = ends[0] + self.x0
-        return [*ends, through]
+        return [*ends, ends_of_layers(self.layers)]
 
     def boxes(self) -> list[GroupBox]:
         """The groups by the logical indices of cells, as `Lattice` has them."""
         assert isinstance(self.divisions, tuple)
-        bounds = [0, *accumulate(layer.divisions for layer in self.layers)]
-        base, last = tuple(range(n) for n in self.divisions), len(self.divisions)
-        whole = (*base, range(bounds[-1]))
-        found = [
-            GroupBox(layer.name, (*base, range(a, b)))
-            for layer, a, b in zip(self.layers, bounds, bounds[1:], strict=False)
-        ]
+        last = len(self.divisions)  # the direction through the layers
+        deep = sum(layer.divisions for layer in self.layers)
+        whole = (*(range(n) for n in self.divisions), range(deep))
+        regions, interfaces = boxes_of_layers(self.layers, whole, last)
+        sides: list[GroupBox] = []
         for axis, letter in enumerate("xy"[:last]):
-            found += side_boxes(whole, axis, f"{letter}_min", f"{letter}_max")
-        found += side_boxes(whole, last, "bottom", "top")
-        return found + [
-            GroupBox(f"interface_{i}", (*base, range(k - 1, k)), (last, 1))
-            for i, k in enumerate(bounds[1:-1], 1)
-        ]
+            sides += side_boxes(whole, axis, f"{letter}_min", f"{letter}_max")
+        return [*regions, *sides, *side_boxes(whole, last, "bottom", "top"), *interfaces]
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
 
 import numpy as np
 
@@ -17,7 +16,15 @@ from . import _check
 from ._lattice import FlatLattice, GroupBox, Lattice
 from ._polar import circle, o_grid, rings
 from ._structured import Floats, joined_ends, lattice_points
-from .base import InParts, Layer, LayeredGeometry, checked_layers, refuse_clash
+from .base import (
+    InParts,
+    Layer,
+    LayeredGeometry,
+    checked_layers,
+    ends_of_layers,
+    refuse_clash,
+    rows_of_layers,
+)
 from .grading import graded
 
 
@@ -235,14 +242,7 @@ class DiskStack(LayeredGeometry, InParts):
 
     def lattice(self) -> Lattice:
         """See `InParts.lattice`."""
-        starts = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in self.layers])])
-        through = joined_ends(
-            *(
-                start + layer.thickness * graded(layer.divisions, layer.grading, layer.ends)
-                for start, layer in zip(starts, self.layers, strict=False)
-            )
-        )
-        return self._plane().swept(through, self.order, self._boxes())
+        return self._plane().swept(ends_of_layers(self.layers), self.order, self._boxes())
 
     def _plane(self) -> FlatLattice:
         """The quadrilaterals across the axis, one index for each: the core, then ring by ring."""
@@ -260,14 +260,14 @@ class DiskStack(LayeredGeometry, InParts):
         plane = range(core + last * around)
         active = range(first * around, core + beyond * around)
         margins = [r for r in (plane[: active.start], plane[active.stop :]) if len(r)]
-        rows = [0, *accumulate(layer.divisions for layer in self.layers)]
+        rows = rows_of_layers(self.layers)
+        deep = range(rows[-1].stop)
 
         def ring(k: int) -> range:
             return range(core + k * around, core + (k + 1) * around)
 
         found = []
-        for i, layer in enumerate(self.layers):
-            level = range(rows[i], rows[i + 1])
+        for i, (layer, level) in enumerate(zip(self.layers, rows, strict=True)):
             if layer.electrode and self._inset_anywhere:
                 found.append(GroupBox(layer.name, (active, level)))
                 found += [GroupBox(self._margin(i), (margin, level)) for margin in margins]
@@ -278,9 +278,7 @@ class DiskStack(LayeredGeometry, InParts):
             else:
                 found.append(GroupBox(layer.name, (plane, level)))
             if i > 0:
-                below = range(rows[i] - 1, rows[i])
-                found.append(GroupBox(f"interface_{i}", (active, below), (2, 1)))
-        deep = range(rows[-1])
+                found.append(GroupBox(f"interface_{i}", (active, rows[i - 1][-1:]), (2, 1)))
         for name, row, end in (("bottom", deep[:1], 0), ("top", deep[-1:], 1)):
             if self.end_electrodes:
                 found.append(GroupBox(f"{name}_active", (active, row), (2, end)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
 from typing import Literal, get_args
 
 import numpy as np
@@ -17,9 +16,8 @@ from dea_fenicsx.support.units import in_si
 from . import _check
 from ._lattice import FlatLattice, GroupBox, Lattice, between, side_boxes
 from ._polar import rings
-from ._structured import Floats, joined_ends, lattice_points
-from .base import InParts, Layer, checked_layers, refuse_clash
-from .grading import graded
+from ._structured import Floats, lattice_points
+from .base import InParts, Layer, boxes_of_layers, checked_layers, ends_of_layers, refuse_clash
 
 Part = Literal["section", "quarter", "whole"]
 PARTS: tuple[Part, ...] = get_args(Part)
@@ -128,10 +126,7 @@ class Tube(InParts):
 
     def lattice(self) -> Lattice:
         """See `InParts.lattice`."""
-        ends = joined_ends(*(
-            start + layer.thickness * graded(layer.divisions, layer.grading, layer.ends)
-            for start, layer in zip(self.radii, self.layers, strict=False)
-        ))  # fmt: skip
+        ends = ends_of_layers(self.layers, self.inner)
         heights = np.linspace(0.0, self.height, self.axial + 1)
         if self.part == "section":
             return between([ends, heights], self.order, self._boxes())
@@ -151,19 +146,11 @@ class Tube(InParts):
 
     def _boxes(self) -> list[GroupBox]:
         """The groups by the logical indices of cells: along the radius, around, along z."""
-        bounds = [0, *accumulate(layer.divisions for layer in self.layers)]
         around = self.angular // (4 if self.part == "quarter" else 1)
         others = (*([] if self.part == "section" else [range(around)]), range(self.axial))
-        whole = (range(bounds[-1]), *others)
-        found = [
-            GroupBox(layer.name, (range(a, b), *others))
-            for layer, a, b in zip(self.layers, bounds, bounds[1:], strict=False)
-        ]
-        found += side_boxes(whole, 0, "inner", "outer")
-        found += side_boxes(whole, len(others), "bottom", "top")
-        if self.part == "quarter":
-            found += side_boxes(whole, 1, "y_min", "x_min")
-        return found + [
-            GroupBox(f"interface_{i}", (range(k - 1, k), *others), (0, 1))
-            for i, k in enumerate(bounds[1:-1], 1)
-        ]
+        whole = (range(sum(layer.divisions for layer in self.layers)), *others)
+        regions, interfaces = boxes_of_layers(self.layers, whole, 0)
+        walls = side_boxes(whole, 0, "inner", "outer")
+        ends = side_boxes(whole, len(others), "bottom", "top")
+        cuts = side_boxes(whole, 1, "y_min", "x_min") if self.part == "quarter" else []
+        return [*regions, *walls, *ends, *cuts, *interfaces]

@@ -7,7 +7,18 @@ import pytest
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.geometry import BoxStack, DiskStack, Layer, Tube
+from dea_fenicsx.geometry import (
+    BoxStack,
+    DiscCapacitor,
+    DiskStack,
+    FingerStack,
+    HollowSphere,
+    Layer,
+    MembraneDisc,
+    Roll,
+    TabbedStack,
+    Tube,
+)
 from dea_fenicsx.mesh import device
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
@@ -105,6 +116,15 @@ def test_gmres():
     DiskStack(20e-3, [*LAYERS, *SHEETS], 2e-3, order=1),
     DiskStack(20e-3, [*LAYERS, *SHEETS], 2e-3, end_electrodes=True),
     DiskStack(20e-3, [*LAYERS, *SHEETS], 2e-3, None, 4e-3, 1e-3, angular=5, rim=2),
+    FingerStack(LAYERS, 3, 5e-3, 2e-3, both=True),
+    TabbedStack(20e-3, [*LAYERS, *LAYERS], 2e-3, 10e-3, 3e-3),
+    Roll(5e-3, 2, LAYERS, angular=6),
+    Roll(5e-3, 2, LAYERS, 5e-3, angular=6, axial=2),
+    DiscCapacitor(1e-3, 2e-3, 3e-3, (3, 2, 4)),
+    MembraneDisc(2e-3, 1e-3, 1e-4, 2e-4, (2, 2, 1)),
+    MembraneDisc(2e-3, 1e-3, 1e-4, 2e-4, (2, 2, 1), angular=8),
+    HollowSphere(1e-3, 2e-3, "whole"),
+    HollowSphere(1e-3, 2e-3, "octant", cells=4),
 ])  # fmt: skip
 def test_families_are_meshed_as_by_gmsh(family, monkeypatch):
     """Nodes, cells, tags, names and quality."""
