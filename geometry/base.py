@@ -97,7 +97,10 @@ class InParts(Geometry):
 
     @abstractmethod
     def cell_shape(self) -> dict[str, float]:
-        """``least_scaled_jacobian`` and ``largest_aspect`` of the cells."""
+        """``least_scaled_jacobian`` and ``largest_aspect`` of the cells.
+
+        It is for one rank, as it may ask gmsh.
+        """
 
 
 class LayeredGeometry(Geometry):

@@ -75,7 +75,11 @@ def by_parts(
     of_facets = _tags(mesh, np.concatenate(facets), np.concatenate([np.empty(0, int), *tags]))
     named = Named(of_cells, names[cells], of_facets, names[cells - 1], {})
     groups = {name: (d, tag) for d, found in names.items() for name, tag in found.items()}
-    return mesh, named, Told(groups, {}, cells, source.dimension, source.cell_shape(), label)
+    shape = together(
+        comm, lambda: source.cell_shape() if comm.rank == 0 else {}, f"The mesh of {label}"
+    )
+    shape = comm.bcast(shape, root=0)
+    return mesh, named, Told(groups, {}, cells, source.dimension, shape, label)
 
 
 def _mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray) -> Any:
