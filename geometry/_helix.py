@@ -5,6 +5,10 @@ first turn's underside: so the top of a turn and the underside of the next are o
 on this numbering below and above.  A wedge fills the room between the helicoidal face and a plane;
 it has the rows of a turn, which meet those of the wall at the seam.  Its thin end is left open over
 one cell, as rows that run into an edge would be no hexahedra.
+
+Nodes are numbered by radius, then by column, then by row.  The rows of a column are known in closed
+form, and so are the number of a node from its place and its place from its number.  Each rank can
+make its part of the mesh so.
 """
 
 from __future__ import annotations
@@ -91,9 +95,8 @@ def helix_samples(device: HelixShape) -> StructuredMesh:
     sizes = np.round(np.diff(builder.angles), 9)
     some = []
     for piece, (wide, around, deep) in builder.shapes.items():
-        around = min(around, builder.per_turn)
-        shift = around < builder.per_turn and piece == WEDGE_BELOW
-        found = sizes[shift : shift + around]
+        begin = 1 if piece == WEDGE_BELOW else 0  # behind the open cell
+        found = sizes[begin : begin + around]
         steps = {int(k) for s in np.unique(found) for k in np.flatnonzero(found == s)[[0, -1]]}
         i, j, k = np.indices((wide, len(steps), deep)).reshape(3, -1)
         some.append((piece, np.stack([i, np.array(sorted(steps))[j], k])))
