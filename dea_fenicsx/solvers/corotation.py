@@ -33,9 +33,18 @@ SMALLEST_TURN = 2e-3
 """Rotations that change each entry of R by less than this (about an angle in rad) are neglected."""
 
 
-class Factor(Protocol):
-    """A preconditioner: it reads x and writes y, both PETSc vectors of the free unknowns."""
+Array = Callable[[np.ndarray], np.ndarray]
+"""Gives an array for an array."""
 
+
+class Factor(Protocol):
+    """A preconditioner: it reads x and writes y, both PETSc vectors of the free unknowns.
+
+    `on_arrays` does the same for arrays on one rank; None where the vectors are needed.
+    """
+
+    @property
+    def on_arrays(self) -> Array | None: ...
     def apply(self, _: Any, x: Any, y: Any) -> None: ...
     def apply_transposed(self, _: Any, x: Any, y: Any) -> None: ...
 
@@ -115,6 +124,37 @@ class Corotation:
         plain.array[:] = x.array_r / self.weights
         self._turned(self.factor.apply, plain, y)
         plain.destroy()
+
+    def on_arrays(self, x: Any, y: Any) -> Array:
+        """What `apply` does, for arrays on one rank; `x` and `y` are vectors that it may use."""
+        solve, weights = self._solve_on_arrays(x, y), self.weights
+
+        def precondition(values: np.ndarray) -> np.ndarray:
+            if weights is not None:
+                values = values / weights
+            if self._turn is None:
+                return solve(values)
+            turned = values.copy()
+            turned[self._rows] = self._rotated(values[self._rows], backwards=True)
+            found = solve(turned)
+            found[self._rows] = self._rotated(found[self._rows])
+            return found
+
+        return precondition
+
+    def _solve_on_arrays(self, x: Any, y: Any) -> Array:
+        """What solves with the factor itself for an array."""
+        factor = self.factor
+        assert factor
+        if (solve := factor.on_arrays) is not None:
+            return solve
+
+        def solve_vector(values: np.ndarray) -> np.ndarray:
+            x.array[:] = values
+            factor.apply(None, x, y)
+            return np.array(y.array_r)
+
+        return solve_vector
 
     def applyTranspose(self, _: Any, x: Any, y: Any) -> None:
         """What PETSc calls to precondition the transpose of the tangent."""

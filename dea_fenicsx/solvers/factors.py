@@ -246,6 +246,13 @@ class WholeFactor:
         assert self._factor
         return self._factor.worth
 
+    @property
+    def on_arrays(self) -> Callable[[np.ndarray], np.ndarray] | None:
+        """What solves for an array on one rank, without vectors of PETSc; None if nothing does."""
+        if isinstance(self._factor, Unpivoted) and self._scale is None:
+            return self._factor.solved
+        return None
+
     def apply(self, _: Any, x: Any, y: Any) -> None:
         """What PETSc calls to precondition."""
         assert self._factor

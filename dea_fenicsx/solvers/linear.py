@@ -361,21 +361,10 @@ class LinearSolver:
 
     def _small_krylov(self, rhs: np.ndarray, rtol: float) -> tuple[np.ndarray | None, int]:
         """The same in Python alone, on one rank."""
-        weights, corotation = self.tangent.weights, self._corotation
-        corotation.weights = weights
-        b, x = self._small
-
-        def precondition(values: np.ndarray) -> np.ndarray:
-            b.array[:] = values
-            corotation.apply(None, b, x)
-            return x.array_r
-
-        def product(values: np.ndarray) -> np.ndarray:
-            found = self.tangent.times(values)
-            return found if weights is None else weights * found
-
+        weights = self._corotation.weights = self.tangent.weights
         weighted = rhs if weights is None else weights * rhs
-        return fgmres(product, precondition, weighted, rtol, 2 * self._patience)
+        precondition = self._corotation.on_arrays(*self._small)
+        return fgmres(self.tangent.product(), precondition, weighted, rtol, 2 * self._patience)
 
     def _gmres(self) -> Any:
         """GMRES, preconditioned from the right by the kept factor, rotated with the material."""

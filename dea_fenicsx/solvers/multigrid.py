@@ -70,6 +70,8 @@ class Multigrid:
     worth: ClassVar[float] = 0.0
     """Krylov iterations that take as long as setting up does, beyond those of an assembly."""
 
+    on_arrays = None  # it works on vectors of PETSc
+
     def __init__(self, problem: Problem, times: Callable[[np.ndarray], np.ndarray]) -> None:
         check(problem)
         self.problem, self._times = problem, times

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -49,15 +50,15 @@ def fgmres(
         w = product(Z[k])
         h = V[: k + 1] @ w
         w = w - h @ V[: k + 1]
-        norm = float(np.linalg.norm(w))
-        if not np.isfinite(norm):
+        norm = math.sqrt(float(w @ w))
+        if not math.isfinite(norm):
             return None, k + 1
         column = h.tolist()
         for i, (c, s) in enumerate(turns):
             column[i], column[i + 1] = (
                 c * column[i] + s * column[i + 1], c * column[i + 1] - s * column[i]
             )  # fmt: skip
-        length = float(np.hypot(column[k], norm))
+        length = math.hypot(column[k], norm)
         if length == 0.0:  # the matrix has no part along this direction: the rest cannot be solved
             return _combined(R, g, Z, k), k + 1
         c, s = column[k] / length, norm / length

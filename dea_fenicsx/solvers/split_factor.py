@@ -84,6 +84,8 @@ class SplitFactor:
     needs_matrix: ClassVar[bool] = True
     """Whether `make` takes the tangent as an assembled matrix."""
 
+    on_arrays = None  # it works on vectors of PETSc
+
     def __init__(self, problem: Problem, precise: bool = False) -> None:
         self.problem, self.precise = problem, precise
         self._factors: dict[Role, Mumps] = {}

@@ -13,6 +13,7 @@ that is to be factorised gets a tiny negative mass on p and phi, see `Tangent.ma
 from __future__ import annotations
 
 import weakref
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -111,6 +112,29 @@ class Tangent:
         """Product with a vector of the free unknowns; both owned.  Collective."""
         self.problem.spread(self._unheld(direction), self._along)
         return self._with_springs(self._along_times(), direction)
+
+    def product(self) -> Callable[[np.ndarray], np.ndarray]:
+        """What multiplies vectors of the free unknowns at the present state, on one rank.
+
+        It does what the operator does, without what all products at one state have in common.
+        """
+        problem, mass, weights = self.problem, self.problem.mass, self.weights
+        if (
+            problem.expansion is not None or problem.rigid or problem.circuits
+            or len(problem.springs.rows) or (mass is not None and mass.stiffness)
+        ):  # fmt: skip
+            return self.times if weights is None else lambda values: weights * self.times(values)
+        along, free, product = self._along.x.array, problem.free, np.empty(problem.size)
+        along[:] = 0.0
+        add = compat.adding(self._action)
+
+        def times(direction: np.ndarray) -> np.ndarray:
+            along[free] = direction
+            product[:] = 0.0
+            add(product)
+            return product[free] if weights is None else weights * product[free]
+
+        return times
 
     def _unheld(self, direction: np.ndarray) -> np.ndarray:
         """A direction without its part in potentials that ideal sources give."""

@@ -106,7 +106,7 @@ class Unpivoted:
 
     def _error(self) -> float:
         """Error of a solve, as `LARGEST_ERROR_OF_SOLVE` counts it."""
-        x = self._solved(self._probe)
+        x = self.solved(self._probe)
         product = self._x
         self._b.array[:] = x[self._order]
         self._upper.mult(self._b, product)
@@ -119,8 +119,8 @@ class Unpivoted:
     def _diagonal(self) -> np.ndarray:
         return self._values[self._csr[0][:-1]]
 
-    def _solved(self, b: np.ndarray) -> np.ndarray:
-        """The solution, in the order of the matrix."""
+    def solved(self, b: np.ndarray) -> np.ndarray:
+        """The solution for a right-hand side, both in the order of the matrix."""
         self._b.array[:] = b[self._order]
         self._pc.apply(self._b, self._x)
         found = np.empty_like(b)
@@ -129,7 +129,7 @@ class Unpivoted:
 
     def apply(self, x: Any, y: Any) -> None:
         """Solve with the factor: reads x and writes y, PETSc vectors."""
-        y.array[:] = self._solved(x.array_r)
+        y.array[:] = self.solved(x.array_r)
 
     applyTranspose = apply
 

@@ -41,7 +41,7 @@ from dea_fenicsx.support.dolfinx_objects import DolfinxObjects
 from dea_fenicsx.support.errors import MachineError
 from dea_fenicsx.support.form_cache import cache_dir, compiling
 
-__all__ = ["PETSc", "add_assembled", "collapse", "compile_derived", "compile_form",
+__all__ = ["PETSc", "add_assembled", "adding", "collapse", "compile_derived", "compile_form",
            "compile_together", "coordinate_element", "copied_mesh", "create_vector", "dolfinx",
            "expression", "geometry_dofmap", "interpolation_matrix", "jit_options"]  # fmt: skip
 
@@ -277,6 +277,14 @@ def add_assembled(values: np.ndarray, form: Any) -> None:
     constants = dolfinx.cpp.fem.pack_constants(made)
     coefficients = dolfinx.cpp.fem.pack_coefficients(made)
     dolfinx.cpp.fem.assemble_vector(values, made, constants, coefficients)
+
+
+def adding(form: Any) -> Callable[[np.ndarray], None]:
+    """What adds a compiled linear form, as `add_assembled` does, while its constants stay."""
+    made = form._cpp_object
+    constants = dolfinx.cpp.fem.pack_constants(made)
+    pack, add = dolfinx.cpp.fem.pack_coefficients, dolfinx.cpp.fem.assemble_vector
+    return lambda values: add(values, made, constants, pack(made))
 
 
 def create_vector(form: Any) -> Any:
