@@ -26,9 +26,10 @@ from dea_fenicsx.geometry import (
     Tube,
 )
 from dea_fenicsx.geometry._check import HigherOrder
-from dea_fenicsx.mesh import device
+from dea_fenicsx.mesh import device, sheets
 from dea_fenicsx.results import checkpoint, fields, spread
 from dea_fenicsx.results.file_order import FileOrder, by_first_appearance
+from dea_fenicsx.support import compat
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
@@ -196,3 +197,31 @@ def test_devices_of_parts_on_ranks(on_ranks, monkeypatch):
     monkeypatch.setattr(device, "comes_in_parts", lambda *given: False)
     for found, wanted in zip(pressed(MPI.COMM_SELF), alone, strict=True):
         assert found == pytest.approx(wanted, rel=1e-10)
+
+
+def curved(comm):
+    """Sums over the nodes of curved cells of degree 3, which each rank makes for its own cells."""
+    found = []
+    for family in (FAMILIES[4], FAMILIES[5], FAMILIES[13], FAMILIES[18], FAMILIES[19]):
+        made = sheets.with_exact_shape(dea.device(family(2), comm), 3)
+        assert compat.coordinate_element(made.mesh).degree == 3
+        nodes = made.mesh.geometry.index_map()
+        x = made.length * made.mesh.geometry.x[: nodes.size_local]
+        sums = [float(comm.allreduce(np.sum(np.abs(x[:, k]) ** 3))) for k in range(3)]
+        found.append([nodes.size_global, *sums])
+    few = dea.device(HollowSphere(1.0, 1.2, layers=1, cells=1), comm)
+    return [*found, [sheets.with_exact_shape(few).mesh.geometry.index_map().size_global]]
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_curved_cells_of_parts_on_ranks(on_ranks, monkeypatch):
+    """One rank and several give what comes from the whole mesh of fourth order."""
+    alone = curved(MPI.COMM_SELF)
+    for ranks in numbers_of_ranks():
+        several = on_ranks("test_spread_tables", "curved", ranks)
+        for found, wanted in zip(several, alone, strict=True):
+            assert found == pytest.approx(wanted, rel=1e-12)
+    monkeypatch.setattr(sheets, "_own_cells", lambda *given: None)
+    for found, wanted in zip(curved(MPI.COMM_SELF), alone, strict=True):
+        assert found == pytest.approx(wanted, rel=1e-12)
