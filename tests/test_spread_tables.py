@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import numbers_of_ranks
 from mpi4py import MPI
-from stopped_runs import scene
+from stopped_runs import StopAtState, scene
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import (
@@ -225,3 +225,29 @@ def test_curved_cells_of_parts_on_ranks(on_ranks, monkeypatch):
     monkeypatch.setattr(sheets, "_own_cells", lambda *given: None)
     for found, wanted in zip(curved(MPI.COMM_SELF), alone, strict=True):
         assert found == pytest.approx(wanted, rel=1e-12)
+
+
+@pytest.mark.parametrize("family", [
+    Tube(1e-3, 2e-3, [Layer("film", 0.2e-3)], "quarter", angular=8, axial=1),
+    HollowSphere(1e-3, 1.2e-3, "octant", layers=1, cells=2),
+])  # fmt: skip
+def test_a_run_on_a_mesh_of_gmsh_goes_on_in_parts(family, tmp_path, monkeypatch):
+    """A checkpoint knows cells by their order, which is the same in both ways."""
+
+    def run(folder, calls=1000, **options):
+        made = dea.device(family, MPI.COMM_SELF)
+        rubber = dea.Material(dea.NeoHookean(80e3), dea.IdealDielectric(2.8))
+        film = dea.Scene(
+            made, dict.fromkeys(made.regions, rubber),
+            [dea.Ground("inner"), dea.Electrode("outer", 1e3)], [dea.Clamp("x_min")],
+        )  # fmt: skip
+        wanted = {"tip": dea.MeanDisplacement("y_min", "x"), "s": StopAtState(calls)}
+        return dea.solve(film, dea.Ramp(steps=3), wanted, folder, quiet=True, **options)
+
+    whole = run(tmp_path / "whole")
+    with monkeypatch.context() as patched, pytest.raises(dea.Interrupted):
+        patched.setattr(device, "comes_in_parts", lambda *given: False)
+        run(tmp_path / "cut", calls=3)
+    again = run(tmp_path / "cut", resume=True)
+    assert len(again.history) == len(whole.history) == 4
+    assert float(again["tip_m"]) == pytest.approx(float(whole["tip_m"]), rel=1e-9)
