@@ -82,13 +82,6 @@ class InParts(Geometry):
     """A family of which each of several ranks makes its part, so that none holds the whole."""
 
     @abstractmethod
-    def lattice(self) -> Lattice:
-        """What the mesh and its parts are made of."""
-
-    def mesh(self) -> StructuredMesh:
-        """Nodes, cells and named parts as plain arrays."""
-        return self.lattice().mesh()
-
     def mesh_part(self, part: int, parts: int) -> StructuredMesh:
         """What one of several ranks makes of the mesh.
 
@@ -101,14 +94,37 @@ class InParts(Geometry):
         part, parts
             Which part, from 0, and how many there are.
         """
+
+    @abstractmethod
+    def groups_of_parts(self) -> dict[str, int]:
+        """What `groups` gives, without making a mesh."""
+
+    @abstractmethod
+    def cell_shape(self, part: int = 0, parts: int = 1) -> tuple[float, float]:
+        """Least scaled Jacobian and largest aspect of the cells of a part; (inf, 0) of no cell."""
+
+
+class OfLattice(InParts):
+    """A family whose mesh is a lattice of cells."""
+
+    @abstractmethod
+    def lattice(self) -> Lattice:
+        """What the mesh and its parts are made of."""
+
+    def mesh(self) -> StructuredMesh:
+        """Nodes, cells and named parts as plain arrays."""
+        return self.lattice().mesh()
+
+    def mesh_part(self, part: int, parts: int) -> StructuredMesh:
+        """See `InParts.mesh_part`."""
         return self.lattice().part(part, parts)
 
     def groups_of_parts(self) -> dict[str, int]:
-        """What `groups` gives, without making a mesh."""
+        """See `InParts.groups_of_parts`."""
         return self.lattice().groups()
 
     def cell_shape(self, part: int = 0, parts: int = 1) -> tuple[float, float]:
-        """Least scaled Jacobian and largest aspect of the cells of a part; (inf, 0) of no cell."""
+        """See `InParts.cell_shape`."""
         return self.lattice().shape(part, parts)
 
 

@@ -16,8 +16,8 @@ from ._lattice import GroupBox, Lattice, between, side_boxes
 from ._structured import Floats
 from .base import (
     FlatStack,
-    InParts,
     Layer,
+    OfLattice,
     boxes_of_layers,
     checked_layers,
     ends_of_layers,
@@ -29,7 +29,7 @@ from .grading import check_ends, graded
 
 @dataclass(frozen=True)
 @in_si(length="m", width="m", x0="m")
-class BoxStack(FlatStack, InParts):
+class BoxStack(FlatStack, OfLattice):
     """Rectangular layers stacked in z from z = 0, over 0 <= x <= length and 0 <= y <= width.
 
     With ``width=None`` a flat strip of quadrilaterals: x along the length, y through the layers.
@@ -134,7 +134,7 @@ class BoxStack(FlatStack, InParts):
         return replace(self, layers=layers, divisions=tuple(k * n for n in self.divisions))
 
     def lattice(self) -> Lattice:
-        """See `InParts.lattice`."""
+        """See `OfLattice.lattice`."""
         return between(self.cell_ends(), self.order, self.boxes())
 
     def cell_shape(self, part: int = 0, parts: int = 1) -> tuple[float, float]:

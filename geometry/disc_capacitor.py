@@ -13,13 +13,13 @@ from dea_fenicsx.support.units import in_si
 from . import _check
 from ._lattice import GroupBox, Lattice, between, side_boxes
 from ._structured import joined_ends
-from .base import InParts
+from .base import OfLattice
 from .grading import graded
 
 
 @dataclass(frozen=True)
 @in_si(radius="m", gap="m", box="m")
-class DiscCapacitor(InParts):
+class DiscCapacitor(OfLattice):
     """Two equal discs that face each other, in a cylinder of air: the section (x = r, y = z).
 
     The middle of the gap is at z = 0.  Cells are small at the rims of the discs.
@@ -98,7 +98,7 @@ class DiscCapacitor(InParts):
         return replace(self, divisions=(k * along, k * through, k * outside))
 
     def lattice(self) -> Lattice:
-        """See `InParts.lattice`."""
+        """See `OfLattice.lattice`."""
         along, through, outside = self.divisions
         through = int(np.ceil(through * (1 + 2 * np.log10(max(self.gap / self.radius, 1.0)))))
         disc = self.radius * graded(along, self.grading, "end")

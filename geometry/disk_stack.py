@@ -17,9 +17,9 @@ from ._lattice import FlatLattice, GroupBox, Lattice
 from ._polar import circle, o_grid, rings
 from ._structured import Floats, joined_ends, lattice_points
 from .base import (
-    InParts,
     Layer,
     LayeredGeometry,
+    OfLattice,
     checked_layers,
     ends_of_layers,
     refuse_clash,
@@ -30,7 +30,7 @@ from .grading import graded
 
 @dataclass(frozen=True)
 @in_si(radius="m", inset="m", inner_radius="m", inner_inset="m")
-class DiskStack(LayeredGeometry, InParts):
+class DiskStack(LayeredGeometry, OfLattice):
     """Round layers stacked in z from z = 0 around the z axis, full or with a hole.
 
     A full disk is meshed as an O-grid: a square core with bulging sides, and rings around it.
@@ -241,7 +241,7 @@ class DiskStack(LayeredGeometry, InParts):
         return joined_ends(*pieces), first, first + self.radial
 
     def lattice(self) -> Lattice:
-        """See `InParts.lattice`."""
+        """See `OfLattice.lattice`."""
         return self._plane().swept(ends_of_layers(self.layers), self.order, self._boxes())
 
     def _plane(self) -> FlatLattice:

@@ -17,8 +17,8 @@ from ._lattice import Lattice, between, side_boxes, within
 from ._structured import Floats, joined_ends
 from .base import (
     FlatStack,
-    InParts,
     Layer,
+    OfLattice,
     boxes_of_layers,
     checked_layers,
     ends_of_layers,
@@ -31,7 +31,7 @@ SIDES = ("a", "b", "gap")
 
 @dataclass(frozen=True)
 @in_si(finger="m", gap="m", margin="m", width="m")
-class FingerStack(FlatStack, InParts):
+class FingerStack(FlatStack, OfLattice):
     """Rectangular layers in z from z = 0, with electrodes in fingers along y on the upper face.
 
     With ``width=None`` a flat strip: x along the length, y through the layers.  The fingers belong
@@ -152,7 +152,7 @@ class FingerStack(FlatStack, InParts):
         return ends, [(side, r) for (_, _, side), r in zip(pieces, cells, strict=True)]
 
     def lattice(self) -> Lattice:
-        """See `InParts.lattice`."""
+        """See `OfLattice.lattice`."""
         along, pieces = self._along()
         ends = [along, ends_of_layers(self.layers)]
         if self.width is not None:

@@ -17,7 +17,7 @@ from . import _check
 from ._lattice import GroupBox, Lattice, side_boxes
 from ._polar import rings
 from ._structured import Floats, Ints, lattice_points, nodes_of_cells
-from .base import InParts
+from .base import OfLattice
 
 Part = Literal["half", "whole", "octant"]
 PARTS: tuple[Part, ...] = get_args(Part)
@@ -25,7 +25,7 @@ PARTS: tuple[Part, ...] = get_args(Part)
 
 @dataclass(frozen=True)
 @in_si(inner="m", outer="m")
-class HollowSphere(InParts):
+class HollowSphere(OfLattice):
     """A spherical wall about the origin.
 
     Parameters
@@ -107,7 +107,7 @@ class HollowSphere(InParts):
         return replace(self, layers=k * self.layers, cells=k * self.cells)
 
     def lattice(self) -> Lattice:
-        """See `InParts.lattice`."""
+        """See `OfLattice.lattice`."""
         return self._octant() if self.part == "octant" else self._section()
 
     @property

@@ -13,13 +13,13 @@ from . import _check
 from ._lattice import GroupBox, Lattice, between
 from ._polar import o_grid
 from ._structured import Floats, joined_ends
-from .base import InParts
+from .base import OfLattice
 from .grading import graded
 
 
 @dataclass(frozen=True)
 @in_si(radius="m", electrode_radius="m", thickness="m", taper="m")
-class MembraneDisc(InParts):
+class MembraneDisc(OfLattice):
     """A disc of one layer over 0 <= z <= thickness; the electrode covers its middle.
 
     Parameters
@@ -141,7 +141,7 @@ class MembraneDisc(InParts):
         return joined_ends(*pieces)
 
     def lattice(self) -> Lattice:
-        """See `InParts.lattice`."""
+        """See `OfLattice.lattice`."""
         a, through = self.electrode_radius, self.thickness * graded(self.layers, 1.0, "none")
         inside, outside = graded(self.cells[0], self.grading, "end"), self._outside()
         if not self.angular:

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from ._check import HigherOrder
 from ._structured import Floats, Ints, StructuredMesh, compact
-from .base import Geometry, InParts
+from .base import Geometry, OfLattice
 
 QUARTIC_ORDER = 4
 """Degree of the geometry of these meshes."""
@@ -44,7 +44,7 @@ def quartic(family: Geometry) -> StructuredMesh:
 
 
 def some_of_both(
-    family: InParts, numbers: Ints, extent: float
+    family: OfLattice, numbers: Ints, extent: float
 ) -> tuple[StructuredMesh, StructuredMesh] | None:
     """Some cells of a family as they are, and the same ones with fourth order; without groups.
 
@@ -63,7 +63,7 @@ def some_of_both(
         None if the cells of fourth order do not go through the nodes of the others.
     """
     made, higher = family.lattice().some(numbers), _higher(family)
-    assert isinstance(higher, InParts)
+    assert isinstance(higher, OfLattice)
     found = higher.lattice().some(numbers)
     return (made, found) if _goes_through(found, made, extent) else None
 

@@ -14,12 +14,12 @@ from . import _check
 from ._lattice import FlatLattice, GroupBox, Lattice, side_boxes
 from ._polar import circle
 from ._structured import Floats, Ints, lattice_points, nodes_of_cells
-from .base import InParts, Layer, boxes_of_layers, checked_layers, ends_of_layers, refuse_clash
+from .base import Layer, OfLattice, boxes_of_layers, checked_layers, ends_of_layers, refuse_clash
 
 
 @dataclass(frozen=True)
 @in_si(inner="m", height="m")
-class Roll(InParts):
+class Roll(OfLattice):
     """A film of one or more layers, wound around the z axis without a gap, each turn on the last.
 
     The inner face of the film has the radius ``inner + pitch * angle / (2 pi)``, where the pitch
@@ -136,7 +136,7 @@ class Roll(InParts):
         return replace(self, layers=layers, angular=k * self.angular, axial=k * self.axial)
 
     def lattice(self) -> Lattice:
-        """See `InParts.lattice`."""
+        """See `OfLattice.lattice`."""
         plane = self._plane()
         if self.height is None:
             return plane.unswept(self.order, self._boxes())

@@ -17,8 +17,8 @@ from ._lattice import GroupBox, Lattice, between, side_boxes
 from ._structured import Floats, joined_ends
 from .base import (
     FlatStack,
-    InParts,
     Layer,
+    OfLattice,
     boxes_of_layers,
     checked_layers,
     ends_of_layers,
@@ -29,7 +29,7 @@ from .base import (
 
 @dataclass(frozen=True)
 @in_si(length="m", margin="m", width="m", tab="m")
-class TabbedStack(FlatStack, InParts):
+class TabbedStack(FlatStack, OfLattice):
     """Rectangular layers in z from z = 0, with an electrode between each layer and the next one.
 
     The electrodes are surfaces.  They belong in turn to ``electrode_a`` and ``electrode_b``, from
@@ -171,7 +171,7 @@ class TabbedStack(FlatStack, InParts):
         return found
 
     def lattice(self) -> Lattice:
-        """See `InParts.lattice`."""
+        """See `OfLattice.lattice`."""
         divided = [_divided(sizes, counts) for sizes, counts in self._pieces()]
         ends = [*(line for line, _ in divided), ends_of_layers(self.layers)]
         whole = tuple(range(len(e) - 1) for e in ends)

@@ -17,7 +17,7 @@ from . import _check
 from ._lattice import FlatLattice, GroupBox, Lattice, between, side_boxes
 from ._polar import rings
 from ._structured import Floats, lattice_points
-from .base import InParts, Layer, boxes_of_layers, checked_layers, ends_of_layers, refuse_clash
+from .base import Layer, OfLattice, boxes_of_layers, checked_layers, ends_of_layers, refuse_clash
 
 Part = Literal["section", "quarter", "whole"]
 PARTS: tuple[Part, ...] = get_args(Part)
@@ -25,7 +25,7 @@ PARTS: tuple[Part, ...] = get_args(Part)
 
 @dataclass(frozen=True)
 @in_si(inner="m", height="m")
-class Tube(InParts):
+class Tube(OfLattice):
     """Coaxial layers around the z axis from z = 0, the first one inside.
 
     Parameters
@@ -125,7 +125,7 @@ class Tube(InParts):
         return replace(self, layers=layers, angular=k * self.angular, axial=k * self.axial)
 
     def lattice(self) -> Lattice:
-        """See `InParts.lattice`."""
+        """See `OfLattice.lattice`."""
         ends = ends_of_layers(self.layers, self.inner)
         heights = np.linspace(0.0, self.height, self.axial + 1)
         if self.part == "section":

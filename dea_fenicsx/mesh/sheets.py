@@ -11,7 +11,7 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from dea_fenicsx.geometry._structured import StructuredMesh
-from dea_fenicsx.geometry.base import InParts
+from dea_fenicsx.geometry.base import OfLattice
 from dea_fenicsx.geometry.bisected import Bisected, sheets
 from dea_fenicsx.geometry.quartic import QUARTIC_ORDER, is_curved, lagrange, some_of_both
 from dea_fenicsx.mesh.device import Device
@@ -109,7 +109,7 @@ def _raised(device: Device, degree: int) -> Device | None:
     family = device.family
     if family is None or compat.coordinate_element(device.mesh).degree >= degree:
         return None
-    meshes = _own_cells(device, family) if isinstance(family, InParts) else None
+    meshes = _own_cells(device, family) if isinstance(family, OfLattice) else None
     coarse = family.mesh() if meshes is None else meshes[0]
     curved = coarse.order > 1 and is_curved(coarse, device.length)
     if not device.comm.allreduce(curved, op=MPI.LOR):
@@ -135,7 +135,7 @@ def _raised(device: Device, degree: int) -> Device | None:
     )  # fmt: skip
 
 
-def _own_cells(device: Device, family: InParts) -> tuple[StructuredMesh, StructuredMesh] | None:
+def _own_cells(device: Device, family: OfLattice) -> tuple[StructuredMesh, StructuredMesh] | None:
     """The local cells of a device as its family has them, and with fourth order.  Collective.
 
     None on all ranks if cells lie elsewhere, or those of fourth order have other nodes.
