@@ -132,22 +132,29 @@ class Lattice:
             found.append(least_and_aspect(places.reshape(*cells.shape, 3)))
         return min(least for least, _ in found), max(aspect for _, aspect in found)
 
+    def some(self, numbers: Ints) -> StructuredMesh:
+        """Cells with some numbers in the order of the regions, with their nodes and no groups."""
+        cells = self.cells(self._indices(numbers))
+        used, local = np.unique(cells, return_inverse=True)
+        return StructuredMesh(self.places(used), local.reshape(cells.shape))
+
     def _cells_of(self, part: int, parts: int) -> list[Ints]:
         """Logical indices of the cells of a part, in the order of the regions."""
+        return self._indices(np.arange(*_bounds(int(np.prod(self.counts)), part, parts)))
+
+    def _indices(self, numbers: Ints) -> list[Ints]:
+        """Logical indices of cells by their numbers in the order of the regions."""
         regions = [box for box in self.boxes if box.side is None]
         names = list(dict.fromkeys(box.name for box in regions))
-        first, last = _bounds(int(np.prod(self.counts)), part, parts)
-        start = 0
-        found: list[list[Ints]] = [[np.empty(0, dtype=np.int64)] for _ in self.counts]
+        found, start = [np.empty(len(numbers), dtype=np.int64) for _ in self.counts], 0
         for box in sorted(regions, key=lambda box: names.index(box.name)):
             count = int(np.prod(box.shape))
-            here = np.arange(max(first - start, 0), min(last - start, count))
-            for one, index, cells in zip(
-                found, np.unravel_index(here, box.shape), box.cells, strict=True
-            ):
-                one.append(cells.start + index)
+            here = np.flatnonzero((numbers >= start) & (numbers < start + count))
+            places = np.unravel_index(numbers[here] - start, box.shape)
+            for one, index, cells in zip(found, places, box.cells, strict=True):
+                one[here] = cells.start + index
             start += count
-        return [np.concatenate(one) for one in found]
+        return found
 
 
 def _bounds(total: int, part: int, parts: int) -> tuple[int, int]:

@@ -72,7 +72,7 @@ class StructuredMesh:
         """Corner nodes of cells or facets, shape (K, 2^d)."""
         for axis in range(1, lattice.ndim):
             lattice = np.take(lattice, [0, -1], axis=axis)
-        return lattice.reshape(len(lattice), -1)
+        return lattice.reshape(len(lattice), 2 ** (lattice.ndim - 1))
 
     def check(self) -> None:
         """Refuse a mesh whose regions overlap or leave a gap, or whose facet groups overlap."""

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from ._check import HigherOrder
 from ._structured import Floats, Ints, StructuredMesh, compact
-from .base import Geometry
+from .base import Geometry, OfLattice
 
 QUARTIC_ORDER = 4
 """Degree of the geometry of these meshes."""
@@ -43,6 +43,31 @@ def quartic(family: Geometry) -> StructuredMesh:
     return found
 
 
+def some_of_both(
+    family: OfLattice, numbers: Ints, extent: float
+) -> tuple[StructuredMesh, StructuredMesh] | None:
+    """Some cells of a family as they are, and the same ones with fourth order; without groups.
+
+    Parameters
+    ----------
+    family
+        The family.
+    numbers
+        Of the cells in the order of the regions.
+    extent
+        Of the whole device in metres.
+
+    Returns
+    -------
+    tuple of two StructuredMesh, or None
+        None if the cells of fourth order do not go through the nodes of the others.
+    """
+    made, higher = family.lattice().some(numbers), _higher(family)
+    assert isinstance(higher, OfLattice)
+    found = higher.lattice().some(numbers)
+    return (made, found) if _goes_through(found, made, extent) else None
+
+
 def _of_family(family: Geometry, mesh: StructuredMesh) -> StructuredMesh | None:
     """The family's own mesh of fourth order, or None if it has none that goes through `mesh`."""
     found = family.mesh_of_order(QUARTIC_ORDER)
@@ -50,9 +75,13 @@ def _of_family(family: Geometry, mesh: StructuredMesh) -> StructuredMesh | None:
         found = higher.mesh()
     if found is None or found.order != QUARTIC_ORDER or len(found.cells) != len(mesh.cells):
         return None
-    off = found.points[_thinned(found.cells, 2)] - mesh.points[mesh.cells]
-    near = np.abs(off).max() < CURVED * np.ptp(mesh.points, axis=0).max()
-    return found if near else None
+    return found if _goes_through(found, mesh, float(np.ptp(mesh.points, axis=0).max())) else None
+
+
+def _goes_through(found: StructuredMesh, mesh: StructuredMesh, extent: float) -> bool:
+    """Whether cells of fourth order have the nodes of other ones, in a device of some extent."""
+    off = found.points[_thinned(found.cells, mesh.order)] - mesh.points[mesh.cells]
+    return bool(np.abs(off).max(initial=0.0) < CURVED * extent)
 
 
 def _higher(family: Geometry) -> Geometry | None:
@@ -86,13 +115,17 @@ def _thinned(blocks: Ints, order: int) -> Ints:
     return blocks
 
 
-def is_curved(mesh: StructuredMesh) -> bool:
-    """Whether the nodes of cells of second order lie elsewhere than in straight cells."""
+def is_curved(mesh: StructuredMesh, extent: float | None = None) -> bool:
+    """Whether the nodes of cells of second order lie elsewhere than in straight cells.
+
+    ``extent`` is that of the whole device in metres, which is the mesh's own by default.
+    """
+    if extent is None:
+        extent = float(np.ptp(mesh.points, axis=0).max())
     straight = np.einsum(
         "lk,mkx->mlx", _shares(mesh.dimension, mesh.order), mesh.points[mesh.corners(mesh.cells)]
     )
-    there = mesh.points[mesh.cells.reshape(len(mesh.cells), -1)]
-    extent = float(np.ptp(mesh.points, axis=0).max())
+    there = mesh.points[mesh.cells.reshape(len(mesh.cells), straight.shape[1])]
     return bool(np.abs(straight - there).max(initial=0.0) > CURVED * extent)
 
 

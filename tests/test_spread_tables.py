@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import numbers_of_ranks
 from mpi4py import MPI
-from stopped_runs import scene
+from stopped_runs import StopAtState, scene
 
 import dea_fenicsx as dea
 from dea_fenicsx.geometry import (
@@ -26,9 +26,10 @@ from dea_fenicsx.geometry import (
     Tube,
 )
 from dea_fenicsx.geometry._check import HigherOrder
-from dea_fenicsx.mesh import device
+from dea_fenicsx.mesh import device, sheets
 from dea_fenicsx.results import checkpoint, fields, spread
 from dea_fenicsx.results.file_order import FileOrder, by_first_appearance
+from dea_fenicsx.support import compat
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
@@ -196,3 +197,57 @@ def test_devices_of_parts_on_ranks(on_ranks, monkeypatch):
     monkeypatch.setattr(device, "comes_in_parts", lambda *given: False)
     for found, wanted in zip(pressed(MPI.COMM_SELF), alone, strict=True):
         assert found == pytest.approx(wanted, rel=1e-10)
+
+
+def curved(comm):
+    """Sums over the nodes of curved cells of degree 3, which each rank makes for its own cells."""
+    found = []
+    for family in (FAMILIES[4], FAMILIES[5], FAMILIES[13], FAMILIES[18], FAMILIES[19]):
+        made = sheets.with_exact_shape(dea.device(family(2), comm), 3)
+        assert compat.coordinate_element(made.mesh).degree == 3
+        nodes = made.mesh.geometry.index_map()
+        x = made.length * made.mesh.geometry.x[: nodes.size_local]
+        sums = [float(comm.allreduce(np.sum(np.abs(x[:, k]) ** 3))) for k in range(3)]
+        found.append([nodes.size_global, *sums])
+    few = dea.device(HollowSphere(1.0, 1.2, layers=1, cells=1), comm)
+    return [*found, [sheets.with_exact_shape(few).mesh.geometry.index_map().size_global]]
+
+
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_curved_cells_of_parts_on_ranks(on_ranks, monkeypatch):
+    """One rank and several give what comes from the whole mesh of fourth order."""
+    alone = curved(MPI.COMM_SELF)
+    for ranks in numbers_of_ranks():
+        several = on_ranks("test_spread_tables", "curved", ranks)
+        for found, wanted in zip(several, alone, strict=True):
+            assert found == pytest.approx(wanted, rel=1e-12)
+    monkeypatch.setattr(sheets, "_own_cells", lambda *given: None)
+    for found, wanted in zip(curved(MPI.COMM_SELF), alone, strict=True):
+        assert found == pytest.approx(wanted, rel=1e-12)
+
+
+@pytest.mark.parametrize("family", [
+    Tube(1e-3, 2e-3, [Layer("film", 0.2e-3)], "quarter", angular=8, axial=1),
+    HollowSphere(1e-3, 1.2e-3, "octant", layers=1, cells=2),
+])  # fmt: skip
+def test_a_run_on_a_mesh_of_gmsh_goes_on_in_parts(family, tmp_path, monkeypatch):
+    """A checkpoint knows cells by their order, which is the same in both ways."""
+
+    def run(folder, calls=1000, **options):
+        made = dea.device(family, MPI.COMM_SELF)
+        rubber = dea.Material(dea.NeoHookean(80e3), dea.IdealDielectric(2.8))
+        film = dea.Scene(
+            made, dict.fromkeys(made.regions, rubber),
+            [dea.Ground("inner"), dea.Electrode("outer", 1e3)], [dea.Clamp("x_min")],
+        )  # fmt: skip
+        wanted = {"tip": dea.MeanDisplacement("y_min", "x"), "s": StopAtState(calls)}
+        return dea.solve(film, dea.Ramp(steps=3), wanted, folder, quiet=True, **options)
+
+    whole = run(tmp_path / "whole")
+    with monkeypatch.context() as patched, pytest.raises(dea.Interrupted):
+        patched.setattr(device, "comes_in_parts", lambda *given: False)
+        run(tmp_path / "cut", calls=3)
+    again = run(tmp_path / "cut", resume=True)
+    assert len(again.history) == len(whole.history) == 4
+    assert float(again["tip_m"]) == pytest.approx(float(whole["tip_m"]), rel=1e-9)

@@ -7,15 +7,20 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from dea_fenicsx.geometry._structured import StructuredMesh
+from dea_fenicsx.geometry.base import OfLattice
 from dea_fenicsx.geometry.bisected import Bisected, sheets
-from dea_fenicsx.geometry.quartic import QUARTIC_ORDER, is_curved, lagrange
+from dea_fenicsx.geometry.quartic import QUARTIC_ORDER, is_curved, lagrange, some_of_both
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.mesh.from_dolfinx import tags_alike
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.curved_mesh import mesh_of_degree
+
+SAME_MIDDLE = 1e-9
+"""Distance of the middles of two cells that are the same one, relative to the device."""
 
 
 @dataclass(frozen=True)
@@ -104,10 +109,15 @@ def _raised(device: Device, degree: int) -> Device | None:
     family = device.family
     if family is None or compat.coordinate_element(device.mesh).degree >= degree:
         return None
-    coarse = family.mesh()
-    if coarse.order == 1 or not is_curved(coarse):
+    meshes = _own_cells(device, family) if isinstance(family, OfLattice) else None
+    coarse = family.mesh() if meshes is None else meshes[0]
+    curved = coarse.order > 1 and is_curved(coarse, device.length)
+    if not device.comm.allreduce(curved, op=MPI.LOR):
         return None
-    fine = (family if isinstance(family, Bisected) else Bisected(family)).fine
+    if meshes is None:
+        fine = (family if isinstance(family, Bisected) else Bisected(family)).fine
+    else:
+        fine = meshes[1]
     found = matching(device, coarse)
 
     def places(points: np.ndarray) -> np.ndarray:
@@ -123,6 +133,21 @@ def _raised(device: Device, degree: int) -> Device | None:
         facets=None if facets is None else tags_alike(mesh, facets, device.dim - 1),
         checked_cells={},
     )  # fmt: skip
+
+
+def _own_cells(device: Device, family: OfLattice) -> tuple[StructuredMesh, StructuredMesh] | None:
+    """The local cells of a device as its family has them, and with fourth order.  Collective.
+
+    None on all ranks if cells lie elsewhere, or those of fourth order have other nodes.
+    """
+    local = np.asarray(device.mesh.topology.original_cell_index, dtype=np.int64)
+    nodes = compat.geometry_dofmap(device.mesh)
+    found = some_of_both(family, local, device.length) if len(local) == len(nodes) else None
+    if found is not None and len(local):
+        there = device.length * device.mesh.geometry.x[nodes[:, : 2**device.dim]].mean(axis=1)
+        off = found[0].points[found[0].corners(found[0].cells)].mean(axis=1) - there
+        found = found if np.abs(off).max() < SAME_MIDDLE * device.length else None
+    return found if device.comm.allreduce(found is not None, op=MPI.LAND) else None
 
 
 def _places(mesh: StructuredMesh, found: Matching, points: np.ndarray) -> np.ndarray:
