@@ -5,6 +5,10 @@ first turn's underside: so the top of a turn and the underside of the next are o
 on this numbering below and above.  A wedge fills the room between the helicoidal face and a plane;
 it has the rows of a turn, which meet those of the wall at the seam.  Its thin end is left open over
 one cell, as rows that run into an edge would be no hexahedra.
+
+Nodes are numbered by radius, then by column, then by row.  The rows of a column are known in closed
+form, and so are the number of a node from its place and its place from its number.  Each rank can
+make its part of the mesh so.
 """
 
 from __future__ import annotations
@@ -15,7 +19,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ._structured import Floats, Ints, StructuredMesh, block, compact, lattice_points
+from ._structured import Floats, Ints, StructuredMesh, compact, lattice_points
 from .sectors import Sector
 
 Mask = np.ndarray
@@ -67,14 +71,49 @@ class HelixShape(Protocol):
 
 def helix_mesh(device: HelixShape) -> StructuredMesh:
     """Nodes, cells and named parts of a helical actuator."""
-    return _Builder(device).build()
+    builder = _Builder(device)
+    everywhere = [(p, np.indices(shape).reshape(3, -1)) for p, shape in builder.shapes.items()]
+    return builder.build(everywhere, np.arange(builder.nodes))
+
+
+def helix_part(device: HelixShape, part: int, parts: int) -> StructuredMesh:
+    """One of several equal parts of the cells and of the nodes; see `InParts.mesh_part`."""
+    builder = _Builder(device)
+    size = math.prod(builder.shapes[HELIX]) + sum(builder.in_caps)
+    mine = builder.in_order_of_regions(size * part // parts, size * (part + 1) // parts)
+    return builder.build(mine, np.arange(*(builder.nodes * k // parts for k in (part, part + 1))))
+
+
+def helix_samples(device: HelixShape) -> StructuredMesh:
+    """Cells of all shapes that a helical actuator has, and of the best and worst of its wedges.
+
+    A cell of the helix and of a disc has the shape of the next one around of the same angle, in
+    every turn.  In a wedge only the height changes around: the first and the last cell of each
+    angle have the longest and the shortest edge.
+    """
+    builder = _Builder(device)
+    sizes = np.round(np.diff(builder.angles), 9)
+    some = []
+    for piece, (wide, around, deep) in builder.shapes.items():
+        begin = 1 if piece == WEDGE_BELOW else 0  # behind the open cell
+        found = sizes[begin : begin + around]
+        steps = {int(k) for s in np.unique(found) for k in np.flatnonzero(found == s)[[0, -1]]}
+        i, j, k = np.indices((wide, len(steps), deep)).reshape(3, -1)
+        some.append((piece, np.stack([i, np.array(sorted(steps))[j], k])))
+    mesh = builder.build(some, np.empty(0, dtype=np.int64))
+    cells, used = compact(mesh.cells)
+    return StructuredMesh(builder.points(used), cells, {"sample": np.arange(len(cells))})
 
 
 class _Builder:
-    """Logical indices of all cells, and the names of their parts.
+    """Logical indices of cells, their nodes, and the names of their parts.
 
     Attributes
     ----------
+    shapes : dict
+        The pieces of the device, and how many cells each has in r, around and upwards.
+    nodes : int
+        How many there are in all.
     column, step, row : ndarray of int, each (M,)
         Place of every cell in r, around (counted over all turns), and in its own part's rows.
     part : ndarray of int, shape (M,)
@@ -86,60 +125,147 @@ class _Builder:
         self.radii, self.first, self.beyond = device.radial_ends()
         self.ends, self.rows = device.layer_ends()
         self.angles = device.angular_ends()
+        self.middles = np.convolve(self.angles, [0.5, 0.5], "valid")
         self.wide, self.deep = len(self.radii) - 1, len(self.ends) - 1
         self.per_turn, self.steps = device.angular, device.angular * device.turns
         self.levels = device.through_cap if device.cap > 0 else 0
-
-    def build(self) -> StructuredMesh:
-        pieces = [self._helix()]
-        if self.device.ends == "flat":
-            pieces += [self._wedge(above) for above in (False, True)]
+        self.shapes = {HELIX: (self.wide, self.steps, self.deep)}
+        if device.ends == "flat":
+            wedge = self.wide, self.per_turn - 1, self.deep
+            self.shapes |= {WEDGE_BELOW: wedge, WEDGE_ABOVE: wedge}
             if self.levels:
-                pieces += [self._disc(above) for above in (False, True)]
+                disc = self.wide, self.per_turn, self.levels
+                self.shapes |= {DISC_BELOW: disc, DISC_ABOVE: disc}
+        self.in_caps = [math.prod(s) for piece, s in self.shapes.items() if piece != HELIX]
+        self._number_sheet()
+
+    def build(self, pieces: Sequence[tuple[int, Ints]], mine: Ints) -> StructuredMesh:
+        """A mesh of cells of pieces, given by their indices (3, m), and of some of all nodes."""
         self.part, self.column, self.step, self.row = (
-            np.concatenate([np.broadcast_to(p[0][k], p[0][1].shape) for p in pieces])
+            np.concatenate([of[k] for of in (self._places(*piece) for piece in pieces)])
             for k in range(4)
         )
-        kr, column, row = (np.concatenate([piece[1][k] for piece in pieces]) for k in range(3))
-        least = int(row.min())
-        lines = lattice_points(self.radii, self.q), lattice_points(self.ends, self.q)
-        shape = (len(lines[0]), self.q * self.per_turn, int(row.max()) - least + 1)
-        cells, used = compact(np.ravel_multi_index((kr, column, row - least), shape))
-        kr, column, row = np.unravel_index(used, shape)
-        around = lattice_points(self.angles / 360, self.q)[column]
-        angle, r = 2 * math.pi * around, lines[0][kr]
-        z = self._heights(around, row + least, lines[1])
-        mesh = StructuredMesh(np.column_stack([r * np.cos(angle), r * np.sin(angle), z]), cells)
+        cells = np.concatenate([self._nodes_of(*piece) for piece in pieces])
+        mesh = StructuredMesh(self.points(mine), cells)
         self._name(mesh)
         return mesh
 
+    # ---- cells ------------------------------------------------------------------------------
+
+    def _places(self, piece: int, cell: Ints) -> tuple[Ints, Ints, Ints, Ints]:
+        """Piece, column, step and row of cells of a piece."""
+        i, j, k = cell
+        if piece in (WEDGE_ABOVE, DISC_ABOVE):
+            j = j + self.steps - self.per_turn
+        elif piece == WEDGE_BELOW:
+            j = j + 1
+        return np.full(len(i), piece), i, j, k
+
+    def _nodes_of(self, piece: int, cell: Ints) -> Ints:
+        """Numbers of the nodes of cells of a piece, shape (m, q + 1, q + 1, q + 1)."""
+        local = np.arange(self.q + 1)
+        kr, kt, kz = (self.q * index[:, None] + local for index in cell)
+        around, turn_rows = self.q * self.per_turn, self.q * self.deep
+        if piece == WEDGE_BELOW:  # but for the cell at the thin end
+            kt = kt + self.q
+        turn, column = (index[:, :, None] for index in np.divmod(kt, around))
+        row = turn * turn_rows + kz[:, None]
+        if piece == WEDGE_BELOW:
+            row = row - turn_rows
+        elif piece == WEDGE_ABOVE:
+            row = row + self.device.turns * turn_rows
+        elif piece == DISC_BELOW:
+            # the open cell's thin end is where helix, wedge and disc meet
+            top, kz = self.q * self.levels, kz[:, None]
+            row = np.where((kz == top) & (column == 0), 0, kz - top - turn_rows)
+        elif piece == DISC_ABOVE:
+            row = 0 * column + (self.device.turns + 1) * turn_rows + kz[:, None]
+        return self.sheet * kr[:, :, None, None] + self._in_sheet(column, row)[:, None]
+
+    def in_order_of_regions(self, first: int, beyond: int) -> list[tuple[int, Ints]]:
+        """Pieces and indices of the cells with some numbers, counted through all regions."""
+        found, start = [], 0
+        for inner, outer in self._regions():
+            for column in range(self.wide):
+                here = inner if self.first <= column < self.beyond else outer
+                count = self.device.turns * int(np.count_nonzero(here))
+                mine = np.arange(max(first - start, 0), min(beyond - start, count))
+                start += count
+                if len(mine):
+                    steps, rows = np.nonzero(here)
+                    turn, k = np.divmod(mine, len(steps))
+                    step = turn * self.per_turn + steps[k]
+                    found.append((HELIX, np.stack([np.full(len(k), column), step, rows[k]])))
+        for piece, shape in list(self.shapes.items())[1:]:
+            count = math.prod(shape)
+            mine = np.arange(max(first - start, 0), min(beyond - start, count))
+            start += count
+            found.append((piece, np.stack(np.unravel_index(mine, shape))))
+        return found or [(HELIX, np.empty((3, 0), dtype=np.int64))]
+
+    def _regions(self) -> list[tuple[Mask, Mask]]:
+        """Cells of each region of the helix in one turn of a column, shape (per_turn, deep).
+
+        The first mask is for a column between the edges of the electrodes, the second for a rim.
+        """
+        soft = np.ones((self.per_turn, self.deep), dtype=bool)
+        if self.device.electrode == 0:
+            return [(soft, soft)]
+        named: dict[str, list[Mask]] = {}
+        row = np.arange(self.deep) % self.rows[-1]
+        for sector in self.device.pattern:
+            for e in "ab":
+                metal = np.outer(sector.holds(self.middles), self._in_layer(e, row))
+                named.setdefault(f"{e}{sector.suffix}", []).append(metal)
+        metals = [mask for of in named.values() for mask in of]
+        nothing = np.zeros_like(soft)
+        return [(~np.any(metals, axis=0), soft), *((mask, nothing) for mask in metals)]
+
     # ---- nodes ------------------------------------------------------------------------------
 
-    def _helix(self) -> tuple[tuple, tuple]:
-        cell, (kr, kt, kz) = block((self.wide, self.steps, self.deep), self.q)
-        turn, column = np.divmod(kt, self.q * self.per_turn)
-        return (HELIX, *cell), (kr, column, turn * self.q * self.deep + kz)
+    def _number_sheet(self) -> None:
+        """Number the nodes of one radius: up through the rows of an angle, then on around.
 
-    def _wedge(self, above: bool) -> tuple[tuple, tuple]:
-        """Between a helicoidal end face and its plane, but for the cell at the thin end."""
-        (i, j, k), (kr, kt, kz) = block((self.wide, self.per_turn - 1, self.deep), self.q)
-        turn_rows = self.q * self.deep
-        if above:
-            row = self.device.turns * turn_rows + kz
-            return (WEDGE_ABOVE, i, j + self.steps - self.per_turn, k), (kr, kt, row)
-        turn, column = np.divmod(kt + self.q, self.q * self.per_turn)
-        return (WEDGE_BELOW, i, j + 1, k), (kr, column, (turn - 1) * turn_rows + kz)
+        With discs some angles have no nodes between a disc and the helix, beside the open cell of a
+        wedge: the rows from `_hole` below, and those after the last of the helix above.
+        """
+        around, turn_rows = self.q * self.per_turn, self.q * self.deep
+        last, column = self.device.turns * turn_rows, np.arange(around)
+        low, high = np.zeros(around, dtype=np.int64), np.full(around, last)
+        self._hole, below, above = np.where(column > 0, 1, 0) - turn_rows, 0 * low, 0 * low
+        if self.device.ends == "flat":
+            low[self.q :] -= turn_rows
+            high[: around - self.q + 1] += turn_rows
+            if self.levels:
+                below[: self.q] = -self._hole[: self.q]
+                above[around - self.q + 1 :] = turn_rows - 1
+                low[:] = -turn_rows - self.q * self.levels
+                high[:] = last + turn_rows + self.q * self.levels
+        else:
+            high[0] += turn_rows
+        count = high - low + 1 - below - above
+        self._first = np.cumsum(count) - count
+        self._low, self._below, self._above = low, below, above
+        self.sheet = int(count.sum())
+        self.nodes = self.sheet * (self.q * self.wide + 1)
 
-    def _disc(self, above: bool) -> tuple[tuple, tuple]:
-        """Between two planes; the open cell's thin end is where helix, wedge and disc meet."""
-        (i, j, k), (kr, kt, kz) = block((self.wide, self.per_turn, self.levels), self.q)
-        column, turn_rows = kt % (self.q * self.per_turn), self.q * self.deep
-        if above:
-            row = (self.device.turns + 1) * turn_rows + kz
-            return (DISC_ABOVE, i, j + self.steps - self.per_turn, k), (kr, column, row)
-        top = self.q * self.levels
-        row = np.where((kz == top) & (column == 0), 0, kz - top - turn_rows)
-        return (DISC_BELOW, i, j, k), (kr, column, row)
+    def _in_sheet(self, column: Ints, row: Ints) -> Ints:
+        """Numbers, among those of one radius, of nodes by their angle and row."""
+        upper = row >= self.q * self.deep * (self.device.turns + 1)
+        number = self._first[column] + row - self._low[column]
+        return np.asarray(number - self._below[column] * (row >= 0) - self._above[column] * upper)
+
+    def points(self, numbers: Ints) -> Floats:
+        """Places of nodes, shape (n, 3)."""
+        kr, left = np.divmod(numbers, self.sheet)
+        column = np.searchsorted(self._first, left, "right") - 1
+        row = left - self._first[column] + self._low[column]
+        row += self._below[column] * (row >= self._hole[column])
+        row += self._above[column] * (row > self.q * self.deep * self.device.turns)
+        around = lattice_points(self.angles / 360, self.q)[column]
+        angle, r = 2 * math.pi * around, lattice_points(self.radii, self.q)[kr]
+        z = self._heights(around, row, lattice_points(self.ends, self.q))
+        return np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
 
     def _heights(self, around: Floats, row: Ints, line: Floats) -> Floats:
         """z of nodes from their angle (in turns, below 1) and row."""
@@ -188,7 +314,7 @@ class _Builder:
             mesh.add_facets("seam", helix & (step == self.steps - 1), 1, 1)
             open_above = over
         soft, bare = helix.copy(), open_above
-        middle = np.convolve(self.angles, [0.5, 0.5], "valid")[step % self.per_turn]
+        middle = self.middles[step % self.per_turn]
         for sector in self.device.pattern:
             held = helix & (column >= self.first) & (column < self.beyond) & sector.holds(middle)
             if self.device.electrode > 0:
@@ -208,6 +334,11 @@ class _Builder:
         strand, row = np.divmod(self.row, self.rows[-1])
         return self.step // self.per_turn * self.device.strands + strand, row
 
+    def _in_layer(self, electrode: str, row: Ints) -> Mask:
+        """Whether rows of a period lie in the layer of electrode ``"a"`` or ``"b"``."""
+        k = 1 if electrode == "a" else 3
+        return (row >= self.rows[k]) & (row < self.rows[k + 1])
+
     def _add_surfaces(self, mesh: StructuredMesh, sector: Sector, held: Mask) -> None:
         """Ideal electrodes of a sector; ``held`` marks the cells between their edges."""
         period, row = self._place()
@@ -226,8 +357,7 @@ class _Builder:
         period, row = self._place()
         rows = self.rows
         first, last = period == 0, period == self.device.strands * self.device.turns - 1
-        a = held & (row >= rows[1]) & (row < rows[2])
-        b = held & (row >= rows[3])
+        a, b = (held & self._in_layer(e, row) for e in "ab")
         name_a, name_b = (f"electrode_{e}{sector.suffix}" for e in "ab")
         mesh.add_region(name_a, a)
         mesh.add_region(name_b, b)
@@ -239,9 +369,7 @@ class _Builder:
         mesh.add_facets(f"{name_b}_active", b & (row == rows[4] - 1) & ~last, 2, 1)
         mesh.add_facets(f"{name_a}_rim", a & (row == rows[1]) & first, 2, 0)
         mesh.add_facets(f"{name_b}_rim", b & covered, 2, 1)
-        steps = np.arange(self.steps)
-        middles = np.convolve(self.angles, [0.5, 0.5], "valid")[steps % self.per_turn]
-        inside = sector.holds(middles)
+        inside = np.tile(sector.holds(self.middles), self.device.turns)
         begins, ends = inside & ~np.roll(inside, 1), inside & ~np.roll(inside, -1)
         # at the two ends of the helix: on the seam, or against a cap
         flat = self.device.ends == "flat"

@@ -123,12 +123,16 @@ def block(counts: tuple[int, ...], order: int) -> tuple[tuple[Ints, ...], tuple[
     node : tuple of ndarray, each (M, q, q[, q])
         Logical indices of every cell's nodes, from 0 to order * count in each direction.
     """
-    dim = len(counts)
     cell = tuple(i.ravel() for i in np.indices(counts, dtype=np.int64))
+    return cell, nodes_of_cells(cell, order)
+
+
+def nodes_of_cells(cell: Sequence[Ints], order: int) -> tuple[Ints, ...]:
+    """Logical indices of the nodes, each of shape (M, q, q[, q]), of cells with some indices."""
+    dim = len(cell)
     local = np.indices((order + 1,) * dim, dtype=np.int64)
     spread = (slice(None),) + (None,) * dim
-    node = tuple(order * cell[d][spread] + local[d] for d in range(dim))
-    return cell, node
+    return tuple(order * cell[d][spread] + local[d] for d in range(dim))
 
 
 def lattice(
@@ -162,39 +166,6 @@ def lattice(
     for axis, index in enumerate(np.unravel_index(used, shape)):
         points[:, axis] = lines[axis][index]
     return StructuredMesh(points, cells), cell
-
-
-def part_of_lattice(
-    ends: Sequence[Floats], order: int, cell: Sequence[Ints], part: int, parts: int
-) -> StructuredMesh:
-    """Some cells of `lattice`, with one of several equal parts of all its nodes.
-
-    Parameters
-    ----------
-    ends, order
-        As of `lattice`.
-    cell
-        Logical indices of the cells.
-    part, parts
-        Which part of the nodes, from 0, and how many there are.
-
-    Returns
-    -------
-    StructuredMesh
-        Without groups.  Its cells have the numbers of nodes of the whole lattice.
-    """
-    lines = [lattice_points(e, order) for e in ends]
-    shape = tuple(len(line) for line in lines)
-    dim, cells = len(ends), np.zeros((len(cell[0]),) + (order + 1,) * len(ends), dtype=np.int64)
-    for axis, local in enumerate(np.indices((order + 1,) * dim, dtype=np.int64)):
-        index = order * cell[axis][(slice(None),) + (None,) * dim] + local
-        cells = cells * shape[axis] + index
-    total = int(np.prod(shape, dtype=np.int64))
-    mine = np.arange(total * part // parts, total * (part + 1) // parts)
-    points = np.zeros((len(mine), 3))
-    for axis, index in enumerate(np.unravel_index(mine, shape)):
-        points[:, axis] = lines[axis][index]
-    return StructuredMesh(points, cells)
 
 
 def sweep(plane: Ints, layers: int, order: int) -> tuple[Ints, Ints, Ints]:

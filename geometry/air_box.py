@@ -11,6 +11,7 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
+from ._lattice import name_boxes
 from ._structured import Floats, StructuredMesh, joined_ends, lattice
 from .base import Geometry, refuse_clash
 from .box_stack import BoxStack
@@ -133,7 +134,7 @@ class AirBox(Geometry):
         mesh, found = lattice(padded, self.stack.order)
         first = [self.divisions * (pair[0] in self.sides) for pair in pairs]
         cell = [c - k for c, k in zip(found, first, strict=True)]
-        self.stack.name_parts(mesh, cell)
+        name_boxes(mesh, cell, self.stack.boxes())
         inside = np.all([(c >= 0) & (c < n) for c, n in zip(cell, counts, strict=True)], axis=0)
         mesh.add_region(self.region, ~inside)
         for axis, pair in enumerate(pairs):

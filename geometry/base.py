@@ -6,15 +6,19 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate, pairwise
 from typing import Any
+
+import numpy as np
 
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check, _gmsh
-from ._structured import StructuredMesh
-from .grading import check_ends
+from ._lattice import GroupBox, Lattice, within
+from ._structured import Floats, StructuredMesh, joined_ends
+from .grading import check_ends, graded
 
 
 class Geometry(ABC):
@@ -96,8 +100,32 @@ class InParts(Geometry):
         """What `groups` gives, without making a mesh."""
 
     @abstractmethod
-    def cell_shape(self) -> dict[str, float]:
-        """``least_scaled_jacobian`` and ``largest_aspect`` of the cells."""
+    def cell_shape(self, part: int = 0, parts: int = 1) -> tuple[float, float]:
+        """Least scaled Jacobian and largest aspect of the cells of a part; (inf, 0) of no cell."""
+
+
+class OfLattice(InParts):
+    """A family whose mesh is a lattice of cells."""
+
+    @abstractmethod
+    def lattice(self) -> Lattice:
+        """What the mesh and its parts are made of."""
+
+    def mesh(self) -> StructuredMesh:
+        """Nodes, cells and named parts as plain arrays."""
+        return self.lattice().mesh()
+
+    def mesh_part(self, part: int, parts: int) -> StructuredMesh:
+        """See `InParts.mesh_part`."""
+        return self.lattice().part(part, parts)
+
+    def groups_of_parts(self) -> dict[str, int]:
+        """See `InParts.groups_of_parts`."""
+        return self.lattice().groups()
+
+    def cell_shape(self, part: int = 0, parts: int = 1) -> tuple[float, float]:
+        """See `InParts.cell_shape`."""
+        return self.lattice().shape(part, parts)
 
 
 class LayeredGeometry(Geometry):
@@ -188,6 +216,47 @@ def refuse_clash(owner: str, regions: set[str], facets: set[str]) -> None:
             f"{owner}: the layer name {both[0]!r} is also the name of a facet group; call the "
             "layer otherwise."
         )
+
+
+def ends_of_layers(layers: Sequence[Layer], start: float = 0.0) -> Floats:
+    """Ends in metres of the cells through layers, from the outer face of the first one."""
+    faces = start + np.cumsum([0.0, *(layer.thickness for layer in layers)])
+    return joined_ends(*(
+        face + layer.thickness * graded(layer.divisions, layer.grading, layer.ends)
+        for face, layer in zip(faces, layers, strict=False)
+    ))  # fmt: skip
+
+
+def rows_of_layers(layers: Sequence[Layer]) -> list[range]:
+    """The indices of the cells of each layer in the direction through all of them."""
+    bounds = [0, *accumulate(layer.divisions for layer in layers)]
+    return [range(a, b) for a, b in pairwise(bounds)]
+
+
+def boxes_of_layers(
+    layers: Sequence[Layer], cells: tuple[range, ...], axis: int
+) -> tuple[list[GroupBox], list[GroupBox]]:
+    """The layers, and the interfaces between them, in a box of cells.
+
+    Parameters
+    ----------
+    layers
+        From the first one along the axis.
+    cells
+        The indices of the cells of the box.
+    axis
+        The direction through the layers.
+    """
+    rows = rows_of_layers(layers)
+    regions = [
+        GroupBox(layer.name, within(cells, axis, row))
+        for layer, row in zip(layers, rows, strict=True)
+    ]
+    interfaces = [
+        GroupBox(f"interface_{k}", within(cells, axis, row[-1:]), (axis, 1))
+        for k, row in enumerate(rows[:-1], 1)
+    ]
+    return regions, interfaces
 
 
 def sizes_of_layers(layers: Sequence[Layer], base: float) -> dict[str, float]:

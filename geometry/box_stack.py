@@ -12,14 +12,24 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._structured import Floats, Ints, StructuredMesh, joined_ends, lattice, part_of_lattice
-from .base import FlatStack, InParts, Layer, checked_layers, refuse_clash, sizes_of_layers
+from ._lattice import GroupBox, Lattice, between, side_boxes
+from ._structured import Floats
+from .base import (
+    FlatStack,
+    Layer,
+    OfLattice,
+    boxes_of_layers,
+    checked_layers,
+    ends_of_layers,
+    refuse_clash,
+    sizes_of_layers,
+)
 from .grading import check_ends, graded
 
 
 @dataclass(frozen=True)
 @in_si(length="m", width="m", x0="m")
-class BoxStack(FlatStack, InParts):
+class BoxStack(FlatStack, OfLattice):
     """Rectangular layers stacked in z from z = 0, over 0 <= x <= length and 0 <= y <= width.
 
     With ``width=None`` a flat strip of quadrilaterals: x along the length, y through the layers.
@@ -123,90 +133,40 @@ class BoxStack(FlatStack, InParts):
         assert isinstance(self.divisions, tuple)
         return replace(self, layers=layers, divisions=tuple(k * n for n in self.divisions))
 
-    def mesh(self) -> StructuredMesh:
-        """Nodes, cells and named parts as plain arrays."""
-        mesh, cell = lattice(self.cell_ends(), self.order)
-        self.name_parts(mesh, cell)
-        return mesh
+    def lattice(self) -> Lattice:
+        """See `OfLattice.lattice`."""
+        return between(self.cell_ends(), self.order, self.boxes())
 
-    def mesh_part(self, part: int, parts: int) -> StructuredMesh:
-        """See `InParts.mesh_part`."""
-        ends, bounds = self.cell_ends(), np.cumsum([0] + [one.divisions for one in self.layers])
-        base = tuple(len(e) - 1 for e in ends[:-1])
-        total = int(np.prod(base)) * int(bounds[-1])
-        first, last = total * part // parts, total * (part + 1) // parts
-        names = [one.name for one in self.layers]
-        cell: list[list[Ints]] = [[] for _ in ends]
-        start = 0
-        for k in sorted(range(len(names)), key=lambda k: names.index(names[k])):
-            count = int(np.prod(base)) * self.layers[k].divisions
-            mine = np.arange(max(first - start, 0), min(last - start, count))
-            column, level = np.divmod(mine, self.layers[k].divisions)
-            indices = (*np.unravel_index(column, base), bounds[k] + level)
-            for index, found in zip(cell, indices, strict=True):
-                index.append(found)
-            start += count
-        joined = [np.concatenate(index) for index in cell]
-        mesh = part_of_lattice(ends, self.order, joined, part, parts)
-        self.name_parts(mesh, joined)
-        return mesh
-
-    def groups_of_parts(self) -> dict[str, int]:
-        """See `InParts.groups_of_parts`."""
-        regions = dict.fromkeys((layer.name for layer in self.layers), self.dimension)
-        return regions | dict.fromkeys(self._facet_names(), self.dimension - 1)
-
-    def cell_shape(self) -> dict[str, float]:
-        """The cells are boxes; the longest over the shortest edge that meet in one."""
+    def cell_shape(self, part: int = 0, parts: int = 1) -> tuple[float, float]:
+        """See `InParts.cell_shape`; here of all cells, which are boxes, for any part."""
         edges = [np.diff(e) for e in self.cell_ends()]
         pairs = [(a, b) for i, a in enumerate(edges) for k, b in enumerate(edges) if i != k]
         aspect = max(float(a.max() / b.min()) for a, b in pairs)
-        return {"least_scaled_jacobian": 1.0, "largest_aspect": max(aspect, 1.0)}
+        return 1.0, max(aspect, 1.0)
 
     def cell_ends(self) -> list[Floats]:
         """Ends of the cells in m along x, y (in space only) and through the layers."""
         assert isinstance(self.divisions, tuple)
         assert isinstance(self.grading, tuple) and isinstance(self.ends, tuple)
-        starts = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in self.layers])])
-        through = joined_ends(
-            *(
-                start + layer.thickness * graded(layer.divisions, layer.grading, layer.ends)
-                for start, layer in zip(starts, self.layers, strict=False)
-            )
-        )
         sizes = [self.length] if self.width is None else [self.length, self.width]
         ends = [
             size * graded(n, g, e)
             for size, n, g, e in zip(sizes, self.divisions, self.grading, self.ends, strict=True)
         ]
         ends[0] = ends[0] + self.x0
-        return [*ends, through]
+        return [*ends, ends_of_layers(self.layers)]
 
-    def name_parts(self, mesh: StructuredMesh, cell: Sequence[Ints]) -> None:
-        """Name the layers and the facets of the stack in a mesh that may be larger.
-
-        Parameters
-        ----------
-        mesh
-            The mesh.
-        cell
-            Logical indices of every cell, counted from the first cell of the stack.
-        """
+    def boxes(self) -> list[GroupBox]:
+        """The groups by the logical indices of cells, as `Lattice` has them."""
         assert isinstance(self.divisions, tuple)
-        bounds = np.cumsum([0] + [layer.divisions for layer in self.layers])
-        counts = [*self.divisions, int(bounds[-1])]
-        last = len(counts) - 1  # the direction through the layers
-        inside = np.all([(c >= 0) & (c < n) for c, n in zip(cell, counts, strict=True)], axis=0)
-        for i, layer in enumerate(self.layers):
-            here = (cell[last] >= bounds[i]) & (cell[last] < bounds[i + 1])
-            mesh.add_region(layer.name, inside & here)
+        last = len(self.divisions)  # the direction through the layers
+        deep = sum(layer.divisions for layer in self.layers)
+        whole = (*(range(n) for n in self.divisions), range(deep))
+        regions, interfaces = boxes_of_layers(self.layers, whole, last)
+        sides: list[GroupBox] = []
         for axis, letter in enumerate("xy"[:last]):
-            mesh.add_facets(f"{letter}_min", inside & (cell[axis] == 0), axis, 0)
-            mesh.add_facets(f"{letter}_max", inside & (cell[axis] == counts[axis] - 1), axis, 1)
-        mesh.add_facets("bottom", inside & (cell[last] == 0), last, 0)
-        mesh.add_facets("top", inside & (cell[last] == bounds[-1] - 1), last, 1)
-        for i in range(1, len(self.layers)):
-            mesh.add_facets(f"interface_{i}", inside & (cell[last] == bounds[i] - 1), last, 1)
+            sides += side_boxes(whole, axis, f"{letter}_min", f"{letter}_max")
+        return [*regions, *sides, *side_boxes(whole, last, "bottom", "top"), *interfaces]
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -11,14 +11,15 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._structured import StructuredMesh, joined_ends, lattice
-from .base import Geometry
+from ._lattice import GroupBox, Lattice, between, side_boxes
+from ._structured import joined_ends
+from .base import OfLattice
 from .grading import graded
 
 
 @dataclass(frozen=True)
 @in_si(radius="m", gap="m", box="m")
-class DiscCapacitor(Geometry):
+class DiscCapacitor(OfLattice):
     """Two equal discs that face each other, in a cylinder of air: the section (x = r, y = z).
 
     The middle of the gap is at z = 0.  Cells are small at the rims of the discs.
@@ -96,8 +97,8 @@ class DiscCapacitor(Geometry):
         along, through, outside = self.divisions
         return replace(self, divisions=(k * along, k * through, k * outside))
 
-    def mesh(self) -> StructuredMesh:
-        """Nodes, cells and named parts as plain arrays."""
+    def lattice(self) -> Lattice:
+        """See `OfLattice.lattice`."""
         along, through, outside = self.divisions
         through = int(np.ceil(through * (1 + 2 * np.log10(max(self.gap / self.radius, 1.0)))))
         disc = self.radius * graded(along, self.grading, "end")
@@ -108,16 +109,16 @@ class DiscCapacitor(Geometry):
         radial = joined_ends(disc, self.radius + far * _from_small(outside, least / far))
         above = self.gap / 2 + self.box * _from_small(outside, least / self.box)
         axial = joined_ends(-above[::-1], gap, above)
-        mesh, cell = lattice([radial, axial], self.order)
-        mesh.add_region("air", np.ones(len(cell[0]), dtype=bool))
-        on = cell[0] < along
-        mesh.add_facets("lower_disc", on & (cell[1] == outside - 1), 1, 1)
-        mesh.add_facets("upper_disc", on & (cell[1] == outside + through - 1), 1, 1)
-        mesh.add_facets("axis", cell[0] == 0, 0, 0)
-        mesh.add_facets("side", cell[0] == along + outside - 1, 0, 1)
-        mesh.add_facets("bottom", cell[1] == 0, 1, 0)
-        mesh.add_facets("top", cell[1] == 2 * outside + through - 1, 1, 1)
-        return mesh
+        whole = range(along + outside), range(2 * outside + through)
+        faces = range(outside - 1, outside), range(outside + through - 1, outside + through)
+        boxes = [
+            GroupBox("air", whole),
+            GroupBox("lower_disc", (range(along), faces[0]), (1, 1)),
+            GroupBox("upper_disc", (range(along), faces[1]), (1, 1)),
+            *side_boxes(whole, 0, "axis", "side"),
+            *side_boxes(whole, 1, "bottom", "top"),
+        ]
+        return between([radial, axial], self.order, boxes)
 
 
 def _from_small(n: int, least: float) -> np.ndarray:

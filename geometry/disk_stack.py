@@ -13,26 +13,24 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._structured import (
-    Floats,
-    Ints,
-    StructuredMesh,
-    block,
-    compact,
-    joined_ends,
-    lattice_points,
-    sweep,
+from ._lattice import FlatLattice, GroupBox, Lattice
+from ._polar import circle, o_grid, rings
+from ._structured import Floats, joined_ends, lattice_points
+from .base import (
+    Layer,
+    LayeredGeometry,
+    OfLattice,
+    checked_layers,
+    ends_of_layers,
+    refuse_clash,
+    rows_of_layers,
 )
-from .base import Layer, LayeredGeometry, checked_layers, refuse_clash
 from .grading import graded
-
-CORE = 0.45  # half diagonal of the core square over the radius of the circle around it
-BULGE = 0.4  # 0: straight core sides, 1: a round core, whose corners are flat
 
 
 @dataclass(frozen=True)
 @in_si(radius="m", inset="m", inner_radius="m", inner_inset="m")
-class DiskStack(LayeredGeometry):
+class DiskStack(LayeredGeometry, OfLattice):
     """Round layers stacked in z from z = 0 around the z axis, full or with a hole.
 
     A full disk is meshed as an O-grid: a square core with bulging sides, and rings around it.
@@ -242,97 +240,55 @@ class DiskStack(LayeredGeometry):
         first = self.rim if self.inner_inset > 0 else 0
         return joined_ends(*pieces), first, first + self.radial
 
-    def _plane(self) -> tuple[Floats, Ints, Ints]:
-        """Points (n, 2), quadrilaterals (m, q, q), and the ring of each (-1 in the core).
+    def lattice(self) -> Lattice:
+        """See `OfLattice.lattice`."""
+        return self._plane().swept(ends_of_layers(self.layers), self.order, self._boxes())
 
-        Ring quadrilaterals have the radius as their first direction, the angle as their second.
-        """
-        q, around = self.order, self.order * self.angular
+    def _plane(self) -> FlatLattice:
+        """The quadrilaterals across the axis, one index for each: the core, then ring by ring."""
         ends, _, beyond = self._rings()
-        levels = lattice_points(ends, q)
-        (ring, _), (kr, kt) = block((len(ends) - 1, self.angular), q)
-        rings = kr * around + kt % around
-        angle = 2 * math.pi * np.arange(around) / around
-        direction = np.column_stack([np.cos(angle), np.sin(angle)])
-        if self.inner_radius > 0:
-            points = levels[:, None, None] * direction
-            return points.reshape(-1, 2), rings, ring
+        if self.inner_radius == 0:
+            return o_grid(ends, beyond, self.electrode_radii[1], self.angular, self.order)
+        directions = circle(self.order * self.angular)
+        return rings(lattice_points(ends, self.order), directions, self.angular, self.order).flat()
 
-        # Core: a lattice over [-1, 1]^2 whose perimeter, walked from the middle of its right side,
-        # is the first circle of the ring lattice.
-        n = self.angular // 4
-        m = q * n
-        edge = self.electrode_radii[1]
-        line = np.linspace(-1.0, 1.0, m + 1)
-        u, v = np.meshgrid(line, line, indexing="ij")
-        square = np.stack([u, v], axis=-1) * math.sqrt(0.5)
-        disk = np.stack([u * np.sqrt(1 - v**2 / 2), v * np.sqrt(1 - u**2 / 2)], axis=-1)
-        core = CORE * edge * ((1 - BULGE) * square + BULGE * disk)
-        _, node = block((n, n), q)
-        inside = np.ravel_multi_index(node, (m + 1, m + 1))
-
-        k = np.arange(m)
-        i = np.concatenate([np.full(m, m), m - k, np.full(m, 0), k])
-        j = np.concatenate([k, np.full(m, m), m - k, np.full(m, 0)])
-        walk = i * (m + 1) + j  # anticlockwise from the lower right corner, at -45 degrees
-        turn = (angle - math.pi / 4)[:, None] + [0.0, math.pi / 2]
-        direction = np.column_stack([np.cos(turn[:, 0]), np.sin(turn[:, 0])])
-        start = core.reshape(-1, 2)[walk]
-        last = q * beyond  # up to here the levels are fractions, beyond it distances
-        inner = levels[: last + 1, None, None]
-        spokes = (1 - inner) * start + inner * (edge * direction)
-        outer = (edge + levels[last + 1 :, None, None] - 1.0) * direction
-        points = np.concatenate([core.reshape(-1, 2), spokes.reshape(-1, 2), outer.reshape(-1, 2)])
-        offset = (m + 1) ** 2
-        shifted = np.where(rings < around, walk[rings % around], rings + offset)
-        cells, used = compact(np.concatenate([inside, shifted]))
-        return points[used], cells, np.concatenate([np.full(len(inside), -1), ring])
-
-    def mesh(self) -> StructuredMesh:
-        """Nodes, cells and named parts as plain arrays."""
-        plane, quads, rings = self._plane()
-        starts = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in self.layers])])
-        through = joined_ends(
-            *(
-                start + layer.thickness * graded(layer.divisions, layer.grading, layer.ends)
-                for start, layer in zip(starts, self.layers, strict=False)
-            )
-        )
-        heights = lattice_points(through, self.order)
-        cells, base, level = sweep(quads, len(through) - 1, self.order)
-        points = np.column_stack(
-            [np.repeat(plane, len(heights), axis=0), np.tile(heights, len(plane))]
-        )
-        mesh = StructuredMesh(points, cells)
-
+    def _boxes(self) -> list[GroupBox]:
+        """The groups by the indices of cells in the plane and through the layers."""
         ends, first, beyond = self._rings()
-        ring = rings[base]
-        active = (ring < beyond) & ((ring >= first) | (ring < 0))
-        rows = np.cumsum([0] + [layer.divisions for layer in self.layers])
-        deep = int(rows[-1])
-        for i, layer in enumerate(self.layers):
-            inside = (level >= rows[i]) & (level < rows[i + 1])
+        around, last = self.angular, len(ends) - 1
+        core = 0 if self.inner_radius > 0 else (around // 4) ** 2  # cells before the first ring
+        plane = range(core + last * around)
+        active = range(first * around, core + beyond * around)
+        margins = [r for r in (plane[: active.start], plane[active.stop :]) if len(r)]
+        rows = rows_of_layers(self.layers)
+        deep = range(rows[-1].stop)
+
+        def ring(k: int) -> range:
+            return range(core + k * around, core + (k + 1) * around)
+
+        found = []
+        for i, (layer, level) in enumerate(zip(self.layers, rows, strict=True)):
             if layer.electrode and self._inset_anywhere:
-                mesh.add_region(layer.name, inside & active)
-                mesh.add_region(self._margin(i), inside & ~active)
+                found.append(GroupBox(layer.name, (active, level)))
+                found += [GroupBox(self._margin(i), (margin, level)) for margin in margins]
                 if self.inner_inset > 0:
-                    mesh.add_facets(f"rim_{i + 1}", inside & (ring == first), 0, 0)
+                    found.append(GroupBox(f"rim_{i + 1}", (ring(first), level), (0, 0)))
                 if self.inset > 0:
-                    mesh.add_facets(f"rim_{i + 1}", inside & (ring == beyond - 1), 0, 1)
+                    found.append(GroupBox(f"rim_{i + 1}", (ring(beyond - 1), level), (0, 1)))
             else:
-                mesh.add_region(layer.name, inside)
+                found.append(GroupBox(layer.name, (plane, level)))
             if i > 0:
-                mesh.add_facets(f"interface_{i}", active & (level == rows[i] - 1), 2, 1)
-        for name, row, end in (("bottom", 0, 0), ("top", deep - 1, 1)):
+                found.append(GroupBox(f"interface_{i}", (active, rows[i - 1][-1:]), (2, 1)))
+        for name, row, end in (("bottom", deep[:1], 0), ("top", deep[-1:], 1)):
             if self.end_electrodes:
-                mesh.add_facets(f"{name}_active", active & (level == row), 2, end)
-                mesh.add_facets(f"{name}_margin", ~active & (level == row), 2, end)
+                found.append(GroupBox(f"{name}_active", (active, row), (2, end)))
+                found += [GroupBox(f"{name}_margin", (margin, row), (2, end)) for margin in margins]
             else:
-                mesh.add_facets(name, level == row, 2, end)
-        mesh.add_facets("side", ring == len(ends) - 2, 0, 1)
+                found.append(GroupBox(name, (plane, row), (2, end)))
+        found.append(GroupBox("side", (ring(last - 1), deep), (0, 1)))
         if self.inner_radius > 0:
-            mesh.add_facets("inner", ring == 0, 0, 0)
-        return mesh
+            found.append(GroupBox("inner", (ring(0), deep), (0, 0)))
+        return found
 
 
 def main(arguments: list[str] | None = None) -> int:

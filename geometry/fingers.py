@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -12,16 +13,25 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._structured import Ints, StructuredMesh, joined_ends, lattice
-from .base import FlatStack, Layer, checked_layers, refuse_clash, sizes_of_layers
-from .grading import graded
+from ._lattice import Lattice, between, side_boxes, within
+from ._structured import Floats, joined_ends
+from .base import (
+    FlatStack,
+    Layer,
+    OfLattice,
+    boxes_of_layers,
+    checked_layers,
+    ends_of_layers,
+    refuse_clash,
+    sizes_of_layers,
+)
 
 SIDES = ("a", "b", "gap")
 
 
 @dataclass(frozen=True)
 @in_si(finger="m", gap="m", margin="m", width="m")
-class FingerStack(FlatStack):
+class FingerStack(FlatStack, OfLattice):
     """Rectangular layers in z from z = 0, with electrodes in fingers along y on the upper face.
 
     With ``width=None`` a flat strip: x along the length, y through the layers.  The fingers belong
@@ -124,47 +134,41 @@ class FingerStack(FlatStack):
         one, two, three, four = (k * n for n in self.divisions)
         return replace(self, layers=layers, divisions=(one, two, three, four))
 
-    def _along(self) -> tuple[np.ndarray, Ints]:
-        """Cell ends along x, and of each cell its side: 0 for a, 1 for b, 2 for a gap."""
+    def _along(self) -> tuple[Floats, list[tuple[str, range]]]:
+        """Cell ends along x, and the cells of each finger, gap and margin with its side."""
         in_finger, in_gap, in_margin, _ = self.divisions
-        pieces: list[tuple[float, int, int]] = [(self.margin, in_margin, 2)]
+        pieces: list[tuple[float, int, str]] = [(self.margin, in_margin, "gap")]
         for k in range(self.fingers):
-            pieces += [(self.finger, in_finger, k % 2), (self.gap, in_gap, 2)]
-        pieces[-1] = (self.margin, in_margin, 2)
+            pieces += [(self.finger, in_finger, SIDES[k % 2]), (self.gap, in_gap, "gap")]
+        pieces[-1] = (self.margin, in_margin, "gap")
         pieces = [piece for piece in pieces if piece[0] > 0]
         starts = np.cumsum([0.0, *(size for size, _, _ in pieces)])
         ends = joined_ends(*(
             start + np.linspace(0.0, size, count + 1)
             for start, (size, count, _) in zip(starts, pieces, strict=False)
         ))  # fmt: skip
-        return ends, np.repeat([side for *_, side in pieces], [n for _, n, _ in pieces])
+        bounds = [0, *accumulate(count for _, count, _ in pieces)]
+        cells = [range(a, b) for a, b in pairwise(bounds)]
+        return ends, [(side, r) for (_, _, side), r in zip(pieces, cells, strict=True)]
 
-    def mesh(self) -> StructuredMesh:
-        """Nodes, cells and named parts as plain arrays."""
-        ends, sides = self._along()
-        starts = np.cumsum([0.0, *(layer.thickness for layer in self.layers)])
-        through = joined_ends(*(
-            start + layer.thickness * graded(layer.divisions, layer.grading, layer.ends)
-            for start, layer in zip(starts, self.layers, strict=False)
-        ))  # fmt: skip
-        across = [] if self.width is None else [
-            np.linspace(0.0, self.width, self.divisions[3] + 1)
-        ]  # fmt: skip
-        mesh, cell = lattice([ends, *across, through], self.order)
-        last = self.dimension - 1  # the direction through the layers
-        bounds = np.cumsum([0, *(layer.divisions for layer in self.layers)])
-        for i, layer in enumerate(self.layers):
-            mesh.add_region(layer.name, (cell[last] >= bounds[i]) & (cell[last] < bounds[i + 1]))
+    def lattice(self) -> Lattice:
+        """See `OfLattice.lattice`."""
+        along, pieces = self._along()
+        ends = [along, ends_of_layers(self.layers)]
+        if self.width is not None:
+            ends.insert(1, np.linspace(0.0, self.width, self.divisions[3] + 1))
+        whole = tuple(range(len(e) - 1) for e in ends)
+        last = len(ends) - 1  # the direction through the layers
+        regions, interfaces = boxes_of_layers(self.layers, whole, last)
+        found = regions
         for axis, letter in enumerate("xy"[:last]):
-            mesh.add_facets(f"{letter}_min", cell[axis] == 0, axis, 0)
-            mesh.add_facets(f"{letter}_max", cell[axis] == cell[axis].max(), axis, 1)
-        for k, side in enumerate(SIDES):
-            here = sides[cell[0]] == k
-            mesh.add_facets(f"top_{side}", here & (cell[last] == bounds[-1] - 1), last, 1)
-            if self.both:
-                mesh.add_facets(f"bottom_{side}", here & (cell[last] == 0), last, 0)
+            found += side_boxes(whole, axis, f"{letter}_min", f"{letter}_max")
+        for side in SIDES:
+            for name, cells in pieces:
+                if name == side:
+                    here = within(whole, 0, cells)
+                    bottom, top = side_boxes(here, last, f"bottom_{side}", f"top_{side}")
+                    found += [top, bottom] if self.both else [top]
         if not self.both:
-            mesh.add_facets("bottom", cell[last] == 0, last, 0)
-        for i in range(1, len(self.layers)):
-            mesh.add_facets(f"interface_{i}", cell[last] == bounds[i] - 1, last, 1)
-        return mesh
+            found += side_boxes(whole, last, "bottom", "top")[:1]
+        return between(ends, self.order, [*found, *interfaces])

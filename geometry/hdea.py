@@ -13,9 +13,10 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._helix import helix_mesh
+from ._helix import helix_mesh, helix_part, helix_samples
+from ._quality import least_and_aspect
 from ._structured import Floats, Ints, StructuredMesh, joined_ends
-from .base import Geometry
+from .base import InParts
 from .grading import graded
 from .sectors import ANGLE_TOLERANCE_DEG, Sector, angular_ends, checked_sectors
 
@@ -26,7 +27,7 @@ END_KINDS = ("ramp", "flat")
 @in_si(
     outer_radius="m", inner_radius="m", inset="m", elastomer="m", electrode="m", cap="m"
 )
-class HDEA(Geometry):
+class HDEA(InParts):
     """Two electrodes wound as helicoids in an elastomer ring, every turn bonded to the next.
 
     In helical coordinates r, Theta in [0, 2 pi turns] and zeta in [0, pitch] the body is
@@ -84,6 +85,8 @@ class HDEA(Geometry):
     the last turn's electrode b is the free surface ``electrode_b_top``, which ``top`` leaves out
     (with flat ends a surface below the upper cap, which ends at the notch).
     A group without facets does not exist (``electrode_b_rim`` where ``inset=0``).
+
+    On several ranks each makes its own part of the mesh, whatever the parameters.
 
     The rims of a patterned electrode include its radial edges.  Those of named sectors have the
     name after the letter: ``electrode_a_left``, ``electrode_a_left_active``.
@@ -332,6 +335,20 @@ class HDEA(Geometry):
     def mesh(self) -> StructuredMesh:
         """Nodes, cells and named parts as plain arrays."""
         return helix_mesh(self)
+
+    def mesh_part(self, part: int, parts: int) -> StructuredMesh:
+        """See `InParts.mesh_part`."""
+        return helix_part(self, part, parts)
+
+    def groups_of_parts(self) -> dict[str, int]:
+        """See `InParts.groups_of_parts`; a device of few cells has the same groups."""
+        few = replace(self, radial=1, rim=1, through=1, through_electrode=1, through_cap=1, order=1)
+        return replace(few, turns=min(self.turns, 2)).groups()
+
+    def cell_shape(self, part: int = 0, parts: int = 1) -> tuple[float, float]:
+        """See `InParts.cell_shape`; here of one cell of each shape in the device, for any part."""
+        samples = helix_samples(self)
+        return least_and_aspect(samples.points[samples.cells])
 
 
 def main(arguments: list[str] | None = None) -> int:

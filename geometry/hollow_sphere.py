@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -13,8 +14,10 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._structured import Floats, Ints, StructuredMesh, block, lattice_points
-from .base import Geometry
+from ._lattice import GroupBox, Lattice, side_boxes
+from ._polar import rings
+from ._structured import Floats, Ints, lattice_points, nodes_of_cells
+from .base import OfLattice
 
 Part = Literal["half", "whole", "octant"]
 PARTS: tuple[Part, ...] = get_args(Part)
@@ -22,7 +25,7 @@ PARTS: tuple[Part, ...] = get_args(Part)
 
 @dataclass(frozen=True)
 @in_si(inner="m", outer="m")
-class HollowSphere(Geometry):
+class HollowSphere(OfLattice):
     """A spherical wall about the origin.
 
     Parameters
@@ -103,8 +106,8 @@ class HollowSphere(Geometry):
         k = _check.count("HollowSphere.refine", "factor", factor)
         return replace(self, layers=k * self.layers, cells=k * self.cells)
 
-    def mesh(self) -> StructuredMesh:
-        """Nodes, cells and named parts as plain arrays."""
+    def lattice(self) -> Lattice:
+        """See `OfLattice.lattice`."""
         return self._octant() if self.part == "octant" else self._section()
 
     @property
@@ -112,54 +115,80 @@ class HollowSphere(Geometry):
         """Radii of the nodes through the wall."""
         return lattice_points(np.linspace(self.inner, self.outer, self.layers + 1), self.order)
 
-    def _section(self) -> StructuredMesh:
+    def _section(self) -> Lattice:
         """Cells along the radius and from pole to pole, upwards."""
         around = self.cells * (1 if self.part == "half" else 2)
         low = 0.0 if self.part == "half" else -math.pi / 2
         angles = lattice_points(np.linspace(low, math.pi / 2, around + 1), self.order)
-        cell, node = block((self.layers, around), self.order)
-        rho, angle = (a.ravel() for a in np.meshgrid(self._radii, angles, indexing="ij"))
-        points = np.column_stack([rho * np.cos(angle), rho * np.sin(angle), 0 * rho])
-        # The cosine of a right angle is no exact 0.
-        points[np.abs(points) < 1e-12 * self.outer] = 0.0
-        cells = np.ravel_multi_index(node, (len(self._radii), len(angles)))
-        mesh = StructuredMesh(points, cells)
-        mesh.add_region("wall", np.arange(len(cells)))
-        mesh.add_facets("inner", cell[0] == 0, 0, 0)
-        mesh.add_facets("outer", cell[0] == self.layers - 1, 0, 1)
-        mesh.add_facets("axis", cell[1] == around - 1, 1, 1)
-        mesh.add_facets("axis" if self.part == "whole" else "equator", cell[1] == 0, 1, 0)
-        return mesh
+        directions = np.column_stack([np.cos(angles), np.sin(angles)])
+        directions[np.abs(directions) < 1e-12] = 0.0  # the cosine of a right angle
+        whole = range(self.layers), range(around)
+        lowest, highest = side_boxes(
+            whole, 1, "axis" if self.part == "whole" else "equator", "axis"
+        )
+        faces = side_boxes(whole, 0, "inner", "outer")
+        boxes = [GroupBox("wall", whole), *faces, highest, lowest]
+        plane = rings(self._radii, directions, around, self.order)
+        return plane.unswept(self.order, boxes)
 
-    def _octant(self) -> StructuredMesh:
-        """Three patches, each the central projection of a quarter of a cube's face."""
-        n = self.cells // 2
-        cell, node = block((n, n, self.layers), self.order)
+    def _octant(self) -> Lattice:
+        """Three patches, each the central projection of a quarter of a cube's face.
+
+        A cell's indices are its patch, its place along the two sides, and through the wall.
+        """
+        n, radii = self.cells // 2, self._radii
         line = np.tan(math.pi / 4 * lattice_points(np.linspace(0, 1, n + 1), self.order))
         line[-1] = 1.0  # the tangent of an eighth of a turn is no exact 1
-        s, t, rho = (a.ravel() for a in np.meshgrid(line, line, self._radii, indexing="ij"))
-        scale = rho / np.sqrt(1 + s**2 + t**2)
-        faces = [(1 + 0 * s, s, t), (t, 1 + 0 * s, s), (s, t, 1 + 0 * s)]
-        points = np.concatenate([np.column_stack(face) * scale[:, None] for face in faces])
-        shape = (len(line), len(line), len(self._radii))
-        cells = np.ravel_multi_index(node, shape)
-        cells = np.concatenate([cells + k * len(s) for k in range(3)])
-        points, cells = _merged(points, cells, self.outer)
-        mesh = StructuredMesh(points, cells)
-        mesh.add_region("wall", np.arange(len(cells)))
-        low, high = (np.tile(c, 3) for c in (cell[2] == 0, cell[2] == self.layers - 1))
-        mesh.add_facets("inner", low, 2, 0)
-        mesh.add_facets("outer", high, 2, 1)
-        face = np.repeat(np.arange(3), len(cell[0]))
+        last, levels = len(line) - 1, len(radii)
+
+        def cells(cell: Sequence[Ints]) -> Ints:
+            i, j, k = nodes_of_cells(cell[1:], self.order)
+            return _on_patches(cell[0][:, None, None, None], i, j, last) * levels + k
+
+        def places(number: Ints) -> Floats:
+            base, k = np.divmod(number, levels)
+            patch, i, j = _of_patches(base, last)
+            s, t, one = line[i], line[j], np.ones(len(base))
+            axes = np.stack([np.stack(face) for face in ((one, s, t), (t, one, s), (s, t, one))])
+            scale = radii[k] / np.sqrt(1 + s**2 + t**2)
+            return np.asarray(axes[patch, :, np.arange(len(base))] * scale[:, None])
+
+        nodes = (3 * last * (last + 1) + 1) * levels
+        counts = (3, n, n, self.layers)
+        return Lattice(counts, self.order, nodes, cells, places, self._boxes(counts))
+
+    def _boxes(self, counts: tuple[int, ...]) -> list[GroupBox]:
+        """The groups of an octant by the indices of its cells."""
+        patches, along, across, through = (range(count) for count in counts)
+        found = [GroupBox("wall", (patches, along, across, through))]
+        for name, level, end in (("inner", through[:1], 0), ("outer", through[-1:], 1)):
+            found.append(GroupBox(name, (patches, along, across, level), (2, end)))
         for k, name in enumerate(("x_min", "y_min", "z_min")):
-            mesh.add_facets(name, (face == (k + 2) % 3) & (np.tile(cell[0], 3) == 0), 0, 0)
-            mesh.add_facets(name, (face == (k + 1) % 3) & (np.tile(cell[1], 3) == 0), 1, 0)
-        return mesh
+            one, other = (k + 2) % 3, (k + 1) % 3
+            found.append(GroupBox(name, (patches[one:][:1], along[:1], across, through), (0, 0)))
+            found.append(GroupBox(name, (patches[other:][:1], along, across[:1], through), (1, 0)))
+        return found
 
 
-def _merged(points: Floats, cells: Ints, size: float) -> tuple[Floats, Ints]:
-    """Points at the same place made one."""
-    _, first, number = np.unique(
-        np.round(points / size, 9), axis=0, return_index=True, return_inverse=True
-    )
-    return points[first], number.ravel()[cells]
+def _on_patches(patch: Ints, i: Ints, j: Ints, last: int) -> Ints:
+    """Number of a node on the surface of an octant by its patch and its place there.
+
+    The inner nodes of the patches come first, then those between two patches, then the common one.
+    The side ``i == last`` of a patch is the side ``j == last`` of the next one.
+    """
+    found = patch * last**2 + i * last + j
+    between = 3 * last**2
+    found = np.where(i == last, between + patch * last + j, found)
+    found = np.where(j == last, between + (patch + 2) % 3 * last + i, found)
+    return np.where((i == last) & (j == last), between + 3 * last, found)
+
+
+def _of_patches(number: Ints, last: int) -> tuple[Ints, Ints, Ints]:
+    """Patch and place of a node by its number, the inverse of `_on_patches`."""
+    between = 3 * last**2
+    patch, place = np.divmod(number, last**2)
+    i, j = np.divmod(place, last)
+    edge, along = np.divmod(number - between, last)
+    outer, common = number >= between, number == between + 3 * last
+    patch = np.where(common, 0, np.where(outer, edge, patch))
+    return patch, np.where(outer, last, i), np.where(common, last, np.where(outer, along, j))

@@ -5,22 +5,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._structured import Floats, StructuredMesh, joined_ends, lattice
-from .base import Geometry, Layer
-from .disk_stack import DiskStack
+from ._lattice import GroupBox, Lattice, between
+from ._polar import o_grid
+from ._structured import Floats, joined_ends
+from .base import OfLattice
 from .grading import graded
 
 
 @dataclass(frozen=True)
 @in_si(radius="m", electrode_radius="m", thickness="m", taper="m")
-class MembraneDisc(Geometry):
+class MembraneDisc(OfLattice):
     """A disc of one layer over 0 <= z <= thickness; the electrode covers its middle.
 
     Parameters
@@ -141,59 +140,30 @@ class MembraneDisc(Geometry):
         pieces.append(self.taper + room * graded(rest, self.grading, "start"))
         return joined_ends(*pieces)
 
-    def mesh(self) -> StructuredMesh:
-        """Nodes, cells and named parts as plain arrays."""
-        mesh = self._solid() if self.angular else self._section()
-        corners = mesh.corners(mesh.cells)
-        # the mean of the corners' radii: a straight-sided ring's own middle lies inside its circle
-        at = mesh.points[corners]
-        r = (np.hypot(at[..., 0], at[..., 1]) if self.angular else at[..., 0]).mean(axis=1)
-        mesh.regions.clear()
-        across = 2 if self.angular else 1
-        done = np.zeros(len(r), dtype=bool)
-        top = np.isclose(at[:, :, across].max(axis=1), self.thickness, rtol=1e-9, atol=0)
-        for name, outer in self._edges.items():
-            inside = ~done & (r < outer)
-            done |= inside
-            mesh.add_region(name, inside)
-            mesh.add_facets(f"top_{name}", inside & top, across, 1)
-        return mesh
+    def lattice(self) -> Lattice:
+        """See `OfLattice.lattice`."""
+        a, through = self.electrode_radius, self.thickness * graded(self.layers, 1.0, "none")
+        inside, outside = graded(self.cells[0], self.grading, "end"), self._outside()
+        if not self.angular:
+            radial = joined_ends(a * inside, a + outside)
+            return between([radial, through], self.order, self._boxes())
+        ends = joined_ends(inside, 1.0 + outside)
+        plane = o_grid(ends, self.cells[0], a, self.angular, self.order)
+        return plane.swept(through, self.order, self._boxes())
 
-    def _section(self) -> StructuredMesh:
-        a = self.electrode_radius
-        radial = joined_ends(
-            a * graded(self.cells[0], self.grading, "end"), a + self._outside()
-        )
-        through = self.thickness * graded(self.layers, 1.0, "none")
-        mesh, cell = lattice([radial, through], self.order)
-        mesh.add_facets("axis", cell[0] == 0, 0, 0)
-        mesh.add_facets("rim", cell[0] == len(radial) - 2, 0, 1)
-        mesh.add_facets("bottom", cell[1] == 0, 1, 0)
-        return mesh
-
-    def _solid(self) -> StructuredMesh:
-        disc = _Rings(
-            self.radius,
-            [Layer("active", self.thickness, divisions=self.layers)],
-            inset=self.radius - self.electrode_radius,
-            angular=self.angular,
-            radial=self.cells[0],
-            grading=self.grading,
-            order=self.order,
-            outside=tuple(self._outside()),
-        )
-        mesh = disc.mesh()
-        mesh.facets["rim"] = mesh.facets.pop("side")
-        del mesh.facets["top"]
-        return mesh
-
-
-@dataclass(frozen=True)
-class _Rings(DiskStack):
-    """A full disk whose rings outside the electrode are given."""
-
-    outside: tuple[float, ...] = ()
-
-    def _rings(self) -> tuple[Floats, int, int]:
-        ends = joined_ends(graded(self.radial, self.grading, "end"), 1.0 + np.array(self.outside))
-        return ends, 0, self.radial
+    def _boxes(self) -> list[GroupBox]:
+        """The groups by the indices of cells in the plane or section and through the thickness."""
+        around, core = max(self.angular, 1), (self.angular // 4) ** 2
+        active, over, rest = self.cells
+        last = active + (over if self.taper else 0) + rest
+        disc, through = range(core + last * around), range(self.layers)
+        across = 2 if self.angular else 1  # the direction through the thickness in a cell
+        outer = GroupBox("rim", (disc[-around:], through), (0, 1))
+        bottom = GroupBox("bottom", (disc, through[:1]), (across, 0))
+        axis = GroupBox("axis", (disc[:1], through), (0, 0))
+        found = [bottom, outer] if self.angular else [axis, outer, bottom]
+        bounds = [0, *(core + k * around for k in (active, *([last - rest] if self.taper else [])))]
+        for name, a, b in zip(self._edges, bounds, [*bounds[1:], len(disc)], strict=True):
+            found.append(GroupBox(name, (disc[a:b], through)))
+            found.append(GroupBox(f"top_{name}", (disc[a:b], through[-1:]), (across, 1)))
+        return found

@@ -11,23 +11,15 @@ import numpy as np
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._structured import (
-    Floats,
-    Ints,
-    StructuredMesh,
-    block,
-    compact,
-    joined_ends,
-    lattice_points,
-    sweep,
-)
-from .base import Geometry, Layer, checked_layers, refuse_clash
-from .grading import graded
+from ._lattice import FlatLattice, GroupBox, Lattice, side_boxes
+from ._polar import circle
+from ._structured import Floats, Ints, lattice_points, nodes_of_cells
+from .base import Layer, OfLattice, boxes_of_layers, checked_layers, ends_of_layers, refuse_clash
 
 
 @dataclass(frozen=True)
 @in_si(inner="m", height="m")
-class Roll(Geometry):
+class Roll(OfLattice):
     """A film of one or more layers, wound around the z axis without a gap, each turn on the last.
 
     The inner face of the film has the radius ``inner + pitch * angle / (2 pi)``, where the pitch
@@ -143,56 +135,48 @@ class Roll(Geometry):
         layers = tuple(replace(layer, divisions=k * layer.divisions) for layer in self.layers)
         return replace(self, layers=layers, angular=k * self.angular, axial=k * self.axial)
 
-    def _section(self) -> tuple[Floats, Ints, tuple[Ints, Ints]]:
-        """Nodes in x and y, the cells' nodes, and of each cell its place through and along."""
-        starts = np.cumsum([0.0, *(layer.thickness for layer in self.layers)])
-        ends = joined_ends(*(
-            start + layer.thickness * graded(layer.divisions, layer.grading, layer.ends)
-            for start, layer in zip(starts, self.layers, strict=False)
-        ))  # fmt: skip
-        through = lattice_points(ends, self.order)
-        cell, node = block((len(ends) - 1, self.angular * self.turns), self.order)
-        last, around = len(through) - 1, self.order * self.angular
-        # the outer face of a turn is the inner one of the next
-        joined = (node[0] == last) & (node[1] < around * (self.turns - 1) + 1)
-        i, j = np.where(joined, 0, node[0]), np.where(joined, node[1] + around, node[1])
-        keys = i * (around * self.turns + 1) + j
-        cells, used = compact(keys)
-        i, j = np.divmod(used, around * self.turns + 1)
-        r = self.inner + self.pitch * j / around + through[i]
-        angle = 2 * math.pi * (j % around) / around
-        return np.column_stack([r * np.cos(angle), r * np.sin(angle)]), cells, (cell[0], cell[1])
-
-    def mesh(self) -> StructuredMesh:
-        """Nodes, cells and named parts as plain arrays."""
-        plane, cells, (i, j) = self._section()
+    def lattice(self) -> Lattice:
+        """See `OfLattice.lattice`."""
+        plane = self._plane()
         if self.height is None:
-            mesh = StructuredMesh(np.column_stack([plane, 0 * plane[:, 0]]), cells)
-        else:
-            mesh, i, j = self._raised(plane, cells, i, j)
-        first, last = j < self.angular, j >= self.angular * (self.turns - 1)
-        bounds = np.cumsum([0, *(layer.divisions for layer in self.layers)])
-        for k, layer in enumerate(self.layers):
-            mesh.add_region(layer.name, (i >= bounds[k]) & (i < bounds[k + 1]))
-        outside = i == bounds[-1] - 1
-        mesh.add_facets("inner", (i == 0) & first, 0, 0)
-        mesh.add_facets("outer", outside & last, 0, 1)
-        mesh.add_facets("winding", outside & ~last, 0, 1)
-        mesh.add_facets("start", j == 0, 1, 0)
-        mesh.add_facets("end", j == j.max(), 1, 1)
-        for k in range(1, len(self.layers)):
-            mesh.add_facets(f"interface_{k}", i == bounds[k] - 1, 0, 1)
-        return mesh
+            return plane.unswept(self.order, self._boxes())
+        heights = np.linspace(0.0, self.height, self.axial + 1)
+        return plane.swept(heights, self.order, self._boxes())
 
-    def _raised(
-        self, plane: Floats, cells: Ints, i: Ints, j: Ints
-    ) -> tuple[StructuredMesh, Ints, Ints]:
-        """The section along z, with the places of its cells and the faces at both ends."""
-        assert self.height is not None
-        z = lattice_points(np.linspace(0.0, self.height, self.axial + 1), self.order)
-        solid, base, level = sweep(cells, self.axial, self.order)
-        points = np.column_stack([np.repeat(plane, len(z), axis=0), np.tile(z, len(plane))])
-        mesh = StructuredMesh(points, solid)
-        mesh.add_facets("bottom", level == 0, 2, 0)
-        mesh.add_facets("top", level == self.axial - 1, 2, 1)
-        return mesh, i[base], j[base]
+    def _plane(self) -> FlatLattice:
+        """The quadrilaterals of the section, through the film and along it."""
+        ends = ends_of_layers(self.layers)
+        through, around = lattice_points(ends, self.order), self.order * self.angular
+        last, along = len(through) - 1, around * self.turns + 1
+        shared = around * (self.turns - 1) + 1  # nodes outside that the next turn has inside
+        directions = circle(around)
+
+        def cells(cell: Sequence[Ints]) -> Ints:
+            i, j = nodes_of_cells(cell, self.order)
+            joined = (i == last) & (j < shared)
+            i, j = np.where(joined, 0, i), np.where(joined, j + around, j)
+            return i * along + j - np.where(i == last, shared, 0)
+
+        def places(number: Ints) -> Floats:
+            i, j = np.divmod(number + np.where(number < last * along, 0, shared), along)
+            r = self.inner + self.pitch * j / around + through[i]
+            return r[:, None] * directions[j % around]
+
+        counts = len(ends) - 1, self.angular * self.turns
+        return FlatLattice(counts, len(through) * along - shared, cells, places)
+
+    def _boxes(self) -> list[GroupBox]:
+        """The groups by the logical indices of cells: through the film, along it, along z."""
+        others = [] if self.height is None else [range(self.axial)]
+        film = range(sum(layer.divisions for layer in self.layers))
+        last = self.angular * (self.turns - 1)
+        along = range(last + self.angular)
+        whole = (film, along, *others)
+        regions, interfaces = boxes_of_layers(self.layers, whole, 0)
+        faces = [
+            GroupBox("inner", (film[:1], along[: self.angular], *others), (0, 0)),
+            GroupBox("outer", (film[-1:], along[last:], *others), (0, 1)),
+            GroupBox("winding", (film[-1:], along[:last], *others), (0, 1)),
+        ]
+        ends = side_boxes(whole, 2, "bottom", "top") if others else []
+        return [*regions, *ends, *faces, *side_boxes(whole, 1, "start", "end"), *interfaces]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -12,14 +13,23 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._structured import Floats, Ints, StructuredMesh, joined_ends, lattice
-from .base import FlatStack, Layer, checked_layers, refuse_clash, sizes_of_layers
-from .grading import graded
+from ._lattice import GroupBox, Lattice, between, side_boxes
+from ._structured import Floats, joined_ends
+from .base import (
+    FlatStack,
+    Layer,
+    OfLattice,
+    boxes_of_layers,
+    checked_layers,
+    ends_of_layers,
+    refuse_clash,
+    sizes_of_layers,
+)
 
 
 @dataclass(frozen=True)
 @in_si(length="m", margin="m", width="m", tab="m")
-class TabbedStack(FlatStack):
+class TabbedStack(FlatStack, OfLattice):
     """Rectangular layers in z from z = 0, with an electrode between each layer and the next one.
 
     The electrodes are surfaces.  They belong in turn to ``electrode_a`` and ``electrode_b``, from
@@ -160,43 +170,36 @@ class TabbedStack(FlatStack):
             found.append((y, [edge_y, beside, in_tab, beside, edge_y]))
         return found
 
-    def mesh(self) -> StructuredMesh:
-        """Nodes, cells and named parts as plain arrays."""
-        lines, kinds = [], []
-        for sizes, counts in self._pieces():
-            line, kind = _divided(sizes, counts)
-            lines.append(line)
-            kinds.append(kind)
-        starts = np.cumsum([0.0, *(layer.thickness for layer in self.layers)])
-        through = joined_ends(*(
-            start + layer.thickness * graded(layer.divisions, layer.grading, layer.ends)
-            for start, layer in zip(starts, self.layers, strict=False)
-        ))  # fmt: skip
-        mesh, cell = lattice([*lines, through], self.order)
-        last = self.dimension - 1  # the direction through the layers
+    def lattice(self) -> Lattice:
+        """See `OfLattice.lattice`."""
+        divided = [_divided(sizes, counts) for sizes, counts in self._pieces()]
+        ends = [*(line for line, _ in divided), ends_of_layers(self.layers)]
+        whole = tuple(range(len(e) - 1) for e in ends)
+        last = len(ends) - 1  # the direction through the layers
+        sides: list[GroupBox] = []
         for axis, letter in enumerate("xy"[:last]):
-            mesh.add_facets(f"{letter}_min", cell[axis] == 0, axis, 0)
-            mesh.add_facets(f"{letter}_max", cell[axis] == cell[axis].max(), axis, 1)
-        bounds = np.cumsum([0, *(layer.divisions for layer in self.layers)])
-        mesh.add_facets("bottom", cell[last] == 0, last, 0)
-        mesh.add_facets("top", cell[last] == bounds[-1] - 1, last, 1)
-        x = kinds[0][cell[0]]
-        y = kinds[1][cell[1]] if last == 2 else np.full(len(x), 2)  # a strip is all tab
-        for i, layer in enumerate(self.layers):
-            mesh.add_region(layer.name, (cell[last] >= bounds[i]) & (cell[last] < bounds[i + 1]))
-            if i:
-                side = 2 * ((i + 1) % 2)  # the piece along x through which the tab leads
-                covered = ((x == 1) & (y >= 1) & (y <= 3)) | ((x == side) & (y == 2))
-                name = "electrode_a" if i % 2 else "electrode_b"
-                mesh.add_facets(name, covered & (cell[last] == bounds[i] - 1), last, 1)
-        return mesh
+            sides += side_boxes(whole, axis, f"{letter}_min", f"{letter}_max")
+        sides += side_boxes(whole, last, "bottom", "top")
+        regions, interfaces = boxes_of_layers(self.layers, whole, last)
+        x = divided[0][1]
+        y = divided[1][1] if last == 2 else []
+        film = (x[1], *([range(y[1].start, y[3].stop)] if y else []))
+        electrodes = []
+        for k, interface in enumerate(interfaces, 1):
+            tab = (x[0] if k % 2 else x[2], *y[2:3])  # it leads through a margin
+            # in the order of the cells along x
+            for base in (tab, film) if k % 2 else (film, tab):
+                name, cells = f"electrode_{'a' if k % 2 else 'b'}", (*base, interface.cells[last])
+                electrodes.append(GroupBox(name, cells, interface.side))
+        return between(ends, self.order, [*regions, *sides, *electrodes])
 
 
-def _divided(sizes: Sequence[float], counts: Sequence[int]) -> tuple[Floats, Ints]:
-    """Cell ends along pieces, and of each cell the number of its piece; pieces of no length go."""
+def _divided(sizes: Sequence[float], counts: Sequence[int]) -> tuple[Floats, list[range]]:
+    """Cell ends along pieces, and the cells of each piece; pieces of no length have none."""
     starts = np.cumsum([0.0, *sizes])
-    there = [k for k, size in enumerate(sizes) if size > 0]
+    there = [count if size > 0 else 0 for size, count in zip(sizes, counts, strict=True)]
     ends = joined_ends(*(
-        starts[k] + np.linspace(0.0, sizes[k], counts[k] + 1) for k in there
+        starts[k] + np.linspace(0.0, sizes[k], count + 1) for k, count in enumerate(there) if count
     ))  # fmt: skip
-    return ends, np.repeat(there, [counts[k] for k in there])
+    bounds = [0, *accumulate(there)]
+    return ends, [range(a, b) for a, b in pairwise(bounds)]

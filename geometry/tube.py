@@ -14,9 +14,10 @@ from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 
 from . import _check
-from ._structured import Floats, StructuredMesh, block, joined_ends, lattice_points
-from .base import Geometry, Layer, checked_layers, refuse_clash
-from .grading import graded
+from ._lattice import FlatLattice, GroupBox, Lattice, between, side_boxes
+from ._polar import rings
+from ._structured import Floats, lattice_points
+from .base import Layer, OfLattice, boxes_of_layers, checked_layers, ends_of_layers, refuse_clash
 
 Part = Literal["section", "quarter", "whole"]
 PARTS: tuple[Part, ...] = get_args(Part)
@@ -24,7 +25,7 @@ PARTS: tuple[Part, ...] = get_args(Part)
 
 @dataclass(frozen=True)
 @in_si(inner="m", height="m")
-class Tube(Geometry):
+class Tube(OfLattice):
     """Coaxial layers around the z axis from z = 0, the first one inside.
 
     Parameters
@@ -123,45 +124,33 @@ class Tube(Geometry):
         layers = tuple(replace(layer, divisions=k * layer.divisions) for layer in self.layers)
         return replace(self, layers=layers, angular=k * self.angular, axial=k * self.axial)
 
-    def mesh(self) -> StructuredMesh:
-        """Nodes, cells and named parts as plain arrays."""
-        ends = joined_ends(*(
-            start + layer.thickness * graded(layer.divisions, layer.grading, layer.ends)
-            for start, layer in zip(self.radii, self.layers, strict=False)
-        ))  # fmt: skip
-        radii = lattice_points(ends, self.order)
-        heights = lattice_points(np.linspace(0.0, self.height, self.axial + 1), self.order)
-        count, axis = len(ends) - 1, self.dimension - 1  # the direction along z comes last
+    def lattice(self) -> Lattice:
+        """See `OfLattice.lattice`."""
+        ends = ends_of_layers(self.layers, self.inner)
+        heights = np.linspace(0.0, self.height, self.axial + 1)
         if self.part == "section":
-            cell, node = block((count, self.axial), self.order)
-            r, z = (a.ravel() for a in np.meshgrid(radii, heights, indexing="ij"))
-            points = np.column_stack([r, z, 0 * r])
-            shape: tuple[int, ...] = (len(radii), len(heights))
-        else:
-            around = self.angular // (4 if self.part == "quarter" else 1)
-            turn = 2 * math.pi * around / self.angular
-            angles = lattice_points(np.linspace(0.0, turn, around + 1), self.order)
-            cell, node = block((count, around, self.axial), self.order)
-            if self.part == "whole":  # the last angle is the first one
-                angles = angles[:-1]
-                node = (node[0], node[1] % len(angles), node[2])
-            r, a, z = (
-                x.ravel() for x in np.meshgrid(radii, angles, heights, indexing="ij")
-            )
-            points = np.column_stack([r * np.cos(a), r * np.sin(a), z])
-            points[np.abs(points) < 1e-12 * radii[-1]] = 0.0  # the cosine of a right angle
-            shape = (len(radii), len(angles), len(heights))
-        mesh = StructuredMesh(points, np.ravel_multi_index(node, shape))
-        bounds = np.cumsum([0, *(layer.divisions for layer in self.layers)])
-        for i, layer in enumerate(self.layers):
-            mesh.add_region(layer.name, (cell[0] >= bounds[i]) & (cell[0] < bounds[i + 1]))
-        mesh.add_facets("inner", cell[0] == 0, 0, 0)
-        mesh.add_facets("outer", cell[0] == count - 1, 0, 1)
-        mesh.add_facets("bottom", cell[axis] == 0, axis, 0)
-        mesh.add_facets("top", cell[axis] == self.axial - 1, axis, 1)
-        if self.part == "quarter":
-            mesh.add_facets("y_min", cell[1] == 0, 1, 0)
-            mesh.add_facets("x_min", cell[1] == cell[1].max(), 1, 1)
-        for i in range(1, len(self.layers)):
-            mesh.add_facets(f"interface_{i}", cell[0] == bounds[i] - 1, 0, 1)
-        return mesh
+            return between([ends, heights], self.order, self._boxes())
+        return self._plane(ends).swept(heights, self.order, self._boxes())
+
+    def _plane(self, ends: Floats) -> FlatLattice:
+        """The quadrilaterals across the axis, along the radius and around."""
+        radii = lattice_points(ends, self.order)
+        around = self.angular // (4 if self.part == "quarter" else 1)
+        turn = 2 * math.pi * around / self.angular
+        angles = lattice_points(np.linspace(0.0, turn, around + 1), self.order)
+        if self.part == "whole":  # the last angle is the first one
+            angles = angles[:-1]
+        directions = np.column_stack([np.cos(angles), np.sin(angles)])
+        directions[np.abs(directions) < 1e-12] = 0.0  # the cosine of a right angle
+        return rings(radii, directions, around, self.order)
+
+    def _boxes(self) -> list[GroupBox]:
+        """The groups by the logical indices of cells: along the radius, around, along z."""
+        around = self.angular // (4 if self.part == "quarter" else 1)
+        others = (*([] if self.part == "section" else [range(around)]), range(self.axial))
+        whole = (range(sum(layer.divisions for layer in self.layers)), *others)
+        regions, interfaces = boxes_of_layers(self.layers, whole, 0)
+        walls = side_boxes(whole, 0, "inner", "outer")
+        ends = side_boxes(whole, len(others), "bottom", "top")
+        cuts = side_boxes(whole, 1, "y_min", "x_min") if self.part == "quarter" else []
+        return [*regions, *walls, *ends, *cuts, *interfaces]

@@ -80,7 +80,7 @@ AROUND = {
     # the package as a text
     "contributing", "homonyms", "markers", "structure",
     # very large problems
-    "multigrid",
+    "choosing", "multigrid",
     # searches, tables, and inputs at random
     "design", "fit_uncertainty", "fitting", "fuzz", "fuzz_readers", "hard", "ladder", "thesis",
 }  # fmt: skip

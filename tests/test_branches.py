@@ -11,6 +11,7 @@ from dea_fenicsx.geometry import BoxStack, Layer
 from dea_fenicsx.materials import EPSILON_0
 from dea_fenicsx.pictures.diagram import _runs
 from dea_fenicsx.results.stable_parts import multiplicity, stability_intervals
+from dea_fenicsx.run import branches
 
 MU, EPS_R, H, SLENDER = 5e4, 4.7, 1e-4, 20.0
 EULER = H * np.sqrt(4 * np.pi**2 / 3 * MU / (EPS_R * EPSILON_0)) / SLENDER
@@ -60,6 +61,7 @@ def test_all_branches_of_a_strip(tmp_path):
     assert s.intervals[0]["negative_modes"] == 1
     told = json.loads((tmp_path / "strip" / "diagram.json").read_text("utf-8"))
     assert [branch["name"] for branch in told["branches"]] == names
+    assert found.lost == told["lost"] == {}
     # any point is the start of another run, and each branch is a folder to resume
     state = found["branch_1"].state(-2)
     again = dea.solve(strip(), dea.Ramp("voltage", to=1.6, steps=1), DEFLECTION, start=state,
@@ -93,6 +95,32 @@ def test_parts_meet_where_the_tangent_is_singular():
     assert multiplicity(rows[:4] + rows[4:5], 4) is None
 
 
+def test_a_branch_that_cannot_be_begun_is_named(monkeypatch):
+    """Its run ends before the bifurcation at which it leaves the first branch."""
+    solve, calls = branches.solve, []
+
+    def shorter(scene, items, *rest, **options):
+        calls.append(scene)
+        if len(calls) > 1:
+            items = [dea.Trace("voltage", first=0.1, steps=1)]
+        return solve(scene, items, *rest, **options)
+
+    monkeypatch.setattr(branches, "solve", shorter)
+    path = dea.Trace("voltage", first=0.4, until=("voltage_V", 1.1 * EULER), steps=60)
+    found = dea.branches(strip(), path, DEFLECTION, most=1, quiet=True)
+    assert [branch.name for branch in found.branches] == ["first"]
+    assert list(found.lost) == ["branch_1"] and "fewer bifurcations" in found.lost["branch_1"]
+
+
+@pytest.mark.parametrize("text", ["[]", "3", "{"])
+def test_a_broken_file_of_a_diagram_is_refused(tmp_path, text):
+    (tmp_path / "first").mkdir()
+    (tmp_path / "first" / "history.csv").write_text("step,time\n0,0\n", "utf-8")
+    (tmp_path / "diagram.json").write_text(text, "utf-8")
+    with pytest.raises(dea.InputError, match="JSON"):
+        _runs(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("path", "more", "words"),
     [
@@ -100,6 +128,8 @@ def test_parts_meet_where_the_tangent_is_singular():
         (dea.Trace("voltage", switch=0.1), {}, "must end by a Trace without switch="),
         (TRACE, {"most": -1}, "a whole number of at least 0"),
         (TRACE, {"aside": -0.1}, "a length of arc above 0"),
+        (TRACE, {"both": "no"}, "must be True or False"),
+        (TRACE, {"most": "12"}, "a whole number of at least 0"),
         (TRACE, {"stability": "never"}, 'needs stability="every"'),
         (dea.Trace("voltage", leave=0), {}, "a whole number of at least 1"),
     ],

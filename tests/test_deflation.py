@@ -87,6 +87,7 @@ def test_wrong_calls_are_refused():
         ({"most": 0}, "most="), ({"aside": -1.0}, "aside="), ({"modes": 1.5}, "modes="),
         ({"step": 99}, "no row of the history"), ({"starts": [1]}, "a state of the run's scene"),
         ({"starts": run.problem.state}, "needs a list of states"),
+        ({"record": {"u": dea.MeanDisplacement("nowhere", "r")}}, "nowhere"),
     ):  # fmt: skip
         with pytest.raises(dea.InputError, match=words):
             dea.deflate(run, **options)

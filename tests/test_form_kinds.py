@@ -72,6 +72,50 @@ def test_code_that_is_found_gives_what_dolfinx_gives():
         assert evaluate(mesh, cells) == pytest.approx(expression.eval(mesh, cells).reshape(2, 2, 2))
 
 
+def test_a_derivative_follows_from_the_kind_of_its_form():
+    """The second one is made without its expression; DOLFINx's own is the reference."""
+    form_kinds.clear()
+    made = []
+    for cells in ((2, 2), (3, 1)):
+        mesh, a, b, c, v = given(cells)
+        first = form(a, b, c, v)
+        along, trial = dolfinx.fem.Function(a.function_space), ufl.TrialFunction(a.function_space)
+        along.interpolate(lambda x: x[0] * x[1])
+        for by in (a, b):
+            def product(first=first, by=by, along=along):
+                made.append(by)
+                return ufl.derivative(first, by, along)
+
+            told = dolfinx.fem.assemble_vector(dolfinx.fem.form(ufl.derivative(first, by, along)))
+            found = compat.compile_derived(first, "product", by, product, [along])
+            assert dolfinx.fem.assemble_vector(found).array == pytest.approx(told.array)
+
+            def matrix(first=first, by=by, trial=trial):
+                made.append(by)
+                return ufl.derivative(first, by, trial)
+
+            told = dolfinx.fem.assemble_matrix(dolfinx.fem.form(matrix())).to_dense()
+            made.pop()
+            found = compat.compile_derived(first, "matrix", by, matrix)
+            assert dolfinx.fem.assemble_matrix(found).to_dense() == pytest.approx(told)
+    assert len(made) == 4
+
+
+def test_what_follows_from_other_functions_is_made_each_time():
+    form_kinds.clear()
+    made = []
+    for _ in range(2):
+        _, a, b, c, v = given()
+        first, other = form(a, b, c, v), dolfinx.fem.Function(a.function_space)
+
+        def product(first=first, a=a, other=other):
+            made.append(other)
+            return ufl.derivative(first, a, other)
+
+        compat.compile_derived(first, "product", a, product)
+    assert len(made) == 2
+
+
 def _options():
     return compat._plain(compat.jit_options())
 

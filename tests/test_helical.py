@@ -199,9 +199,10 @@ def test_same_history_on_any_number_of_ranks(on_ranks):
             assert there[name] == pytest.approx(values, rel=1e-8), name
 
 
-def test_turns_of_a_helical_state():
-    """Nodes moved by a known stretch and twist, two turns and more."""
-    device = HDEA(turns=3)
+@pytest.mark.parametrize("ends", [{}, {"ends": "flat"}, {"ends": "flat", "cap": 1.7e-3}])
+def test_turns_of_a_helical_state(ends):
+    """Nodes moved by a known stretch and twist, two turns and more; caps do not count."""
+    device = HDEA(turns=3, **ends)
     x = device.mesh().points
     lam, k = 0.9, 40.0
     angle = k * x[:, 2]

@@ -164,6 +164,27 @@ def test_another_scene_gets_a_problem_of_its_own(strip, changes):
     assert before.state.values == pytest.approx(after.state.values, rel=1e-9, abs=1e-12)
 
 
+def test_nodes_that_a_script_has_moved_get_a_problem_of_their_own(strip, monkeypatch):
+    """The rest volumes and the reference forces of the kept problem belong to the old nodes."""
+    made = []
+    build = Problem.__init__
+
+    def noted(self, scene, *options):
+        made.append(scene)
+        build(self, scene, *options)
+
+    monkeypatch.setattr(Problem, "__init__", noted)
+    x = strip.mesh.geometry.x
+    before = x.copy()
+    try:
+        for stretch in (1.0, 1.05, 1.05, 1.05):
+            x[:, 0] = stretch * before[:, 0]
+            solve(bender(strip))
+        assert len(made) == 2
+    finally:
+        x[:] = before
+
+
 def test_other_settings_of_newton_get_a_solver_of_their_own(strip):
     solve(bender(strip))
     run = solve(bender(strip), options=dea.NewtonOptions(keep_factor=False))

@@ -7,7 +7,18 @@ import pytest
 from mpi4py import MPI
 
 import dea_fenicsx as dea
-from dea_fenicsx.geometry import BoxStack, Layer
+from dea_fenicsx.geometry import (
+    BoxStack,
+    DiscCapacitor,
+    DiskStack,
+    FingerStack,
+    HollowSphere,
+    Layer,
+    MembraneDisc,
+    Roll,
+    TabbedStack,
+    Tube,
+)
 from dea_fenicsx.mesh import device
 from dea_fenicsx.model.fields import Role
 from dea_fenicsx.model.problem import Problem
@@ -19,6 +30,7 @@ from dea_fenicsx.solvers.unpivoted import Unpivoted
 pytestmark = pytest.mark.usefixtures("quick_compile")
 
 LAYERS = [Layer("passive", 0.5e-3, 2), Layer("active", 0.5e-3)]
+SHEETS = [Layer("sheet", 0.1e-3, electrode=True), Layer("active", 0.5e-3)]
 
 
 def strip(cells=8, thrust=0.0):
@@ -98,8 +110,23 @@ def test_gmres():
     BoxStack(20e-3, None, LAYERS, 3, order=1, x0=1e-3),
     BoxStack(20e-3, 5e-3, LAYERS, (4, 3), grading=3),
     BoxStack(1e-3, 1e-3, [Layer("film", 1e-4)]),
+    Tube(20e-3, 5e-3, LAYERS, order=1),
+    Tube(20e-3, 5e-3, LAYERS, "quarter", angular=8, axial=2),
+    Tube(20e-3, 5e-3, LAYERS, "whole", angular=5, axial=1),
+    DiskStack(20e-3, [*LAYERS, *SHEETS], 2e-3, order=1),
+    DiskStack(20e-3, [*LAYERS, *SHEETS], 2e-3, end_electrodes=True),
+    DiskStack(20e-3, [*LAYERS, *SHEETS], 2e-3, None, 4e-3, 1e-3, angular=5, rim=2),
+    FingerStack(LAYERS, 3, 5e-3, 2e-3, both=True),
+    TabbedStack(20e-3, [*LAYERS, *LAYERS], 2e-3, 10e-3, 3e-3),
+    Roll(5e-3, 2, LAYERS, angular=6),
+    Roll(5e-3, 2, LAYERS, 5e-3, angular=6, axial=2),
+    DiscCapacitor(1e-3, 2e-3, 3e-3, (3, 2, 4)),
+    MembraneDisc(2e-3, 1e-3, 1e-4, 2e-4, (2, 2, 1)),
+    MembraneDisc(2e-3, 1e-3, 1e-4, 2e-4, (2, 2, 1), angular=8),
+    HollowSphere(1e-3, 2e-3, "whole"),
+    HollowSphere(1e-3, 2e-3, "octant", cells=4),
 ])  # fmt: skip
-def test_boxes_are_meshed_as_by_gmsh(family, monkeypatch):
+def test_families_are_meshed_as_by_gmsh(family, monkeypatch):
     """Nodes, cells, tags, names and quality."""
     quick = dea.device(family, MPI.COMM_SELF)
     monkeypatch.setattr(device, "comes_in_parts", lambda *given: False)

@@ -19,6 +19,7 @@ from typing import Any
 from dea_fenicsx import __version__
 from dea_fenicsx.cli.child import start
 from dea_fenicsx.support import subprocesses
+from dea_fenicsx.support.free_memory import free_bytes
 
 HELP = "is this machine set up, and if not, how to mend it"
 
@@ -134,14 +135,9 @@ def machine() -> Iterator[Finding]:
     if quota:
         cores = min(cores, max(1, int(quota[0] / quota[1])))
     yield Finding(OK, "cores", f"{cores}; up to {cores} ranks make sense")
-    free = None
-    with suppress(OSError, StopIteration), open("/proc/meminfo") as f:
-        line = next(line for line in f if line.startswith("MemAvailable"))
-        free = int(line.split()[1]) * 1024 / 1e9
-    limit, used = (_first_number(f"/sys/fs/cgroup/memory.{n}", 1) for n in ("max", "current"))
-    if free is not None and limit and used:
-        free = min(free, (limit[0] - used[0]) / 1e9)
-    if free is None:
+    found = free_bytes()
+    free = 0.0 if found is None else found / 1e9
+    if found is None:
         yield Finding(WARN, "memory", "unknown")
     elif free < 1.5:
         yield Finding(WARN, "memory", f"{free:.1f} GB free",

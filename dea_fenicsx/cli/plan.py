@@ -67,7 +67,8 @@ def planned(script: Path, arguments: list[str], ranks: int) -> Any:
     before = front.get("solve")  # not there yet, unless something has set it: it is imported late
 
     def instead(scene: Any, path: Any, *others: Any, **keywords: Any) -> Any:
-        raise _Planned(dea_fenicsx.plan(scene, path, ranks, keywords.get("options")))
+        stability = keywords.get("stability", "last")
+        raise _Planned(dea_fenicsx.plan(scene, path, ranks, keywords.get("options"), stability))
 
     front["solve"] = instead
     sys.argv = [str(script), *arguments]

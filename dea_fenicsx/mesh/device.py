@@ -166,9 +166,10 @@ def device(
     source
         A geometry of `dea_fenicsx.geometry` (anything with ``build()``), or the path of a file:
         .msh and .geo with a named physical group for each part and each surface that the scene
-        needs, or STEP (.step, .stp).  Only rank 0 builds or reads it, but each rank makes its own
-        part of a `BoxStack`.  Groups of surfaces may overlap.  Prisms, pyramids and mixed cells are
-        divided into tetrahedra (in the plane: triangles), and `Device.source` says so.
+        needs, or STEP (.step, .stp).  Only rank 0 builds or reads it, but of `HDEA`, `Tube` and
+        other families of stacks, rolls, disks and spheres each rank makes its own part.  Groups
+        of surfaces may overlap.  Prisms, pyramids and mixed cells are divided into tetrahedra (in
+        the plane: triangles), and `Device.source` says so.
     comm
         The MPI communicator.
     dim

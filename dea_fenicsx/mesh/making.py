@@ -75,7 +75,12 @@ def by_parts(
     of_facets = _tags(mesh, np.concatenate(facets), np.concatenate([np.empty(0, int), *tags]))
     named = Named(of_cells, names[cells], of_facets, names[cells - 1], {})
     groups = {name: (d, tag) for d, found in names.items() for name, tag in found.items()}
-    return mesh, named, Told(groups, {}, cells, source.dimension, source.cell_shape(), label)
+    least, aspect = source.cell_shape(comm.rank, comm.size)
+    shape = {
+        "least_scaled_jacobian": comm.allreduce(least, op=MPI.MIN),
+        "largest_aspect": comm.allreduce(aspect, op=MPI.MAX),
+    }
+    return mesh, named, Told(groups, {}, cells, source.dimension, shape, label)
 
 
 def _mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray) -> Any:

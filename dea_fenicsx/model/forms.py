@@ -21,7 +21,7 @@ from dea_fenicsx.model.damage import Damages
 from dea_fenicsx.model.heat import Temperatures
 from dea_fenicsx.model.kernels import Kernel, kernels, measure
 from dea_fenicsx.model.loads import Loads, Surface, loaded_sides
-from dea_fenicsx.model.material_point import MaterialPoint
+from dea_fenicsx.model.material_point import Deformation, MaterialPoint
 from dea_fenicsx.model.memory import Memory
 from dea_fenicsx.model.probe import Prober
 from dea_fenicsx.model.rigid_parts import RigidPart
@@ -121,8 +121,10 @@ class Forms:
         after = len(sides) + len(along) + len(cavities.facets)
         for number, contact in enumerate(self.contacts, after):
             contact.integrate_by(ds, number)
+        # UFL objects that kernels share are walked over once for all of them
+        deformed = Deformation.of(mesh, kinematics, space.present["u"], self.motion)
         self.points = [
-            MaterialPoint(mesh, kinematics, k, scales.stress, space.present, self.motion)
+            MaterialPoint(mesh, kinematics, k, scales.stress, space.present, deformed, self.motion)
             for k in self.kernels
         ]
         for point in self.points:
@@ -254,6 +256,18 @@ class Forms:
 
         found = change(self._varying)
         return found + sum(self._following(k, change) for k in range(len(self.points)))
+
+    def compiled_tangent(self, along: Any = None) -> Any:
+        """The tangent compiled, as a matrix or as its product with a function.  Collective.
+
+        It follows from the residual alone, unless a term adds what follows the deformation.
+        """
+        way = ufl.TrialFunction(self._space.W) if along is None else along
+        if any(type(term).following is not Term.following for term in self.terms):
+            return compat.compile_form(self.tangent(way))
+        how, beside = ("matrix", ()) if along is None else ("product", (along,))
+        w, residual = self._space.w, self.residual
+        return compat.compile_derived(residual, how, w, lambda: self.tangent(way), beside)
 
     @cached_property
     def _varying(self) -> Any:

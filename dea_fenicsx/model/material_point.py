@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import ufl
 
@@ -23,6 +23,31 @@ from dea_fenicsx.model.tension_field import TensionField
 from dea_fenicsx.scene.kinematics import GlobalMotion, Kinematics, StrainOf, cofactor
 from dea_fenicsx.scene.kinematics_base import place_of
 from dea_fenicsx.support.compat import dolfinx
+
+
+class Deformation(NamedTuple):
+    """The deformation of a device, symbolic and dimensionless; all of its kernels share it.
+
+    Attributes
+    ----------
+    F, cofactor, J
+        Deformation gradient as a variable, its cofactor and its determinant.
+    """
+
+    F: Any
+    cofactor: Any
+    J: Any
+
+    @classmethod
+    def of(
+        cls, mesh: Any, kinematics: Kinematics, displacement: Any, motion: GlobalMotion | None
+    ) -> Deformation:
+        """That of a displacement and of what the deformation has beside it, or None."""
+        x = ufl.SpatialCoordinate(mesh)
+        F = ufl.variable(
+            ufl.Identity(3) + kinematics.displacement_gradient(displacement, x, motion)
+        )
+        return cls(F, *cofactor(F))
 
 
 class MaterialPoint:
@@ -36,8 +61,10 @@ class MaterialPoint:
         Pa in a unit of stress.
     fields
         The fields of the mixed function by name.
+    deformed
+        The deformation.
     motion
-        What the deformation has beside its fields, or None.
+        What it has beside its fields, or None.
 
     Attributes
     ----------
@@ -75,14 +102,13 @@ class MaterialPoint:
         kernel: Kernel,
         stress: float,
         fields: Mapping[str, Any],
+        deformed: Deformation,
         motion: GlobalMotion | None = None,
     ) -> None:
         self.kernel, self.fields = kernel, fields
         self._mesh, self._kinematics, self._motion = mesh, kinematics, motion
         self._x = ufl.SpatialCoordinate(self._mesh)
-        gradient = kinematics.displacement_gradient(fields["u"], self._x, motion)
-        self.F = ufl.variable(ufl.Identity(3) + gradient)
-        self.cofactor, self.J = cofactor(self.F)
+        self.F, self.cofactor, self.J = deformed
         if kernel.is_membrane:  # by its thickness stretch
             self.J = self.constant(1.0)
         self._heating: dict[str, Any] = {}

@@ -83,11 +83,12 @@ class Prober:
             if len(kernel.cells) == 0:
                 continue
             values = evaluate(self._mesh, kernel.cells)
-            J = float(values[:, :, 0].min())
-            low[:2] = np.minimum(low[:2], (J, values[:, :, 1].min()))
+            least = values.reshape(-1, values.shape[2]).min(axis=0)
+            low[:2] = np.minimum(low[:2], least[:2])
             if kernel.air is None:
-                low[2] = np.minimum(low[2], J)
-            low[3] = np.minimum(low[3], values[:, :, 3:].min(initial=np.inf))
+                low[2] = np.minimum(low[2], least[0])
+            if len(least) > 3:
+                low[3] = np.minimum(low[3], least[3:].min())
             if kernel.air is not None and self._in_solids:
                 continue
             field = values[:, :, 2]

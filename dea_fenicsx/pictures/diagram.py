@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Sequence
 from itertools import pairwise
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from dea_fenicsx.pictures.curves import STYLE, axis_label, file_stem, lettering, read_numbers, saved
-from dea_fenicsx.results.reading import read_history, read_summary
+from dea_fenicsx.results.reading import json_object, read_history, read_summary
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.type_checks import is_number
 
@@ -58,12 +57,14 @@ def diagram(
     (x_text, x_unit), (y_text, y_unit) = (
         axis_label(name, size) for name, size in zip((x, y), largest, strict=True)
     )
+    # the usual ten colours, and twenty where there are more branches
+    colors = matplotlib.colormaps["tab10" if len(runs) <= 10 else "tab20"].colors
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(4.2, 3.15), layout="constrained")
         axes = figure.subplots()
         spots: dict[str, list[tuple[float, float]]] = {}
         for k, (run, (a, b)) in enumerate(zip(runs, values, strict=True)):
-            _draw(axes, run, a / x_unit, b / y_unit, f"C{k % 10}", spots)
+            _draw(axes, run, a / x_unit, b / y_unit, colors[k % len(colors)], spots)
         for k, (event, places) in enumerate(spots.items()):
             axes.plot(*np.transpose(places), "XP*dhv"[k % 6], color="k", markersize=4, zorder=3,
                       label=lettering(event))  # fmt: skip
@@ -83,13 +84,7 @@ def _runs(place: Path, names: Sequence[str] | None = None) -> list[Path]:
     if names is not None:
         return [found[name] for name in names if name in found]
     file = place / "diagram.json"
-    told: Any = None
-    if file.exists():
-        try:
-            told = json.loads(file.read_text("utf-8"))
-        except (OSError, ValueError, RecursionError, MemoryError) as error:
-            raise InputError(f"{file} is not valid JSON; write the diagram anew.") from error
-    branches = told.get("branches") if isinstance(told, dict) else None
+    branches = json_object(file).get("branches") if file.exists() else None
     if isinstance(branches, list):
         told = [b.get("name") for b in branches if isinstance(b, dict)]
         return [found[name] for name in told if isinstance(name, str) and name in found]
@@ -97,7 +92,7 @@ def _runs(place: Path, names: Sequence[str] | None = None) -> list[Path]:
 
 
 def _draw(
-    axes: Any, run: Path, a: np.ndarray, b: np.ndarray, color: str,
+    axes: Any, run: Path, a: np.ndarray, b: np.ndarray, color: Any,
     spots: dict[str, list[tuple[float, float]]],
 ) -> None:
     """Draw one branch from where it begins, and collect the places of its events."""

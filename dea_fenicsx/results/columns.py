@@ -30,8 +30,8 @@ COUNTS = ("newton_iterations", "krylov_iterations", "factorisations")
 SUMMARY = (
     "status", "message", "stable", "events", "failures", "count_changes", "start", "steps",
     "unknowns", "unknowns_by_field", "cells", "mesh_quality", "volume_m3", "ranks",
-    "peak_memory_GB", "assembly_s", "factor_s", "krylov_s", "settings", "versions", "origin",
-    "command", "discretisation_error", "accuracy",
+    "preconditioner", "peak_memory_GB", "assembly_s", "factor_s", "krylov_s", "settings",
+    "versions", "origin", "command", "discretisation_error", "accuracy",
 )  # fmt: skip
 """Entries of summary.json that are not the last values of columns."""
 

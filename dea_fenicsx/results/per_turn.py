@@ -53,6 +53,8 @@ class TurnTable:
 def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> TurnTable:
     """Measure each turn of a device around the z axis, as `geometry.HDEA` makes it.
 
+    The caps of flat ends are left out; both are equally thick.
+
     Parameters
     ----------
     folder
@@ -70,14 +72,16 @@ def per_turn(folder: str | os.PathLike, pitch: float, step: int = -1) -> TurnTab
     grid = read_frame(Path(folder), step).grid
     nodes = np.reshape(grid.cells, (grid.n_cells, -1))[:, 1:]
     sizes = _sizes(np.asarray(grid.points)[nodes[:, :8]])
+    of = np.floor(_height(np.asarray(grid.cell_centers().points), pitch)).astype(int)
+    turns = _turns(np.asarray(grid.points), pitch)
+    sizes[(of < 0) | (of >= turns)] = 0.0
     volume = np.bincount(nodes.ravel(), np.repeat(sizes, nodes.shape[1]), grid.n_points)
     found = measure_turns(
         np.asarray(grid.points), grid.point_data["displacement_m"], pitch, volume
     )
     if FIELD_NAME in grid.cell_data:
         field = np.asarray(grid.cell_data[FIELD_NAME])
-        of = np.floor(_height(np.asarray(grid.cell_centers().points), pitch)).astype(int)
-        peak = np.array([field[of == k].max() for k in range(of.max() + 1)])
+        peak = np.array([field[of == k].max() for k in range(turns)])
         found = replace(found, peak_field_V_per_m=peak)
     return found
 
@@ -95,9 +99,10 @@ def measure_turns(
     above = x + np.array([0, 0, pitch])
     distance, partner = spatial.cKDTree(x).query(above, distance_upper_bound=1e-4 * abs(pitch))
     height = _height(x, pitch)
-    turns = round(np.ptp(x[:, 2]) / abs(pitch)) - 1
+    turns = _turns(x, pitch)
     # At the seam the body is one pitch higher than elsewhere, so its last pairs are left out.
-    lower = np.flatnonzero(np.isfinite(distance) & (height < turns - 1 + 1e-6))
+    inside = (height > -1e-6) & (height < turns - 1 + 1e-6)
+    lower = np.flatnonzero(np.isfinite(distance) & inside)
     if len(lower) == 0:
         raise InputError(
             f"No two nodes lie {pitch:g} m apart along z; give the pitch of a device of two turns "
@@ -145,6 +150,11 @@ def _upright(
 
 def _angle(x: np.ndarray) -> np.ndarray:
     return np.arctan2(x[:, 1], x[:, 0])
+
+
+def _turns(x: np.ndarray, pitch: float) -> int:
+    """Number of turns; a cap at z < 0 and one as thick above do not count."""
+    return round(abs(float(x[:, 2].max() + x[:, 2].min()) / pitch)) - 1
 
 
 def _height(x: np.ndarray, pitch: float) -> np.ndarray:

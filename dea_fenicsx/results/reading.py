@@ -67,6 +67,17 @@ def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
     file = Path(folder) / "summary.json"
     if not file.is_file():
         raise InputError(f"There is no summary.json in {folder}; give the folder of a run.")
+    return json_object(file)
+
+
+def json_object(file: Path) -> dict[str, Any]:
+    """The object that a JSON file holds.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or holds anything else.
+    """
     try:
         found = json.loads(file.read_text("utf-8"))
     except OSError as error:
@@ -74,7 +85,7 @@ def read_summary(folder: str | os.PathLike) -> dict[str, Any]:
     except (ValueError, RecursionError, MemoryError) as error:
         raise InputError(f"{file} is not valid JSON.") from error
     if not isinstance(found, dict):
-        raise InputError(f"{file} is no summary of a run: it holds no object.")
+        raise InputError(f"{file} holds no JSON object; it must be as it was written.")
     return found
 
 

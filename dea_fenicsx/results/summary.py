@@ -38,6 +38,7 @@ def work(solver: NewtonSolver, history: Sequence[Mapping[str, Any]]) -> dict[str
         "mesh_quality": dict(problem.scene.device.quality),
         "volume_m3": problem.forms.volume * problem.scales.volume,
         "ranks": comm.size,
+        "preconditioner": solver.factor_kind,
         "peak_memory_GB": comm.allreduce(_peak_memory_GB(), op=MPI.SUM),
         **{name: sum(int(row[name]) for row in history) for name in COUNTS},
         "assembly_s": solver.counters.assembly_s,

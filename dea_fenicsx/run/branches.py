@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Unpack
@@ -98,11 +98,14 @@ class Diagram:
         The column of the load.
     out
         The folder, with a results folder for each branch, or None.
+    lost
+        For the name of each branch whose run ended before the bifurcation where it begins, why.
     """
 
     branches: tuple[DiagramBranch, ...]
     load: str
     out: Path | None
+    lost: Mapping[str, str] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> DiagramBranch:
         """A branch by its name."""
@@ -150,7 +153,8 @@ def branches(
 
     Each branch is a run of its own, with a results folder in `out` that can be opened and resumed.
     The folder keeps the states of all steps, so that any point can be the start of another run.
-    A branch that cannot be followed to the end says so; the others go on.
+    A branch that cannot be followed to the end says so, and `Diagram.lost` names those that could
+    not even be begun; the others go on.
 
     Parameters
     ----------
@@ -185,12 +189,13 @@ def branches(
     Interrupted, MachineError
         As of `solve`; with ``resume=True`` the same call carries on.
     """
-    levels = list(most) if isinstance(most, Sequence) else [most]
-    items = _checked(path, levels, aside, options)
+    levels = list(most) if isinstance(most, Sequence) and not isinstance(most, str) else [most]
+    items = _checked(path, levels, aside, both, options)
     options["stability"], options["keep_states"] = "every", out is not None
     trace = items[-1]
     folder = None if out is None else Path(out)
     load = load_column(scene, trace.what)[0] if trace.what in scene.ramps else ""
+    lost: dict[str, str] = {}
 
     def follow(
         name: str, path: list[Any], start: Any, leave: int, leaves: str
@@ -208,6 +213,7 @@ def branches(
             run, end = error.run, str(error)
         rows = _bifurcations(run, len(path))
         if len(rows) < leave:
+            lost[name] = end or "Its run met fewer bifurcations than that of the branch it leaves."
             return None
         begins = rows[leave - 1] if leave else 0
         return _branch(name, run, begins, rows[leave:], load, end, leaves)
@@ -228,7 +234,7 @@ def branches(
                     )
                     left += [branch] if branch else []
         found += left
-    diagram = Diagram(tuple(found), load, folder)
+    diagram = Diagram(tuple(found), load, folder, lost)
     _write(diagram, scene.device.comm.rank)
     return diagram
 
@@ -275,7 +281,8 @@ def _directions(
 
 
 def _checked(
-    path: Item | Sequence[Item], most: Sequence[int], aside: float, options: Mapping[str, Any]
+    path: Item | Sequence[Item], most: Sequence[int], aside: float, both: bool,
+    options: Mapping[str, Any],
 ) -> list[Any]:
     """The items of the path, if they and the numbers are usable."""
     items = list(path) if isinstance(path, Sequence) else [path]
@@ -292,6 +299,8 @@ def _checked(
             f"aside={shown(aside)} must be a length of arc above 0, such as 0.05; both=True goes "
             "to both sides."
         )
+    if not isinstance(both, bool | np.bool_):
+        raise InputError(f"both={shown(both)} of branches must be True or False.")
     if options.get("stability", "every") != "every":
         raise InputError('A diagram needs stability="every"; leave stability= out.')
     return items
@@ -320,6 +329,7 @@ def _write(diagram: Diagram, rank: int) -> None:
         return
     told = {
         "load": diagram.load,
+        "lost": dict(diagram.lost),
         "branches": [
             {
                 "name": b.name, "leaves": b.leaves, "begins_at_step": b.begins, "end": b.end,

@@ -126,6 +126,8 @@ def deflate(
             "deflate needs a scene without history and with a symmetric tangent: no viscous "
             "branches, friction, leakage or follower pressure."
         )
+    record = record or {}
+    measures = {column_of(n, o): bind_alike(problem, n, o) for n, o in record.items()}
     first = run._states.of(int(step), len(run.history))
     finder = Deflation(NewtonSolver(problem), SMALLEST_DISTANCE * aside / length)
     finder.known.append(first)
@@ -136,7 +138,7 @@ def deflate(
         found = search()
         if found is not None:
             finder.known.append(found)
-    return _described(finder, record or {})
+    return _described(finder, measures)
 
 
 def _check_starts(problem: Problem, starts: Sequence[State]) -> None:
@@ -186,10 +188,11 @@ def _from_known(finder: Deflation, modes: int, aside: float) -> Iterator[Search]
                     yield partial(finder.search, finder.moved(state, way, side * away), away)
 
 
-def _described(finder: Deflation, record: Mapping[str, Observable]) -> list[Equilibrium]:
+def _described(
+    finder: Deflation, measures: Mapping[str, Callable[[], float]]
+) -> list[Equilibrium]:
     """The states that are known, with what is measured on them."""
     problem, first = finder.problem, finder.known[0]
-    measures = {column_of(n, o): bind_alike(problem, n, o) for n, o in record.items()}
     spectrum = CriticalEigenvalue(finder.solver)
     unit, found = problem.scales.length, []
     for state in finder.known:

@@ -9,6 +9,7 @@ from typing import Any, Unpack
 
 import numpy as np
 
+from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.mesh.moved import Shape
 from dea_fenicsx.path.items import Item, Trace
 from dea_fenicsx.results.columns import load_column
@@ -24,6 +25,12 @@ from dea_fenicsx.support.validation import finite
 
 PERFECT = "perfect"
 """Name of the run of the perfect device."""
+
+NONE_ON_PATH = "The path has no limit point and no bifurcation."
+"""Why an imperfect device that was traced to the end has no load."""
+
+MOST_LETTERS = 400
+"""Length of a message."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +50,8 @@ class KnockDown:
         none, as behind a bifurcation from which the load grows.
     runs
         The run of the perfect device, and those of the others.
+    reasons
+        For each size why no load is known, in words; empty where one is.
     """
 
     column: str
@@ -50,6 +59,7 @@ class KnockDown:
     sizes: tuple[float, ...]
     loads: tuple[float | None, ...]
     runs: tuple[Run, ...]
+    reasons: tuple[str, ...] = ()
 
     @property
     def ratios(self) -> tuple[float | None, ...]:
@@ -86,8 +96,8 @@ def knock_down(
     """The load that a device bears with imperfections of several sizes.  Collective.
 
     The perfect device and each imperfect one is traced along the same path.  The summary of the
-    first one holds the result: ``knock_down_sizes_m``, ``knock_down_ratios`` and
-    ``knock_down_exponent``.
+    first one holds the result: ``knock_down_sizes_m``, ``knock_down_ratios``,
+    ``knock_down_exponent`` and ``knock_down_reasons``.
 
     Parameters
     ----------
@@ -116,41 +126,49 @@ def knock_down(
         For sizes that are no numbers, and if the perfect device has no limit point and no
         bifurcation on the path.
     """
-    items = _checked(path, sizes, shape, out)
+    items = _checked(path, sizes, shape, out, options)
     options["stability"] = "every"
     column = load_column(scene, items[-1].what)[0]
     folder = None if out is None else Path(out)
 
-    def traced(name: str, device_scene: Scene) -> Run:
+    def traced(name: str, device: Device | None) -> tuple[Run, str]:
         where = None if folder is None else folder / name
+        told = scene if device is None else replace(scene, device=device)
         try:
-            return solve(device_scene, items, None, where, **options)
+            return solve(told, items, None, where, **options), ""
         except (Interrupted, MachineError):
             raise
         except PathError as error:
             if getattr(error, "run", None) is None:
                 raise
-            return error.run
+            return error.run, str(error)
 
-    perfect = traced(PERFECT, scene)
+    def devices(shape: Shape) -> list[Device]:
+        return [imperfect(scene.device, shape, float(size)) for size in sizes]
+
+    moved = None if shape is None else devices(shape)
+    perfect, end = traced(PERFECT, None)
     load = first_critical(perfect.history, column, len(items))
     if load is None:
         raise InputError(
             "The perfect device has no limit point and no bifurcation on this path, so nothing can "
-            "be knocked down; let the trace go farther."
+            f"be knocked down; {end or 'let the trace go farther.'}"[:MOST_LETTERS]
         )
-    if shape is None:
+    if moved is None:
         assert folder is not None
-        shape = ModeShape(folder / PERFECT)
-    runs = [
-        traced(f"size_{k}", replace(scene, device=imperfect(scene.device, shape, float(size))))
-        for k, size in enumerate(sizes, 1)
-    ]
+        moved = devices(ModeShape(folder / PERFECT))
+    others = [traced(f"size_{k}", device) for k, device in enumerate(moved, 1)]
+    runs = [run for run, _ in others]
     loads = tuple(first_critical(run.history, column, len(items)) for run in runs)
-    found = KnockDown(column, load, tuple(map(float, sizes)), loads, (perfect, *runs))
+    reasons = tuple(
+        "" if critical is not None else end or NONE_ON_PATH
+        for critical, (_, end) in zip(loads, others, strict=True)
+    )
+    told_sizes = tuple(map(float, sizes))
+    found = KnockDown(column, load, told_sizes, loads, (perfect, *runs), reasons)
     perfect.add(
         knock_down_sizes_m=list(found.sizes), knock_down_ratios=list(found.ratios),
-        knock_down_exponent=found.exponent,
+        knock_down_exponent=found.exponent, knock_down_reasons=list(found.reasons),
     )  # fmt: skip
     return found
 
@@ -170,7 +188,8 @@ def first_critical(
 
 
 def _checked(
-    path: Item | Sequence[Item], sizes: Any, shape: Any, out: str | Path | None
+    path: Item | Sequence[Item], sizes: Any, shape: Any, out: str | Path | None,
+    options: Mapping[str, Any],
 ) -> list[Any]:
     """The items of the path, if they and what else is given are usable."""
     items = list(path) if isinstance(path, Sequence) else [path]
@@ -192,4 +211,6 @@ def _checked(
             "knock_down takes the mode of the perfect device from its results folder; give it "
             "out=, or a shape."
         )
+    if options.get("stability", "every") != "every":
+        raise InputError('knock_down needs stability="every"; leave stability= out.')
     return items

@@ -18,6 +18,7 @@ import numpy as np
 from dea_fenicsx.materials import Material
 from dea_fenicsx.materials.base import shape
 from dea_fenicsx.materials.viscous import Branch, Maxwell
+from dea_fenicsx.mesh.cell_quality import digest_of_nodes
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.finished import Run
@@ -38,16 +39,24 @@ MOST_CHANGE = 100.0
 
 @dataclass(eq=False)
 class _Kept:
-    """A problem with its solver and its run; the number is the same on all ranks of its device."""
+    """A problem with its solver and its run.
+
+    The number is the same on all ranks of its device, and `nodes` is the digest of their
+    coordinates.
+    """
 
     number: int
     solver: NewtonSolver
     options: NewtonOptions
     run: weakref.ref[Run]
+    nodes: str
 
     def is_free(self) -> bool:
-        """Whether nobody on this rank can see the problem any more."""
-        return self.run() is None and not self.solver.problem.handed_out
+        """Whether nobody on this rank can see the problem any more, and its nodes are in place."""
+        problem = self.solver.problem
+        if self.run() is not None or problem.handed_out:
+            return False
+        return self.nodes == digest_of_nodes(problem.scene.device)
 
 
 _kept: list[_Kept] = []
@@ -97,7 +106,10 @@ def keep(run: Run, solver: NewtonSolver, observables: Iterable[Any]) -> None:
     number = _runs[device] = _runs.get(device, 0) + 1
     if problem.unknowns > MOST_UNKNOWNS_REUSED or not own:
         return
-    _kept.append(_Kept(number, solver, solver.options, weakref.ref(run)))
+    if solver.options.factor == "auto" and solver.factor_kind == "multigrid":
+        return  # the next run may need a factor
+    nodes = digest_of_nodes(device)
+    _kept.append(_Kept(number, solver, solver.options, weakref.ref(run), nodes))
     del _kept[:-MOST_PROBLEMS_KEPT]
 
 
@@ -113,8 +125,8 @@ def solver_for(
     _kept[:] = [kept for kept in _kept if not kept.solver.problem.handed_out]
     usable = {
         kept.number: kept for kept in _kept
-        if kept.is_free() and kept.options == chosen and _is_like(kept.solver.problem.scene, scene)
-        and kept.solver.problem.released == released
+        if kept.options == chosen and _is_like(kept.solver.problem.scene, scene)
+        and kept.solver.problem.released == released and kept.is_free()
     }  # fmt: skip
     # ranks may differ in what a script still holds
     everyone = scene.device.comm.allgather(list(usable))

@@ -31,6 +31,7 @@ from dea_fenicsx.results.summary import (
 from dea_fenicsx.results.surface_blocks import Blocks, electrode_surfaces
 from dea_fenicsx.run.accuracy import AccuracySearch
 from dea_fenicsx.run.arguments import DEFAULTS, Arguments, SolveOptions, check_arguments
+from dea_fenicsx.run.choosing import decide
 from dea_fenicsx.run.closing import Closing
 from dea_fenicsx.run.enclosed_volume import check_volume
 from dea_fenicsx.run.estimating import estimate, names_to_estimate, recorded_name
@@ -39,7 +40,7 @@ from dea_fenicsx.run.pushing_out import pushed_out
 from dea_fenicsx.run.resuming import carry_on
 from dea_fenicsx.run.reuse import keep, lend, solver_for
 from dea_fenicsx.run.size_field import SIZES, write_sizes
-from dea_fenicsx.run.solver_notes import notes_on
+from dea_fenicsx.run.solver_notes import advice, notes_on, uncounted
 from dea_fenicsx.run.starting import Beginning, balanced, beginning
 from dea_fenicsx.scene.electrode_checks import without_field
 from dea_fenicsx.scene.scene import Scene
@@ -56,10 +57,6 @@ from dea_fenicsx.support.form_cache import telling
 from dea_fenicsx.support.interruption import Interruption
 from dea_fenicsx.support.progress import Progress
 from dea_fenicsx.support.validation import keywords
-
-UNCOUNTED = (
-    "Negative eigenvalues are not counted with multigrid, so nothing is told about stability."
-)
 
 
 def solve(
@@ -219,21 +216,16 @@ class _Session:
             closing.note_crash(error)
             raise
         status, message = ending(self.scene, journal.history, self.path)
-        if self._uncounted(journal):
-            message = f"{message} {UNCOUNTED}".strip()
+        message = f"{message} {uncounted(journal.solver, self.given.stability)}".strip()
         closing.finish(status, message)
         lend(result, journal.solver)
         keep(result, journal.solver, [*self.record.values(), *self.failures])
         return result
 
-    def _uncounted(self, journal: Journal) -> bool:
-        """Whether a count is wanted that the solver cannot make."""
-        return self.given.stability != "never" and journal.solver.options.factor == "multigrid"
-
     def _prepare(self, folder: Folder | None) -> Journal:
         """Build the discrete problem, and all that measures and writes its states.  Collective."""
         solver = solver_for(self.scene, self.given.options, self.released)
-        problem = solver.problem
+        self.choice, problem = decide(solver, self.given, folder), solver.problem
         if self.given.start is None:
             check_volume(problem, self.path)
         measurements: dict[str, Measurement] = {
@@ -287,10 +279,8 @@ class _Session:
             f"{self.comm.size} rank{'s' * (self.comm.size > 1)}"
             + (f", resumed after step {cursor.step}" if cursor else "")
         )
-        for note in notes_on(journal.solver):
+        for note in notes_on(journal.solver, self.choice, self.given.stability):
             self.progress.say(note)
-        if self._uncounted(journal):
-            self.progress.say(UNCOUNTED)
         if begin:
             self.progress.say(f"The path begins in {begin.place}.")
         if not self.scene.kinematics.is_membrane and without_field(self.scene.electrodes):
@@ -333,8 +323,8 @@ class _Session:
             solver.notify = silent  # it holds this session, which holds the solver
 
     def _notes(self, journal: Journal) -> list[str]:
-        """What an error that ends the path says of the stability before it."""
-        found = [unlocated(journal.history)]
+        """What an error that ends the path says of its solver, and of the stability before it."""
+        found = [unlocated(journal.history), advice(journal.solver)]
         if not any(isinstance(item, Trace) for item in self.path):
             found.append(unstable_from(self.scene, journal.history, self.path, found[0]))
         return [note for note in found if note]

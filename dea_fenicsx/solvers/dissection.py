@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from scipy import sparse
@@ -22,6 +23,7 @@ from scipy.sparse import csgraph
 from dea_fenicsx.model.fields import Field, Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.support import compat
+from dea_fenicsx.support.agreement import together
 
 CELLS_OF_LEAF = 2
 """Cells that are not cut any further."""
@@ -177,10 +179,34 @@ def steps_from_ends(cells: np.ndarray, groups: int) -> np.ndarray:
     return np.column_stack(found[1:])  # the first cell is no end
 
 
-def dissection_of(problem: Problem, fields: Sequence[Field]) -> Dissection:
-    """The dissection of the free unknowns of some fields, of a problem that is on one rank.
+type _Parts = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""What `Dissection` takes."""
+
+
+def dissection_of(problem: Problem, fields: Sequence[Field]) -> Dissection | None:
+    """The dissection of the free unknowns of some fields: on rank 0, None elsewhere.  Collective.
 
     The few numbers for the whole device are left out: they bound all cells.
+    """
+    parts = _gathered(problem, fields)
+    return Dissection(*parts) if parts else None
+
+
+def size_of_factor(problem: Problem, fields: Sequence[Field]) -> FactorSize:
+    """The size of the factor of the block of some fields in the tangent.  Collective."""
+    parts = _gathered(problem, fields)
+
+    def cut() -> FactorSize | None:
+        return Dissection(*parts).size() if parts else None
+
+    size = together(problem.comm, cut, "the count of a factor's entries")
+    return cast(FactorSize, problem.comm.bcast(size, root=0))
+
+
+def _gathered(problem: Problem, fields: Sequence[Field]) -> _Parts | None:
+    """The cells of all ranks with their groups of unknowns: on rank 0, None elsewhere.
+
+    The cells are in the order of their places, so that they are cut alike on any number of ranks.
     """
     mesh, tables, sizes = problem.mesh, [], []
     owned = mesh.topology.index_map(mesh.topology.dim).size_local
@@ -189,10 +215,18 @@ def dissection_of(problem: Problem, fields: Sequence[Field]) -> Dissection:
     offset = 0
     for field in (one for one in fields if one.role is not Role.GLOBAL):
         parts = list(problem.space.parts[field.name].values())
-        table = parts[0].space.dofmap.list[:owned]
+        groups, mine = parts[0].space.dofmap.index_map, parts[0].space.dofmap.list[:owned]
+        table = groups.local_to_global(mine.ravel()).reshape(mine.shape)
         tables.append(table + offset)
-        sizes.append(sum(free[part.dofs] for part in parts))
-        offset += len(sizes[-1])
+        sizes.append(sum(free[part.dofs[: groups.size_local]] for part in parts))
+        offset += groups.size_global
     nodes = mesh.geometry.x[compat.geometry_dofmap(mesh)[:owned]]
     places = nodes.mean(axis=1)[:, : mesh.geometry.dim]
-    return Dissection(np.hstack(tables), np.concatenate(sizes), places)
+    every = problem.comm.gather((np.hstack(tables), sizes, places), root=0)
+    if every is None:
+        return None
+    cells = np.vstack([part[0] for part in every])
+    places = np.vstack([part[2] for part in every])
+    order = np.lexsort(np.round(places / max(float(np.ptp(places)), 1e-300), 9).T)
+    counts = [part[1][k] for k in range(len(sizes)) for part in every]
+    return cells[order], np.concatenate(counts), places[order]

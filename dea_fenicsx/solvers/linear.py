@@ -99,13 +99,14 @@ class LinearSolver:
         self._whole = WholeFactor(problem)
         self._corotation = Corotation(problem)
         self._petsc = PetscObjects(problem.comm)
-        multigrid = self.options.factor == "multigrid"
-        self._multigrid = Multigrid(problem, self.tangent.times) if multigrid else None
-        self._patience = self.options.krylov_limit * (MULTIGRID_PATIENCE if multigrid else 1)
+        self._multigrid: Multigrid | None = None
+        self._patience = self.options.krylov_limit
         self._ksp = self._petsc.keep("ksp", self._gmres())
         self._directly = problem.comm.size == 1 and problem.unknowns <= MOST_UNKNOWNS_IN_PYTHON
         self._small: Any = self.tangent.operator.createVecs() if self._directly else None
         self._begin()
+        if self.options.factor == "multigrid":
+            self.take_multigrid()
 
     def renew(self) -> None:
         """Begin anew with other constants of the problem; matrices and analyses are kept."""
@@ -120,10 +121,18 @@ class LinearSolver:
         self.trouble = Outcome.CONVERGED
         self.notify: Callable[[str], None] = silent
         precise = self.options.factor == "precise"
-        self._split = SplitFactor(self.problem, precise) if self._splits() else None
-        self._preferred = self._multigrid or self._split or self._whole_or_single()
-        self._factor = self._preferred
+        splits = not self._multigrid and self._splits()
+        self._split = SplitFactor(self.problem, precise) if splits else None
+        self._preferred: Kept = self._multigrid or self._split or self._whole_or_single()
+        self._factor: Kept = self._preferred
         self._stale, self._wasted, self._best_rate = True, 0.0, np.inf
+
+    def take_multigrid(self) -> None:
+        """Solve with multigrid from now on; InputError if it cannot take the problem."""
+        self._multigrid = self._preferred = self._factor = Multigrid(
+            self.problem, self.tangent.times
+        )
+        self._split, self._patience = None, self.options.krylov_limit * MULTIGRID_PATIENCE
 
     @property
     def counts_cheaply(self) -> bool:

@@ -188,8 +188,13 @@ def caution(problem: Problem) -> str:
 
 def check(problem: Problem) -> None:
     """Raise InputError unless multigrid can precondition a problem."""
-    why = None
-    conditions = problem.conditions
+    if why := missing(problem):
+        raise InputError(f'NewtonOptions(factor="multigrid") needs {why}; take factor="auto".')
+
+
+def missing(problem: Problem) -> str:
+    """What multigrid needs and a problem lacks, in words; empty if it can precondition it."""
+    conditions, why = problem.conditions, ""
     if problem.mesh.topology.dim != 3 or len(problem.displacement) != 3:
         why = "a device in space"
     elif any(k.air is not None or k.is_membrane for k in problem.kernels):
@@ -203,5 +208,4 @@ def check(problem: Problem) -> None:
         why = "displacement, pressure and potential, but there are other fields"
     elif problem.turning.ramps or conditions.body is not None:
         why = "a device that is held, but it is a free body"
-    if why:
-        raise InputError(f'NewtonOptions(factor="multigrid") needs {why}; take factor="auto".')
+    return why

@@ -32,13 +32,16 @@ class NewtonOptions:
         The matrix that is factorised: ``"whole"`` for the whole tangent, ``"single"`` for the same
         in single precision, ``"split"`` for a factor of the displacement block and one of the
         potential block, with the pressure condensed.  ``"auto"`` chooses ``"split"`` for large
-        problems in space if it is possible, and ``"single"`` for other large problems.
+        problems in space if it is possible, and ``"single"`` for other large problems.  In a run
+        it chooses ``"multigrid"`` instead where the factor is estimated to need more than 0.8 of
+        the memory that is free, unless the run counts negative eigenvalues on its path or the
+        scene does not suit multigrid.  The log says so.
         ``"precise"`` takes two or three Krylov iterations for any number of digits, as is best for
         very many solves at one state: ``"split"`` in double precision with a pressure that is
         nearly exact for large problems in space, or ``"whole"``.
         ``"multigrid"`` makes no factor: its memory grows in proportion to the unknowns, for very
         large problems in space in which nothing is tied.  It takes more Krylov iterations, and
-        negative eigenvalues are not counted.
+        negative eigenvalues are not counted.  What is named here is always taken.
     """
 
     tolerance: float = 1e-10

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from mpi4py import MPI
@@ -217,8 +218,7 @@ class References:
         rows = problem.roles.owned(Role.POTENTIAL)
         here = problem.state
         values = here.values.copy()
-        x = part.space.tabulate_dof_coordinates()
-        values[part.dofs] = np.sin(1e6 * (x @ np.sqrt([1.0, 2.0, 3.0])))
+        values[part.dofs] = self._wave
         with problem.at(here.with_values(values)):
             residual = problem.residual()[rows]
             if problem.forms.sheets:
@@ -226,6 +226,14 @@ class References:
                     more = problem.residual()[rows] - residual
                 self._charge_of_sheets = self._norm(more)
         return self._norm(residual)
+
+    @cached_property
+    def _wave(self) -> np.ndarray:
+        """The disordered potential at its nodes."""
+        part = self.problem.potential
+        assert part is not None
+        x = part.space.tabulate_dof_coordinates()
+        return np.asarray(np.sin(1e6 * (x @ np.sqrt([1.0, 2.0, 3.0]))))
 
     def _norm(self, mine: np.ndarray) -> float:
         """The 2-norm of a vector over all ranks.  Collective."""

@@ -84,8 +84,8 @@ class Tangent:
         self.weights: np.ndarray | None = None
         self._petsc = PetscObjects(problem.comm)
         forms = problem.forms
-        self._matrix_form = compat.compile_form(forms.tangent(ufl.TrialFunction(problem.W)))
-        self._action = compat.compile_form(forms.tangent(self._along))
+        self._matrix_form = forms.compiled_tangent()
+        self._action = forms.compiled_tangent(self._along)
         self._product = self._petsc.keep("product", compat.create_vector(self._action))
         self._columns = self._petsc.keep("columns", PETSc.IS().createGeneral(
             problem.free + problem.space.rows.start, comm=problem.comm

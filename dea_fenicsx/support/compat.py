@@ -32,6 +32,7 @@ from ufl.corealg.multifunction import MultiFunction
 from ufl.domain import extract_unique_domain
 
 from dea_fenicsx.support import (
+    derived_forms,
     form_kinds,
     ufl_patches,  # noqa: F401  (changes UFL when it is imported)
 )
@@ -40,9 +41,9 @@ from dea_fenicsx.support.dolfinx_objects import DolfinxObjects
 from dea_fenicsx.support.errors import MachineError
 from dea_fenicsx.support.form_cache import cache_dir, compiling
 
-__all__ = ["PETSc", "add_assembled", "collapse", "compile_form", "compile_together",
-           "coordinate_element", "copied_mesh", "create_vector", "dolfinx", "expression",
-           "geometry_dofmap", "interpolation_matrix", "jit_options"]  # fmt: skip
+__all__ = ["PETSc", "add_assembled", "collapse", "compile_derived", "compile_form",
+           "compile_together", "coordinate_element", "copied_mesh", "create_vector", "dolfinx",
+           "expression", "geometry_dofmap", "interpolation_matrix", "jit_options"]  # fmt: skip
 
 _objects = DolfinxObjects(dolfinx)
 VERSION = _objects.version
@@ -204,6 +205,39 @@ def _kind_of(form: Any) -> form_kinds.Kind | None:
 
 KIND = "kind of dea_fenicsx"
 """Name of its kind in the dictionary that a form of UFL has for others."""
+
+
+def compile_derived(
+    first: Any, how: str, by: Any, make: Callable[[], Any], beside: Sequence[Any] = ()
+) -> Any:
+    """Compile a form that follows from another one alone, as its derivative does.  Collective.
+
+    Parameters
+    ----------
+    first
+        The other form.
+    how
+        How the form follows from it: the same word for the same form.
+    by
+        The function by which the other form is differentiated.
+    make
+        Gives the form.
+    beside
+        Further functions of the form, made after those of the other form.
+    """
+    parent, options = _kind_of(first), jit_options()
+    functions = [] if parent is None else parent.coefficients
+    what = how, len(beside), *(place for place, function in enumerate(functions) if function is by)
+    recipe = derived_forms.known(parent, what)
+    kind = None if parent is None or recipe is None else recipe.kind(parent, beside)
+    comm = _ranks_of(parent.domain if parent else first.ufl_domains()[0])
+    made = _kept(kind, options, comm)
+    if kind and made is not None:
+        return _objects.form(kind, *made)
+    form = make()
+    compiled = compile_form(form)
+    derived_forms.note(parent, what, _kind_of(form), beside)
+    return compiled
 
 
 def compile_form(form: Any) -> Any:
