@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from dataclasses import replace
+from pathlib import Path
 
 import gmsh
 import numpy as np
@@ -30,6 +32,7 @@ from dea_fenicsx.geometry.quartic import of_order, quartic
 from dea_fenicsx.gradients.discretisation import DiscretisationError
 from dea_fenicsx.mesh.sheets import over_sheets, with_exact_shape
 from dea_fenicsx.run.accuracy import AccuracySearch, Level
+from dea_fenicsx.run.size_field import write_sizes
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.compat import dolfinx
 from dea_fenicsx.support.errors import InputError
@@ -95,6 +98,28 @@ def test_sheets_of_a_device():
     parts = np.tile([100.0, 10.0, 1.0], (6, 1))
     found = over_sheets(device, family.mesh(), parts)
     assert sorted(found) == [3.0, 3.0, 60.0, 200.0, 200.0, 200.0]
+
+
+def summed(comm):
+    """Sums over the sheets of a grid, and the sizes as they are written for gmsh."""
+    family = BoxStack(3.0, 2.0, [Layer("a", 1.0, 2)], (3, 1))
+    device = dea.device(family, comm)
+    owned = device.owned_cells()
+    number = np.asarray(device.mesh.topology.original_cell_index[:owned])
+    parts = np.sqrt(2.0 + number[:, None]) * [100.0, 10.0, 1.0]
+    sums = over_sheets(device, family.mesh(), parts)
+    error = DiscretisationError("tip", 1.0, 0.1, 0.1, 100, 2, parts)
+    folder = Path(comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None, root=0))
+    write_sizes(folder / "sizes.pos", device, error, 1e-2)
+    return [sums.tolist(), (folder / "sizes.pos").read_text()] if comm.rank == 0 else None
+
+
+@pytest.mark.mpi
+def test_sheets_and_sizes_on_ranks(on_ranks):
+    alone = summed(MPI.COMM_SELF)
+    assert alone[1].count("SH(") == 6
+    for ranks in (2, 7):
+        assert on_ranks("test_accuracy", "summed", ranks) == alone
 
 
 def test_exact_shape_of_a_sphere():

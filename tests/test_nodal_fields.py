@@ -17,8 +17,9 @@ from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results import hdf5
 from dea_fenicsx.results.components import column_names, component
 from dea_fenicsx.results.fields import FieldWriter
+from dea_fenicsx.results.grids import facet_nodes
 from dea_fenicsx.results.reading import check_field, frame_for, frame_times
-from dea_fenicsx.results.split_grid import split
+from dea_fenicsx.results.split_grid import Block, split
 from dea_fenicsx.support.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("quick_compile")
@@ -150,9 +151,9 @@ def test_an_affine_motion_and_a_quadratic_potential(kind, viscous):
         y = part.space.tabulate_dof_coordinates()
         problem.w.x.array[part.dofs] = 0.1 * (k + 1) * y[:, k]
     writer = FieldWriter(problem)
-    assert writer.split({}).grid is writer.grid  # nothing to split
+    assert writer.split().grid is writer.grid  # nothing to split
     nodes, cells = writer.node_fields(), writer.cell_fields()
-    found = writer.nodal_fields(nodes)
+    found = writer.nodal_fields()
     assert set(found) == {*nodes, *cells}
     assert found["J"] == pytest.approx(np.full(len(nodes["displacement_m"]), cells["J"][0]))
     places = writer.grid.points[:, 0] / problem.scales.length
@@ -165,13 +166,13 @@ def test_an_affine_motion_and_a_quadratic_potential(kind, viscous):
 # --------------------------------------------------------------------------------------- jumps
 
 
-def jumping(comm):
+def jumping(comm, divisions=2):
     """Fields at nodes of two films in series under an electrode, with one more film above it.
 
     The middle film and the upper one are one region; the outer faces are grounds.
     """
     layers = [Layer("a", H), Layer("b", H), Layer("b", H)]
-    device = dea.device(BoxStack(2 * H, None, layers, 2), comm)
+    device = dea.device(BoxStack(2 * H, None, layers, divisions), comm)
     hard = dea.NeoHookean(1e12)
     problem = Problem(dea.Scene(
         device,
@@ -185,14 +186,14 @@ def jumping(comm):
     values = np.interp(y, [0, 1, 2, 3], [0, 0.75, 1, 0])
     problem.w.x.array[part.dofs] = values * VOLTS / scale.potential
     writer = FieldWriter(problem)
-    writer.split(writer.named_facets())
-    found = writer.nodal_fields(writer.node_fields())
+    made = writer.split()
+    found = writer.nodal_fields()
     if found is None:
         return None
-    grid = writer.split_grid.grid
+    grid = made.grid
     places = np.round(grid.points / H, 6)
     return [
-        places.tolist(), grid.cells.tolist(), writer.split_grid.origin.tolist(),
+        places.tolist(), grid.cells.tolist(), made.origin.tolist(),
         (found["electric_field_V_per_m"][:, 1] * (H / VOLTS)).astype(float).round(5).tolist(),
     ]  # fmt: skip
 
@@ -214,6 +215,16 @@ def test_jumps_on_ranks(on_ranks):
         assert on_ranks("test_nodal_fields", "jumping", ranks) == alone
 
 
+def scarce(comm):
+    """The same with one cell in each film."""
+    return jumping(comm, 1)
+
+
+@pytest.mark.mpi
+def test_jumps_on_more_ranks_than_cells(on_ranks):
+    assert on_ranks("test_nodal_fields", "scarce", 5) == scarce(MPI.COMM_SELF)
+
+
 def test_a_cut_that_ends_inside_of_a_region():
     """Nodes at the end of an inner surface stay one, those between its ends are two."""
     device = block((4, 2), 1e-3)
@@ -229,11 +240,19 @@ def test_a_cut_that_ends_inside_of_a_region():
 
     cut = np.array([[at((k / 4, 0.5)), at((k / 4 + 0.125, 0.5)), at(((k + 1) / 4, 0.5))]
                     for k in (1, 2)])  # fmt: skip
-    made = split(grid, table, [cut])
-    assert len(made.origin) == len(grid.points) + 3  # all but the two ends
+    _, closure = facet_nodes(grid.kind, grid.degree)
+    faces = np.sort(table[:, closure], axis=2)
+    chosen = (faces[:, :, None] == np.sort(cut)).all(axis=3).any(axis=2)
+    assert chosen.sum() == 4
+    rows = Block(
+        MPI.COMM_SELF, grid.kind, grid.degree, table, 0, grid.regions, len(grid.points)
+    )  # fmt: skip
+    chosen[np.flatnonzero(chosen.any(axis=1))[0]] = False  # one of the two cells is enough
+    made = split(rows, chosen)
+    assert made.split and len(made.origin) == len(grid.points) + 3  # all but the two ends
     doubled = np.flatnonzero(np.bincount(made.origin) == 2)
     assert sorted(x[doubled, 0]) == pytest.approx([0.375, 0.5, 0.625])
-    assert np.array_equal(made.grid.points[made.grid.cells], grid.points[grid.cells])
+    assert np.array_equal(grid.points[made.origin][made.table], grid.points[table])
 
 
 # ------------------------------------------------------------------------- what others read

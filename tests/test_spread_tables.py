@@ -93,6 +93,25 @@ def test_rows_by_the_order_of_the_file():
     assert numbers.tolist() == [[0, 1], [1, 2], [3, 0]] and first.tolist() == [0, 1, 3, 4]
 
 
+def with_gaps(comm):
+    """Places of cells whose numbers have gaps; the first rank has none of them if others have."""
+    numbers = np.random.default_rng(3).permutation(40)[:17] + 100
+    mine = numbers[np.arange(17) % max(comm.size - 1, 1) + (comm.size > 1) == comm.rank]
+    order = FileOrder(comm, mine)
+    pairs = comm.gather(list(zip(mine.tolist(), order.places.tolist(), strict=True)), root=0)
+    back = order.back(order.rows(1.0 * mine))
+    assert np.array_equal(back, mine) and order.count == 17
+    return sorted([number, place] for part in pairs or () for number, place in part)
+
+
+@pytest.mark.mpi
+def test_numbers_with_gaps_on_ranks(on_ranks):
+    alone = with_gaps(MPI.COMM_SELF)
+    assert [place for _, place in alone] == list(range(17))
+    for ranks in numbers_of_ranks():
+        assert on_ranks("test_spread_tables", "with_gaps", ranks) == alone
+
+
 LAYERS = [Layer("a", 1.0, 2), Layer("b", 0.5), Layer("a", 1.0)]
 SHEETS = [Layer("a", 1.0, 2), Layer("e", 0.5, electrode=True), Layer("a", 1.0), *LAYERS[1:]]
 FAMILIES = [

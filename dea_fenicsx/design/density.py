@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import ufl
+from mpi4py import MPI
 from scipy import sparse
 from scipy.spatial import cKDTree
 
@@ -141,13 +142,15 @@ class Layout:
         cells = np.concatenate([device.cells_of(name) for name in density.names])
         cells = np.sort(cells[cells < device.owned_cells()])
         at, sizes = middles(device, cells), _sizes(scene)[cells]
-        parts = device.comm.allgather((at[:, self._columns], sizes))
+        mine = at[:, self._columns]
+        ends = np.max(np.hstack([mine, -mine]), axis=0, initial=-np.inf)
+        device.comm.Allreduce(MPI.IN_PLACE, ends, op=MPI.MAX)
+        extent = float(np.max(ends.reshape(2, -1).sum(axis=0)))
+        apart = SAME_PLACE * (extent or 1.0)
+        # The places are known on all ranks, as the variables are; a rank gives each place once.
+        parts = device.comm.allgather(_merged(mine, sizes, apart))
         at, sizes = (np.concatenate([part[k] for part in parts]) for k in range(2))
-        extent = float(np.ptp(at, axis=0).max()) if len(at) > 1 else 0.0
-        grid = np.round(at / (SAME_PLACE * (extent or 1.0))).astype(np.int64)
-        _, first, of = np.unique(grid, axis=0, return_index=True, return_inverse=True)
-        self.places = at[first]
-        volumes = np.bincount(of.ravel(), weights=sizes)
+        self.places, volumes = _merged(at, sizes, apart)
         self.share = volumes / volumes.sum()
         self._tree = cKDTree(self.places)
         self._filter = self._weights()
@@ -223,6 +226,23 @@ class Layout:
             found = self._tree.query(X[:, self._columns])[1] if len(X) else np.zeros(0, dtype=int)
             self._known = X.copy(), np.asarray(found)
         return self._known[1]
+
+
+def _merged(
+    at: np.ndarray, sizes: np.ndarray, apart: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places in order, each once, and the sum of the sizes at each.
+
+    Parameters
+    ----------
+    at, sizes
+        Positions, shape (n, axes), and a size at each, shape (n,).
+    apart
+        Distance within which positions are one place.
+    """
+    grid = np.round(at / apart).astype(np.int64)
+    _, first, of = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+    return at[first], np.bincount(of.ravel(), weights=sizes, minlength=len(first))
 
 
 def _sharpened(m: np.ndarray, sharpness: float) -> np.ndarray:

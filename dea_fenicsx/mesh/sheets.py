@@ -18,6 +18,7 @@ from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.mesh.from_dolfinx import tags_alike
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.curved_mesh import mesh_of_degree
+from dea_fenicsx.support.exchange import Exchange
 
 SAME_MIDDLE = 1e-9
 """Distance of the middles of two cells that are the same one, relative to the device."""
@@ -70,14 +71,16 @@ def over_sheets(device: Device, mesh: StructuredMesh, parts: np.ndarray) -> np.n
         By their numbers as in `geometry.bisected.sheets`.
     """
     found, owned = matching(device, mesh), device.owned_cells()
-    mine = (found.cell[:owned], found.axis[:owned], parts[:, : device.dim])
-    everyone = device.comm.allgather(mine)
-    cell, axis, all_parts = (np.concatenate(k) for k in zip(*everyone, strict=True))
+    cell, comm, number = found.cell[:owned], device.comm, sheets(mesh)
+    which = np.take_along_axis(number[cell], found.axis[:owned], axis=1).ravel()
+    to_sums = Exchange(comm, which % comm.size)
+    cell, which, terms = (
+        to_sums.forward(mine)
+        for mine in (np.repeat(cell, device.dim), which, parts[:, : device.dim].ravel())
+    )
     order = np.argsort(cell, kind="stable")  # so that sums do not depend on the ranks
-    number = sheets(mesh)
-    which = np.take_along_axis(number[cell], axis, axis=1)[order]
-    sums = np.bincount(which.ravel(), all_parts[order].ravel(), minlength=int(number.max()) + 1)
-    return np.asarray(sums)
+    sums = np.bincount(which[order], terms[order], minlength=int(number.max()) + 1)
+    return np.asarray(comm.allreduce(sums))  # all but one of the terms of each are 0
 
 
 def with_exact_shape(device: Device, degree: int = QUARTIC_ORDER) -> Device:

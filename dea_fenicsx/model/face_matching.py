@@ -126,6 +126,8 @@ def matched(
         for name in names:
             local = part.on(device.dim - 1, device.facets_by_surface[name])
             local = local[part.dofs[local] < rows.owned]
+            # All ranks know the nodes of the faces, since ties may chain through several pairs of
+            # faces; their number grows with the unknowns to the power 2/3 only.
             everyone = rows.comm.allgather((x[local], part.dofs[local].astype(np.int64)))
             starts = rows.comm.allgather(rows.start)
             numbers = [n + start for (_, n), start in zip(everyone, starts, strict=True)]

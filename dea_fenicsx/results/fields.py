@@ -8,7 +8,6 @@ small tables are gathered on rank 0, large ones stay spread (`dea_fenicsx.result
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,18 +20,16 @@ from dea_fenicsx.model.state import Factors, State
 from dea_fenicsx.results.axes import axes_of_fields
 from dea_fenicsx.results.contact_pressure import contact_pressure
 from dea_fenicsx.results.file_order import FileOrder, by_first_appearance
-from dea_fenicsx.results.grids import Grid, SurfaceGrid, quadratic_from_linear, surface_grid
-from dea_fenicsx.results.moment import NO_MOMENT, MomentInTime, history_of, table_of, width
-from dea_fenicsx.results.split_grid import SplitGrid, count_is_small, split
-from dea_fenicsx.results.spread import (
-    MOST_WHOLE,
-    Spread,
-    collected,
-    dealt,
-    pieces,
-    serving,
-    whole,
+from dea_fenicsx.results.grids import (
+    Grid,
+    SurfaceGrid,
+    facet_nodes,
+    quadratic_from_linear,
+    surface_grid,
 )
+from dea_fenicsx.results.moment import NO_MOMENT, MomentInTime, history_of, table_of, width
+from dea_fenicsx.results.split_grid import Block, SplitGrid, SplitNodes, count_is_small, split
+from dea_fenicsx.results.spread import MOST_WHOLE, Spread, collected, dealt, serving
 from dea_fenicsx.results.within_cells import Evaluated, Fields, WithinCells
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.cell_types import BY_DEGREE
@@ -86,8 +83,8 @@ class FieldWriter:
         self._check_surfaces(names)
         self._choose_nodes()
         self._within = WithinCells(problem, self.owned_cells)
-        self.split_grid: SplitGrid | None = None
-        self._has_split, self._large = False, False
+        self._split: SplitNodes | None = None
+        self._large = False
         self.grid = self._build_grid()
         self.surface_grids = self._build_surfaces(names)
 
@@ -159,17 +156,27 @@ class FieldWriter:
         tags[cells.indices] = cells.values
         regions, comm = tags[: self.owned_cells].astype(np.int64), problem.comm
         table, self._first = by_first_appearance(comm, self.order.rows(numbers), self.order.start)
-        nodes = comm.allreduce(len(self._first), op=MPI.SUM)
-        self._large = comm.size > 1 and nodes > MOST_WHOLE
+        self.count = int(comm.allreduce(len(self._first), op=MPI.SUM))
+        self._large = comm.size > 1 and self.count > MOST_WHOLE
         self._points = self.order.rows(coordinates).reshape(-1, 3)[self._first]
+        self._block = Block(
+            comm, self.kind, self.degree, table, self.order.start, self.order.rows(regions),
+            len(self._first),
+        )  # fmt: skip
+        self._connectivity = self._table(table)
+        return self._grid_of(self._points, table)
+
+    def _grid_of(self, points: np.ndarray, table: np.ndarray) -> Grid | None:
+        """A grid from this rank's block of its nodes and cells; None if another rank has it."""
+        problem = self.problem
         order = BY_DEGREE[self.degree][self.kind].vtk_order
         names = {tag: name for name, tag in problem.scene.device.regions.items()}
         axes = axes_of_fields(problem.scene.kinematics)
-        points, cells = self._table(self._points), self._table(table[:, order])
-        self._connectivity, tags = self._table(table), self.gather(regions)
-        if points is None:
+        blocks = (points, table[:, order], self._block.regions)
+        places, cells, regions = (self._table(block) for block in blocks)
+        if places is None:
             return None
-        return Grid(points, cells, self.kind, tags, self.degree, names, axes)
+        return Grid(places, cells, self.kind, regions, self.degree, names, axes)
 
     def _build_surfaces(self, names: tuple[str, ...]) -> dict[str, SurfaceGrid]:
         """The grid of each surface on rank 0.  Collective."""
@@ -187,10 +194,14 @@ class FieldWriter:
 
     def named_facets(self) -> dict[str, SurfaceGrid]:
         """The grid of each facet group of the mesh that has facets, on rank 0.  Collective."""
+        return self._build_surfaces(self._named())
+
+    def _named(self) -> tuple[str, ...]:
+        """The facet groups of the mesh that have facets.  Collective."""
         device = self.problem.scene.device
         if device.dim == 1:  # the ends of a meridian are points
-            return {}
-        return self._build_surfaces(tuple(n for n in device.surfaces if group_size(device, n)))
+            return ()
+        return tuple(name for name in device.surfaces if group_size(device, name))
 
     def _sides(self, facets: np.ndarray) -> np.ndarray:
         """Each side of some facets that lies in an owned cell.
@@ -200,16 +211,17 @@ class FieldWriter:
         ndarray of shape (n, 2)
             Number of the cell in the mesh file, and of the facet within the cell.
         """
+        cells, numbers = np.nonzero(self._on(facets))
+        return np.column_stack([self.order.places[cells], numbers])
+
+    def _on(self, facets: np.ndarray) -> np.ndarray:
+        """Whether each facet of the owned cells is among some, shape (cells, facets)."""
         topology, dim = self.problem.mesh.topology, self.problem.mesh.topology.dim
-        to_cells = topology.connectivity(dim - 1, dim)
         to_facets = topology.connectivity(dim, dim - 1)
-        pairs = [
-            (self.order.places[cell], int(np.flatnonzero(to_facets.links(cell) == facet)[0]))
-            for facet in facets
-            for cell in to_cells.links(facet)
-            if cell < self.owned_cells
-        ]
-        return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+        chosen = np.zeros(int(to_facets.array.max(initial=-1)) + 1, dtype=bool)
+        chosen[facets] = True
+        size = len(facet_nodes(self.kind, 1)[1])
+        return chosen[to_facets.array.reshape(-1, size)[: self.owned_cells]]
 
     def surface_fields(
         self, nodes: Fields | None, cells: Fields | None
@@ -260,6 +272,10 @@ class FieldWriter:
 
         Of a helical cell the displacement is that of the section Theta = 0, along (r, z, hoop).
         """
+        return self._tables(self._node_fields())
+
+    def _node_fields(self) -> Fields:
+        """The same at the nodes of this rank's block."""
         problem, state = self.problem, self.problem.w.x.array
         overall = problem.space.global_values(problem.scales.length)
         u = self._vector(state) * problem.scales.length
@@ -268,7 +284,7 @@ class FieldWriter:
         if problem.potential is not None:
             phi = self._at_nodes(problem.potential, state) * problem.scales.potential
             fields["potential_V"] = phi
-        return self._tables(fields)
+        return fields
 
     def _tables(self, fields: Fields) -> Any:
         """Fields of this rank's block as tables; None if they were gathered on another rank."""
@@ -300,56 +316,42 @@ class FieldWriter:
             fields["contact_pressure_Pa"] = rows(pressed)
         return self._tables(fields)
 
-    def split(self, surfaces: Mapping[str, SurfaceGrid]) -> SplitGrid | None:
-        """The grid for `nodal_fields`, split at the faces of regions and at surfaces (rank 0).
+    def split(self) -> SplitGrid | None:
+        """The grid for `nodal_fields`, split at the faces of regions and at named surfaces.
 
-        None on all other ranks, and if it would have too many nodes.
+        None if it would have too many nodes, and where `grid` is None.
         """
+        if not count_is_small(self.count):
+            return None
+        groups = self.problem.scene.device.facets_by_surface
+        chosen = [groups[name] for name in self._named()]
+        facets = np.unique(np.concatenate([np.empty(0, dtype=np.int32), *chosen]))
+        self._split = made = split(self._block, self.order.rows(self._on(facets)))
+        points, origin = made.taken(self._points), self._table(made.origin)
+        grid = self._grid_of(points, made.table) if made.split else self.grid
+        return None if grid is None else SplitGrid(grid, origin)
 
-        def make() -> SplitGrid | None:
-            grid = self.grid
-            if grid is None or not count_is_small(len(grid.points)):
-                return None
-            if isinstance(grid.points, Spread):
-                points, cells, regions = map(whole, (grid.points, grid.cells, grid.regions))
-                grid = replace(grid, points=points, cells=cells, regions=regions)
-            tables = [surface.nodes[surface.cells] for surface in surfaces.values()]
-            return split(grid, whole(self._connectivity), tables)
+    def nodal_fields(self, values: Evaluated | None = None) -> Any:
+        """The fields of `node_fields` and `cell_fields` at the split grid's nodes, as float32.
 
-        self.split_grid = serving(self.problem.comm, make)
-        self._has_split = bool(self.problem.comm.bcast(self.split_grid is not None, root=0))
-        return self.split_grid
-
-    def nodal_fields(
-        self, nodes: Fields | None, values: Evaluated | None = None
-    ) -> Fields | None:
-        """The fields of `cell_fields` at the nodes of the split grid, in single precision.
-
-        Each value is the mean over the cells on one side of regions and named surfaces; in each
-        cell it is that of the polynomial of degree 1 through the values at the Gauss points.
+        Each value of a cell's field is the mean over the cells on one side of regions and named
+        surfaces; in each cell it is that of the polynomial of degree 1 through the values at the
+        Gauss points.  None if there is no split grid.
 
         Parameters
         ----------
-        nodes
-            What `node_fields` gave; these fields are taken over.
         values
             As in `cell_fields`.
         """
-        if not self._has_split:
+        made, rows = self._split, self.order.rows
+        if made is None:
             return None
         values = self.evaluate() if values is None else values
-        inner, live = self.gather(values.inner), self.gather(values.live)
-
-        def make() -> Fields:
-            assert self.split_grid is not None
-            grid, to_nodes = self.split_grid, self._within.to_nodes(self.degree)
-            lives = np.zeros(len(grid.origin))
-            lives[grid.table.ravel()] = np.repeat(whole(live), grid.table.shape[1])
-            taken = {name: field[grid.origin] for name, field in (nodes or {}).items()}
-            found = {name: field.astype(np.float32) for name, field in taken.items()}
-            return found | self._within.named_short(grid.averages(pieces(inner), to_nodes), lives)
-
-        return serving(self.problem.comm, make)
+        fields = self._node_fields().items()
+        found = {name: made.taken(field).astype(np.float32) for name, field in fields}
+        averages = made.averages(rows(values.inner), self._within.to_nodes(self.degree))
+        lives = rows(values.live)[made.cells]
+        return self._tables(found | self._within.named_short(averages, lives))
 
     # -------------------------------------------------------------- whole states
 

@@ -34,8 +34,7 @@ class FileOrder:
         self.count = int(comm.allreduce(len(original), op=MPI.SUM))
         last = comm.allreduce(int(original.max(initial=-1)), op=MPI.MAX)
         if last != self.count - 1:  # a part of another mesh, which has kept its numbers there
-            every = np.sort(np.concatenate(comm.allgather(original)))
-            original = np.searchsorted(every, original)
+            original = _without_gaps(comm, np.asarray(original, dtype=np.int64))
         self.places = np.asarray(original, dtype=np.int64)
         ends = self.count * np.arange(comm.size + 1) // comm.size
         self.start = int(ends[comm.rank])
@@ -52,6 +51,17 @@ class FileOrder:
     def back(self, block: np.ndarray) -> np.ndarray:
         """The rows of the owned cells, from the blocks of all ranks."""
         return self._exchange.answer(block[self._place])
+
+
+def _without_gaps(comm: MPI.Comm, numbers: np.ndarray) -> np.ndarray:
+    """Numbers, each once on all ranks, counted from 0 in their order.  Collective."""
+    low = comm.allreduce(int(numbers.min(initial=np.iinfo(np.int64).max)), op=MPI.MIN)
+    high = comm.allreduce(int(numbers.max(initial=-1)), op=MPI.MAX)
+    asked = Exchange(comm, (numbers - low) * comm.size // (high - low + 1))
+    there = asked.forward(numbers)
+    found = np.empty_like(there)
+    found[np.argsort(there)] = (comm.exscan(len(there)) or 0) + np.arange(len(there))
+    return asked.answer(found)
 
 
 def by_first_appearance(

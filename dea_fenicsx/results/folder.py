@@ -186,7 +186,7 @@ class Folder(SharedFolder):
         cells: Mapping[str, Table] | None,
         states: Sequence[Table | None],
         surfaces: Mapping[str, tuple[Fields, Fields]] = MappingProxyType({}),
-        nodal: Fields | None = None,
+        nodal: Mapping[str, Table] | None = None,
     ) -> None:
         """Write an accepted step: fields first, the checkpoint that vouches for them last.
 

@@ -10,8 +10,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dea_fenicsx.results.grids import Grid
 from dea_fenicsx.results.split_grid import SplitGrid
 from dea_fenicsx.results.spread import Table, pieces
@@ -128,7 +126,7 @@ def put_grid(h5: Any, grid: Grid) -> None:
 def put_split_grid(h5: Any, split: SplitGrid) -> None:
     """Write a split grid, and the number of each of its nodes in the device's grid."""
     put_grid(h5, split.grid)
-    h5[ORIGIN] = split.origin.astype(np.int64)
+    put_table(h5, ORIGIN, split.origin)
 
 
 def put_fields(h5: Any, nodes: Mapping[str, Table], cells: Mapping[str, Table]) -> None:
@@ -138,11 +136,11 @@ def put_fields(h5: Any, nodes: Mapping[str, Table], cells: Mapping[str, Table]) 
             put_table(h5, f"{group}/{name}", values)
 
 
-def put_nodal_fields(h5: Any, fields: Mapping[str, np.ndarray]) -> None:
+def put_nodal_fields(h5: Any, fields: Mapping[str, Table]) -> None:
     """Write fields at the nodes of a split grid; large ones are packed to about half."""
     for name, values in fields.items():
         packing = {"compression": 1, "shuffle": True} if values.nbytes > PACKED_FROM else {}
-        h5.create_dataset(f"node/{name}", data=values, **packing)
+        put_table(h5, f"node/{name}", values, **packing)
 
 
 def carry_over(h5: Any, file: Path, prefix: str, name: str) -> list[str]:

@@ -248,7 +248,7 @@ class Journal:
         shape = self.writer.vector(step.mode) if step.mode is not None else None
         folder, grid = self.folder, self.writer.grid
         surfaces = self.writer.surface_fields(nodes, cells)
-        nodal = self.writer.nodal_fields(nodes, evaluated)
+        nodal = self.writer.nodal_fields(evaluated)
 
         def write() -> None:
             folder.write_step(

@@ -270,7 +270,7 @@ class _Session:
             folder.keep_origin()
             self.progress.log = folder.path / "run.log"
             blocks = Blocks(writer.named_facets(), electrode_surfaces(self.scene))
-            nodal = writer.split(blocks.facets)
+            nodal = writer.split()
             folder.write(
                 lambda: folder.write_grid(writer.grid, writer.surface_grids, blocks, nodal)
             )

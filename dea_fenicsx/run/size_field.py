@@ -8,6 +8,8 @@ import numpy as np
 
 from dea_fenicsx.gradients.discretisation import DiscretisationError, not_seen
 from dea_fenicsx.mesh.device import Device
+from dea_fenicsx.results.file_order import FileOrder
+from dea_fenicsx.results.spread import Spread, serving
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.cell_types import HEX, QUAD, TET, TRIANGLE
 
@@ -49,17 +51,22 @@ def wanted_sizes(device: Device, found: DiscretisationError, asked: float) -> np
 
 
 def write_sizes(path: Path, device: Device, found: DiscretisationError, asked: float) -> None:
-    """Write the sizes as a view of gmsh, in m.  Collective; rank 0 writes."""
+    """Write the sizes as a view of gmsh, in m, in the order of the mesh file.  Collective."""
     letters, order = IN_GMSH[device.mesh.topology.cell_name()]
-    owned = device.owned_cells()
+    owned, comm = device.owned_cells(), device.comm
     nodes = compat.geometry_dofmap(device.mesh)[:owned][:, list(order)]
-    mine = device.length * device.mesh.geometry.x[nodes], wanted_sizes(device, found, asked)
-    everyone = device.comm.gather(mine, root=0)
-    if everyone is None:
-        return
-    lines = ['View "sizes in m" {']
-    for places, sizes in everyone:
-        for place, size in zip(places.reshape(len(sizes), -1), sizes, strict=True):
-            corners = ",".join(f"{x:.9g}" for x in place)
-            lines.append(f"{letters}({corners}){{{','.join([f'{size:.4g}'] * len(order))}}};")
-    path.write_text("\n".join([*lines, "};", ""]), "utf-8")
+    places = device.length * device.mesh.geometry.x[nodes].reshape(owned, 3 * len(order))
+    mine = np.column_stack([places, wanted_sizes(device, found, asked)])
+    original = np.asarray(device.mesh.topology.original_cell_index)[:owned]
+    rows = Spread(comm, FileOrder(comm, original).rows(mine))
+
+    def write() -> None:
+        with path.open("w", encoding="utf-8") as file:
+            file.write('View "sizes in m" {\n')
+            for *place, size in (row for piece in rows.pieces() for row in piece):
+                corners = ",".join(f"{x:.9g}" for x in place)
+                sizes = ",".join([f"{size:.4g}"] * len(order))
+                file.write(f"{letters}({corners}){{{sizes}}};\n")
+            file.write("};\n")
+
+    serving(comm, write)

@@ -30,6 +30,7 @@ from dea_fenicsx.solvers.tangent import scalar_masses
 from dea_fenicsx.solvers.unsymmetric import by_lu
 from dea_fenicsx.support.compat import PETSc, dolfinx
 from dea_fenicsx.support.errors import SolverError
+from dea_fenicsx.support.exchange import Exchange
 
 START_COMPRESSIBILITY = 1e-12
 """Compressibility mu/kappa that determines a pressure which nothing else does."""
@@ -163,19 +164,15 @@ class Start:
         problem = self.problem
         self.mass.rest()
         stiff = self.solver.tangent.matrix()
-        start, _ = stiff.getOwnershipRange()
         offsets, columns, values = stiff.getValuesCSR()
         values = values.copy()
-        everywhere = problem.comm.allgather(self.moves + start)
-        total = stiff.getSize()[0]
-        moving = np.zeros(total, dtype=bool)
-        moving[np.concatenate(everywhere)] = True
+        moving = self._moving(stiff, columns)
         row = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
-        by_place = self._rows_by_place(row, np.abs(values), moving[columns])
+        by_place = self._rows_by_place(row, np.abs(values), moving)
         kept = np.union1d(self._incompressible_rows(), by_place)
         holds = np.zeros(len(offsets) - 1, dtype=bool)
         holds[kept] = True
-        values[moving[columns] & ~holds[row]] = 0.0
+        values[moving & ~holds[row]] = 0.0
         n = (len(problem.free), None)
         matrix = PETSc.Mat().createAIJ((n, n), csr=(offsets, columns, values), comm=problem.comm)
         heavy = self.mass.reduced(problem.free, problem.expansion)
@@ -188,6 +185,19 @@ class Start:
         diagonal.destroy()
         self.solver.forget_factor()
         return matrix, kept
+
+    def _moving(self, stiff: Any, columns: np.ndarray) -> np.ndarray:
+        """Whether columns of the tangent are for displacements that move.  Collective.
+
+        A column is asked for at the rank that owns its row.
+        """
+        ranges = np.asarray(stiff.getOwnershipRanges())
+        first, last = stiff.getOwnershipRange()
+        mine = np.zeros(last - first, dtype=bool)
+        mine[self.moves] = True
+        known, places = np.unique(columns, return_inverse=True)
+        asked = Exchange(self.problem.comm, np.searchsorted(ranges, known, "right") - 1)
+        return asked.answer(mine[asked.forward(known) - first])[places]
 
     def _softness(self, kept: np.ndarray, heaviest: float) -> np.ndarray:
         """What is added to the diagonal of the fields that do not move.  Collective.
