@@ -202,9 +202,8 @@ class Corotation:
         """
         dim = self._dim
         F = self._gradient(self.problem.mesh, self._cells).reshape(-1, dim, dim) + np.eye(dim)
-        turns = polar(F).reshape(-1, dim * dim)
-        if dim == 2:
-            turns = turns[:, ::2]  # the first column, cos and sin
+        # in the plane the first column, cos and sin
+        turns = polar(F).reshape(-1, dim * dim)[:, :: 2 if dim == 2 else 1]
         sums = np.empty((self._sum.size[0], turns.shape[1]))
         for k in range(turns.shape[1]):
             self._of_cells.array[:] = turns[:, k]
@@ -227,6 +226,8 @@ def _unit(sums: np.ndarray) -> np.ndarray:
     """Sums of rotations in the plane, each (cos, sin), as rotations cos + i sin."""
     turns = np.ascontiguousarray(sums).view(complex)[:, 0]
     sizes = np.abs(turns)
+    if len(sizes) and sizes.min() > 0 and sizes.max() < np.inf:  # so there is no NaN, either
+        return turns / sizes
     # The mean F of cells that are folded against one another may have no rotation.
     defined = np.isfinite(sizes) & (sizes > 0)
     return np.where(defined, turns, 1.0) / np.where(defined, sizes, 1.0)
@@ -284,7 +285,16 @@ _NEXT, _LAST = np.array([[1], [2], [0]]), np.array([[2], [0], [1]])
 def _in_the_plane(F: np.ndarray) -> np.ndarray:
     """The same for 2 x 2; where det F < 0, the nearest matrix that mirrors."""
     a, b, c, d = F[:, 0, 0], F[:, 0, 1], F[:, 1, 0], F[:, 1, 1]
-    sign = np.sign(a * d - b * c)
+    determinant = a * d - b * c
+    if len(F) and determinant.min() > 0:
+        cosine, sine = a + d, c - b
+        length = np.hypot(cosine, sine)
+        R = np.empty_like(F)
+        R[:, 0, 0] = R[:, 1, 1] = cosine / length
+        R[:, 1, 0] = sine / length
+        R[:, 0, 1] = -R[:, 1, 0]
+        return R
+    sign = np.sign(determinant)
     cosine, sine = a + sign * d, c - sign * b
     length = np.where(sign == 0, np.nan, np.hypot(cosine, sine))  # a trial state may have det F = 0
     R = np.empty_like(F)

@@ -41,7 +41,7 @@ def fgmres(
         return np.zeros_like(rhs), 0
     V = np.empty((most + 1, len(rhs)))
     Z = np.empty((most, len(rhs)))
-    R = np.zeros((most, most))
+    columns: list[list[float]] = []  # of the triangle R
     turns: list[tuple[float, float]] = []
     g = [size]
     V[0] = rhs / size
@@ -60,19 +60,25 @@ def fgmres(
             )  # fmt: skip
         length = math.hypot(column[k], norm)
         if length == 0.0:  # the matrix has no part along this direction: the rest cannot be solved
-            return _combined(R, g, Z, k), k + 1
+            return _combined(columns, g, Z), k + 1
         c, s = column[k] / length, norm / length
         turns.append((c, s))
         column[k] = length
-        R[: k + 1, k] = column
+        columns.append(column)
         g.append(-s * g[k])
         g[k] *= c
         if abs(g[k + 1]) <= rtol * size:
-            return _combined(R, g, Z, k + 1), k + 1
+            return _combined(columns, g, Z), k + 1
         V[k + 1] = w / norm
     return None, most
 
 
-def _combined(R: np.ndarray, g: list[float], Z: np.ndarray, k: int) -> np.ndarray:
-    """The sum of the first k directions whose residual is the smallest."""
-    return np.asarray(np.linalg.solve(R[:k, :k], g[:k]) @ Z[:k])
+def _combined(columns: list[list[float]], g: list[float], Z: np.ndarray) -> np.ndarray:
+    """The sum of the first directions whose residual is the smallest, by back substitution."""
+    shares = g[: len(columns)]
+    for k in reversed(range(len(columns))):
+        column = columns[k]
+        shares[k] /= column[k]
+        for i in range(k):
+            shares[i] -= shares[k] * column[i]
+    return np.asarray(np.array(shares) @ Z[: len(shares)])
