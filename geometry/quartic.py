@@ -7,11 +7,14 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+
+from dea_fenicsx.support.later import Later
 
 from ._check import HigherOrder
 from ._structured import Floats, Ints, StructuredMesh, compact
 from .base import Geometry, OfLattice
+
+spatial = Later("scipy.spatial")
 
 QUARTIC_ORDER = 4
 """Degree of the geometry of these meshes."""
@@ -36,8 +39,8 @@ def quartic(family: Geometry) -> StructuredMesh:
     exact = family.refine(2).mesh().points
     if len(exact) == len(found.points):
         room = CURVED * float(np.ptp(exact, axis=0).max())
-        far, which = cKDTree(exact).query(found.points)
-        near, _ = cKDTree(exact).query(mesh.points)
+        far, which = spatial.cKDTree(exact).query(found.points)
+        near, _ = spatial.cKDTree(exact).query(mesh.points)
         if near.max() < room and len(np.unique(which)) == len(which):
             found.points = exact[which]
     return found

@@ -145,3 +145,20 @@ def test_nothing_in_an_interpreter():
     done = run(text, arguments=("-i", "-c"), input="print('still', sys.excepthook.__name__)\n")
     assert "still excepthook" in done.stdout
     assert "InputError" in done.stderr
+
+
+def test_a_small_run_leaves_slow_modules_alone():
+    """What no part of the run calls is not imported: integration, optimisation and the like."""
+    done = run(
+        "import sys\n"
+        "import dea_fenicsx as dea\n"
+        "from dea_fenicsx.geometry import BoxStack, Layer\n"
+        "strip = dea.device(BoxStack(1e-3, None, [Layer('film', 1e-4)], divisions=(2,)))\n"
+        "scene = dea.Scene(strip, {'film': dea.Material(dea.NeoHookean(5e4))},\n"
+        "                  supports=[dea.Clamp('x_min')], kinematics=dea.PlaneStrain(),\n"
+        "                  loads=[dea.DeadLoad('x_max', (1e2, 0.0))])\n"
+        "dea.solve(scene, dea.Ramp('load', steps=1), quiet=True)\n"
+        "slow = ('integrate', 'interpolate', 'optimize', 'spatial', 'special')\n"
+        "print([name for name in slow if f'scipy.{name}' in sys.modules], 'h5py' in sys.modules)\n"
+    )
+    assert done.stdout == "[] False\n", done.stdout + done.stderr

@@ -13,14 +13,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import nnls
 
 from dea_fenicsx.materials.base import Strain
 from dea_fenicsx.materials.curve_data import TestData
 from dea_fenicsx.materials.stretches import log_stretches, nominal_stress
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.later import Later
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import is_finite
+
+optimize = Later("scipy.optimize")
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ class SplineEnergy:
         wanted = np.concatenate([w * c.stress for w, c in zip(weights, curves, strict=True)])
         size = np.linalg.norm(columns, axis=1)
         size[size == 0] = 1.0
-        found, _ = nnls((np.array(columns) / size[:, None]).T, wanted, maxiter=2000)
+        found, _ = optimize.nnls((np.array(columns) / size[:, None]).T, wanted, maxiter=2000)
         return law(found / size)
 
     def energy(self, s: Strain) -> Any:

@@ -10,10 +10,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy import special
 
 from dea_fenicsx.materials.base import Elastic, is_compressible
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.later import Later
+
+special = Later("scipy.special")
 
 # order of the six second derivatives: 11, 22, 33, 23, 13, 12
 _I = np.array([0, 1, 2, 1, 0, 0])

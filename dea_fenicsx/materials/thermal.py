@@ -16,14 +16,17 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy import integrate, interpolate
 
 from dea_fenicsx.materials.base import Elastic, Strain, stress_size
 from dea_fenicsx.materials.wrapped import Wrapped
 from dea_fenicsx.support.errors import InputError
+from dea_fenicsx.support.later import Later
 from dea_fenicsx.support.type_checks import is_number, shown
 from dea_fenicsx.support.units import in_si, si
 from dea_fenicsx.support.validation import is_finite, is_positive, positive
+
+integrate = Later("scipy.integrate")
+interpolate = Later("scipy.interpolate")
 
 GAS_CONSTANT = 8.31446261815324
 """In J/(mol K), exact."""

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from scipy.spatial import cKDTree
 
 from dea_fenicsx.geometry._structured import StructuredMesh
 from dea_fenicsx.geometry.base import OfLattice
@@ -19,6 +18,9 @@ from dea_fenicsx.mesh.from_dolfinx import tags_alike
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.curved_mesh import mesh_of_degree
 from dea_fenicsx.support.exchange import Exchange
+from dea_fenicsx.support.later import Later
+
+spatial = Later("scipy.spatial")
 
 SAME_MIDDLE = 1e-9
 """Distance of the middles of two cells that are the same one, relative to the device."""
@@ -45,7 +47,7 @@ def matching(device: Device, mesh: StructuredMesh) -> Matching:
     nodes = compat.geometry_dofmap(device.mesh)[:, : 2**device.dim]
     places = device.length * device.mesh.geometry.x[nodes]
     cells = mesh.points[mesh.corners(mesh.cells)]
-    _, own = cKDTree(cells.mean(axis=1)).query(places.mean(axis=1))
+    _, own = spatial.cKDTree(cells.mean(axis=1)).query(places.mean(axis=1))
     theirs, mine = _axes(places, first_fastest=True), _axes(cells, first_fastest=False)[own]
     cosine = np.einsum("nax,nbx->nab", theirs, mine)
     axis = np.argmax(np.abs(cosine), axis=2)

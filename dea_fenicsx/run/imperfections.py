@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.mesh.moved import Shape, moved
@@ -15,9 +14,12 @@ from dea_fenicsx.results.untrusted import read_data
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import clean
+from dea_fenicsx.support.later import Later
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.units import in_si
 from dea_fenicsx.support.validation import finite, positive, whole
+
+spatial = Later("scipy.spatial")
 
 SAME_PLACE = 1e-6
 """Largest distance of a node from that of the mode, as a share of the device."""
@@ -65,7 +67,7 @@ class ModeShape:
         )
         if points.ndim != 2 or points.shape[1:] != (3,) or mode.shape != points.shape:
             raise InputError(f"{clean(file, 200)} does not hold a mode at points.")
-        far, nearest = KDTree(points).query(positions.T)
+        far, nearest = spatial.KDTree(points).query(positions.T)
         size = np.ptp(points, axis=0).max()
         if np.max(far, initial=0.0) > SAME_PLACE * size:
             raise InputError(

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from mpi4py import MPI
 
@@ -30,8 +29,11 @@ from dea_fenicsx.results.spread import serving
 from dea_fenicsx.support.agreement import check_same
 from dea_fenicsx.support.errors import InputError
 from dea_fenicsx.support.files import replace_file
+from dea_fenicsx.support.later import Later
 from dea_fenicsx.support.type_checks import shown
 from dea_fenicsx.support.validation import is_whole, one_of
+
+h5py = Later("h5py")
 
 SHAPE_STEP = 1e-5
 """Largest displacement by which an observable is differentiated along a shape, over L."""

@@ -17,13 +17,15 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse import csgraph
 
 from dea_fenicsx.model.fields import Field, Role
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.support import compat
 from dea_fenicsx.support.agreement import together
+from dea_fenicsx.support.later import Later
+
+csgraph = Later("scipy.sparse.csgraph")
+sparse = Later("scipy.sparse")
 
 CELLS_OF_LEAF = 2
 """Cells that are not cut any further."""
