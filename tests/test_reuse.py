@@ -69,6 +69,48 @@ def test_a_loop_over_moduli_gives_what_each_run_gives_alone(strip, monkeypatch):
         assert told == alone.summary["settings"]["materials"]["active"]
 
 
+def test_a_loop_over_voltages_gives_what_each_run_gives_alone(strip, monkeypatch):
+    """The second electrode has the smaller voltage on the ramp, which no load is told by."""
+    made = []
+    build = Problem.__init__
+
+    def noted(self, scene, *options):
+        made.append(scene)
+        build(self, scene, *options)
+
+    def scene(top, bottom):
+        film = dea.Material(dea.NeoHookean(80e3), dea.IdealDielectric(2.8))
+        electrodes = [
+            dea.Electrode("top", top), dea.Electrode("bottom", bottom), dea.Ground("interface_1"),
+        ]  # fmt: skip
+        return bender(strip, materials={"active": film, "passive": film}, electrodes=electrodes)
+
+    monkeypatch.setattr(Problem, "__init__", noted)
+    pairs = [(4e3, 1e3), (4e3, 3e3), (-4e3, 3e3), (2e3, 3.5e3), (5e3, 0.0)]
+    looped = []
+    for top, bottom in pairs:
+        run = solve(scene(top, bottom))
+        looped.append((run["tip_m"], run.history[-1]["voltage_V"]))
+    assert len(made) == 3  # of two at once; without a voltage the bottom has no ramp
+    for (top, bottom), (tip, volts) in zip(pairs, looped, strict=True):
+        reuse.clear()
+        alone = solve(scene(top, bottom))
+        assert tip == pytest.approx(alone["tip_m"], rel=1e-9)
+        assert volts == alone.history[-1]["voltage_V"] == max(top, bottom, key=abs)
+
+
+def test_voltages_that_cannot_be_are_refused_in_a_loop(strip):
+    """Two electrodes that touch must have one potential."""
+    def scene(volts):
+        touching = [dea.Electrode("top", 4e3), dea.Electrode("x_max", volts)]
+        film = dea.Material(dea.NeoHookean(80e3), dea.IdealDielectric(2.8))
+        return bender(strip, materials={"active": film, "passive": film}, electrodes=touching)
+
+    solve(scene(4e3))
+    with pytest.raises(dea.InputError, match="touch, but have different potentials"):
+        solve(scene(3e3))
+
+
 def test_constants_that_make_sense_together_only_are_taken_together(cube):
     """A bulk modulus may not be below 2/3 of the shear modulus: both grow at once."""
     found = []

@@ -154,6 +154,26 @@ class Conditions:
             scene.electrodes, declared.potentials, device, potential, scales.potential
         )
 
+    def takes_volts(self, scene: Scene) -> bool:
+        """Whether other voltages of the electrodes change no more than their fixed values."""
+        follows = self.pairs is not None or self.ties or self.circuits or len(self.sheet_nodes)
+        return not follows and not scene.leaks
+
+    def take_volts(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
+        """Take the voltages of a scene that differs by them alone.  Collective.
+
+        Raises
+        ------
+        InputError
+            If electrodes of different potentials touch.
+        """
+        potential = space.single(Role.POTENTIAL)
+        assert potential is not None
+        told, device = scene.declared.potentials, scene.device
+        self.fixed_values.fix_electrodes(
+            scene.electrodes, told, device, potential, scales.potential
+        )
+
     def _expanded(self, space: Unknowns) -> Any:
         """The matrix from the free unknowns to all owned ones, or None if none follows another."""
         if not (self.groups or self.pairs is not None or self.rigid or self.ties):

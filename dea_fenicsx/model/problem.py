@@ -144,16 +144,15 @@ class Problem:
         self.displacement = space.of(Role.MOTION)
         self.pressure: Component = space.of(Role.MULTIPLIER)[0]
         self.potential = space.single(Role.POTENTIAL)
-        self.free, self.fixed = conditions.free, conditions.fixed
-        self.rigid = conditions.rigid
+        self.free, self.fixed, self.rigid = conditions.free, conditions.fixed, conditions.rigid
         self.unknowns, self.roles = conditions.unknowns, conditions.roles
         self.turning, self.loads = conditions.turning, forms.loads
         self.loads.following |= self.rigid.wandering
         self.circuits = conditions.circuits
         self.kernels, self.states = forms.kernels, forms.points
         self._step = dolfinx.fem.Function(self.W)
-        self._b, self._petsc = None, PetscObjects(self.comm)
-        self.shown, self._expanded = 0, 0
+        self._petsc = PetscObjects(self.comm)
+        self._b, self.shown, self._expanded = None, 0, 0
         if conditions.expansion is not None:
             self._few, self._all = conditions.expansion.createVecs()
             self._petsc.keep("expansion", conditions.expansion)
@@ -186,8 +185,6 @@ class Problem:
     def rubbed(self) -> FrictionHistory:
         """The friction up to the last accepted state."""
         return self._since[self.frictions.NAME]
-
-    # ------------------------------------------------------------- evaluation
 
     @property
     def state(self) -> State:
@@ -296,10 +293,13 @@ class Problem:
         return self.turning.anchored(state)
 
     def reuse(self, scene: Scene) -> None:
-        """Take the constants of a scene that differs by them alone, and go back to the start."""
+        """Take constants and voltages of a scene that differs by them alone, and begin anew."""
         self.parameters.take(scene.materials)
         for contact in self.forms.contacts:
             contact.take(scene.materials)
+        if list(scene.electrodes) != list(self.scene.electrodes):
+            self.conditions.take_volts(scene, self.scales, self.space)
+            self.rest = self.rest.with_factors(Factors(self.rest.factors, scene.unit_volts))
         self.scene, self.mass = scene, None
         self._weigh()
         self.commit(self.rest)

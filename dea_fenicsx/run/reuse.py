@@ -1,16 +1,16 @@
-"""Problems of runs that are gone, kept for a run of the same scene with other constants.
+"""Problems of runs that are gone, kept for a run of the same scene with other constants or volts.
 
-A design search, a fit and a loop over moduli solve one scene again and again.  Most of a small
-run's time goes into its forms, its spaces and the analysis of its factor, all of which stay the
-same.  So the last few small problems are kept.  One is used again if nobody can see it any more:
-its run has been deleted, and neither a script nor a script's own observable has ever had it.
+A design search, a fit and a loop over moduli or voltages solve one scene again and again.  Most of
+a small run's time goes into its forms, its spaces and the analysis of its factor, all of which stay
+the same.  So the last few small problems are kept.  One is used again if nobody can see it any
+more: its run has been deleted, and neither a script nor a script's own observable has ever had it.
 """
 
 from __future__ import annotations
 
 import weakref
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from dea_fenicsx.mesh.cell_quality import digest_of_nodes
 from dea_fenicsx.mesh.device import Device
 from dea_fenicsx.model.problem import Problem
 from dea_fenicsx.results.finished import Run
+from dea_fenicsx.scene.electrodes import Electrode
 from dea_fenicsx.scene.scene import Scene
 from dea_fenicsx.solvers.linear import MOST_UNKNOWNS_LENT
 from dea_fenicsx.solvers.newton import NewtonSolver
@@ -125,7 +126,7 @@ def solver_for(
     _kept[:] = [kept for kept in _kept if not kept.solver.problem.handed_out]
     usable = {
         kept.number: kept for kept in _kept
-        if kept.options == chosen and _is_like(kept.solver.problem.scene, scene)
+        if kept.options == chosen and _is_like(kept.solver.problem, scene)
         and kept.solver.problem.released == released and kept.is_free()
     }  # fmt: skip
     # ranks may differ in what a script still holds
@@ -140,14 +141,18 @@ def solver_for(
     return kept.solver
 
 
-def _is_like(old: Scene, new: Scene) -> bool:
-    """Whether two scenes differ by the constants of their materials at most."""
+def _is_like(problem: Problem, new: Scene) -> bool:
+    """Whether a scene differs from that of a problem by constants and voltages at most."""
+    old = problem.scene
     if old.device is not new.device or set(old.materials) != set(new.materials):
         return False
-    names = [f.name for f in fields(Scene) if f.name not in ("device", "materials")]
+    if not _have_like_electrodes(problem, new):
+        return False
+    others = ("device", "materials", "electrodes")
+    names = [f.name for f in fields(Scene) if f.name not in others]
     if any(_plain(getattr(old, name)) != _plain(getattr(new, name)) for name in names):
         return False
-    if any(_calls_script(getattr(new, name)) for name in names):
+    if any(_calls_script(getattr(new, name)) for name in (*names, "electrodes")):
         return False
     if any(_kind(old.materials[r]) != _kind(m) for r, m in new.materials.items()):
         return False
@@ -157,6 +162,28 @@ def _is_like(old: Scene, new: Scene) -> bool:
     if len(new.solids) < len(new.materials) and moduli[0] != moduli[1]:
         return False  # The stiffness of air follows the smallest modulus.
     return bool(abs(np.log(moduli[0] / moduli[1])) < np.log(MOST_CHANGE))
+
+
+def _have_like_electrodes(problem: Problem, new: Scene) -> bool:
+    """Whether the electrodes of a scene differ from those of a problem by voltages at most."""
+    old = problem.scene
+    if list(old.electrodes) == list(new.electrodes):
+        return True
+    if len(old.electrodes) != len(new.electrodes) or not problem.conditions.takes_volts(old):
+        return False
+    return all(map(_differ_by_volts, old.electrodes, new.electrodes))
+
+
+def _differ_by_volts(old: Any, new: Any) -> bool:
+    """Whether two electrodes are the same, but for their voltages, neither of which is 0.
+
+    An electrode of 0 V has no ramp.
+    """
+    if old == new:
+        return True
+    if type(old) is not Electrode or type(new) is not Electrode or not old.volts * new.volts:
+        return False
+    return replace(new, volts=old.volts) == old
 
 
 def _plain(value: Any) -> Any:
