@@ -85,7 +85,7 @@ def json_object(file: Path) -> dict[str, Any]:
     except (ValueError, RecursionError, MemoryError) as error:
         raise InputError(f"{file} is not valid JSON.") from error
     if not isinstance(found, dict):
-        raise InputError(f"{file} holds no JSON object; it must be as it was written.")
+        raise InputError(f"{file} holds no object, but must hold the JSON object that was written.")
     return found
 
 
