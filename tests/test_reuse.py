@@ -24,6 +24,20 @@ def nothing_kept():
     reuse.clear()
 
 
+@pytest.fixture
+def made(monkeypatch):
+    """The scenes of which a problem is made."""
+    scenes = []
+    build = Problem.__init__
+
+    def noted(self, scene, *options):
+        scenes.append(scene)
+        build(self, scene, *options)
+
+    monkeypatch.setattr(Problem, "__init__", noted)
+    return scenes
+
+
 @pytest.fixture(scope="module")
 def strip():
     layers = [Layer("passive", 0.5e-3), Layer("active", 0.5e-3)]
@@ -47,15 +61,7 @@ def solve(scene, **options):
     return dea.solve(scene, dea.Ramp(steps=2), TIP, quiet=True, **options)
 
 
-def test_a_loop_over_moduli_gives_what_each_run_gives_alone(strip, monkeypatch):
-    made = []
-    build = Problem.__init__
-
-    def noted(self, scene, *options):
-        made.append(scene)
-        build(self, scene, *options)
-
-    monkeypatch.setattr(Problem, "__init__", noted)
+def test_a_loop_over_moduli_gives_what_each_run_gives_alone(strip, made):
     moduli = [(80e3 * (1 + 0.3 * k), 2.8 + k) for k in range(5)]
     looped = []
     for mu, eps_r in moduli:
@@ -69,15 +75,8 @@ def test_a_loop_over_moduli_gives_what_each_run_gives_alone(strip, monkeypatch):
         assert told == alone.summary["settings"]["materials"]["active"]
 
 
-def test_a_loop_over_voltages_gives_what_each_run_gives_alone(strip, monkeypatch):
+def test_a_loop_over_voltages_gives_what_each_run_gives_alone(strip, made):
     """The second electrode has the smaller voltage on the ramp, which no load is told by."""
-    made = []
-    build = Problem.__init__
-
-    def noted(self, scene, *options):
-        made.append(scene)
-        build(self, scene, *options)
-
     def scene(top, bottom):
         film = dea.Material(dea.NeoHookean(80e3), dea.IdealDielectric(2.8))
         electrodes = [
@@ -85,7 +84,6 @@ def test_a_loop_over_voltages_gives_what_each_run_gives_alone(strip, monkeypatch
         ]  # fmt: skip
         return bender(strip, materials={"active": film, "passive": film}, electrodes=electrodes)
 
-    monkeypatch.setattr(Problem, "__init__", noted)
     pairs = [(4e3, 1e3), (4e3, 3e3), (-4e3, 3e3), (2e3, 3.5e3), (5e3, 0.0)]
     looped = []
     for top, bottom in pairs:
@@ -206,16 +204,8 @@ def test_another_scene_gets_a_problem_of_its_own(strip, changes):
     assert before.state.values == pytest.approx(after.state.values, rel=1e-9, abs=1e-12)
 
 
-def test_nodes_that_a_script_has_moved_get_a_problem_of_their_own(strip, monkeypatch):
+def test_nodes_that_a_script_has_moved_get_a_problem_of_their_own(strip, made):
     """The rest volumes and the reference forces of the kept problem belong to the old nodes."""
-    made = []
-    build = Problem.__init__
-
-    def noted(self, scene, *options):
-        made.append(scene)
-        build(self, scene, *options)
-
-    monkeypatch.setattr(Problem, "__init__", noted)
     x = strip.mesh.geometry.x
     before = x.copy()
     try:

@@ -148,30 +148,32 @@ class Conditions:
             values.fix(motion[item.axis].dofs[item.local], item.values, item.ramp)
         values.fix_globals(declared.fixed_globals, overall, scales.length)
         values.fix_outside(space.fields, space.parts, device)
-        if (potential := space.single(Role.POTENTIAL)) is None:
-            return {}
-        return values.fix_electrodes(
-            scene.electrodes, declared.potentials, device, potential, scales.potential
-        )
+        return self.take_volts(scene, scales, space)
 
     def takes_volts(self, scene: Scene) -> bool:
         """Whether other voltages of the electrodes change no more than their fixed values."""
         follows = self.pairs is not None or self.ties or self.circuits or len(self.sheet_nodes)
         return not follows and not scene.leaks
 
-    def take_volts(self, scene: Scene, scales: Scales, space: Unknowns) -> None:
-        """Take the voltages of a scene that differs by them alone.  Collective.
+    def take_volts(
+        self, scene: Scene, scales: Scales, space: Unknowns
+    ) -> dict[str, np.ndarray]:
+        """Fix the potentials that a scene gives, which may replace others.  Collective.
+
+        Returns
+        -------
+        dict
+            For each electrode's label its degrees of freedom.
 
         Raises
         ------
         InputError
             If electrodes of different potentials touch.
         """
-        potential = space.single(Role.POTENTIAL)
-        assert potential is not None
-        told, device = scene.declared.potentials, scene.device
-        self.fixed_values.fix_electrodes(
-            scene.electrodes, told, device, potential, scales.potential
+        if (potential := space.single(Role.POTENTIAL)) is None:
+            return {}
+        return self.fixed_values.fix_electrodes(
+            scene.electrodes, scene.declared.potentials, scene.device, potential, scales.potential
         )
 
     def _expanded(self, space: Unknowns) -> Any:

@@ -39,7 +39,6 @@ In cubes of 407 to 513 887 unknowns there are 15 to 25, and all other bodies hav
 many fit, the entries are not counted, which takes some seconds on large meshes.
 """
 
-
 BYTES_NOT_ASKED_FOR = 2e8
 """What a factor may need at most where nobody asks how much is free: as much as one more process.
 
